@@ -76,7 +76,7 @@ def test_a_flight_that_does_not_tell_ends_with_3():
         (("none.npz",), "flight = 'none.npz': no such file"),
         (("late.txt",), "flight = 'late.txt': suffix 'txt'"),
         (("late.npz", "--begin", "1", "--end", "0.5"), "--end = 0.5: must be after --begin = 1"),
-        (("late.npz", "--begin", "9"), "--begin = 9: nothing of the flight lies between"),
+        (("late.npz", "--begin", "9"), "--begin = 9: nothing of the flight is left, whose times are 0 to"),
         (("late.npz", "--end", "0.5"), "time: 0.5 s are too short"),
         (("late.npz", "--vehicle", "pelican_arm2"), "joints: the log has 0, vehicle 'pelican_arm2' 2"),
         (("late.npz", "--vehicle", "tilted_hexarotor"), "rotor_commands: the log has 4"),

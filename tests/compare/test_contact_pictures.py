@@ -43,6 +43,14 @@ def test_a_page_shows_pictures_with_links_to_their_films():
     assert caption_of("x", told) == "x: centroidal, first world, noisy"
 
 
+@pytest.mark.parametrize("name", ["flights", "pictures"])
+def test_folders_that_cannot_be_written_are_told_before_anything_flies(tmp_path, name):
+    (tmp_path / name).write_text("a file in the way")
+    with pytest.raises(OSError, match=rf"output folder = '.*{name}': must be writable"):
+        fly_contact(ContactSuite(laws=(FLAGSHIP,), tasks=("push_button",), worlds=1), tmp_path)
+    assert not (tmp_path / "cells").exists()
+
+
 @pytest.mark.thorough
 @needs_display
 def test_a_suite_leaves_flights_pictures_and_films(tmp_path):

@@ -63,7 +63,7 @@ def test_far_from_every_surface_a_flight_has_the_bits_and_the_steps_of_a_free_on
     assert np.array_equal(near.joints, free.joints)
     around = first_surroundings(scenario, first_loop_state(scenario))
     steps = RigidBodyPlant(scenario.world, around).substeps(0.005)
-    assert (int(steps), steps.far) == (3, 1)
+    assert (int(steps), steps.far, steps.rounds, steps.verlet) == (4, 1, 3, True)
 
 
 def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp_path):
@@ -76,10 +76,10 @@ def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp
 
 
 def test_both_plants_fly_the_same(press, pressed):
-    """To 20 um and 50 mN after touches of 0.2 s, though their steps are 1.67 and 1 ms."""
+    """To 20 um and 150 mN after touches of 0.2 s: steps of 1.25 ms of Verlet's method, 1 ms of Runge-Kutta's."""
     theirs = skyarm.run(scenario_from(press, replaced={"plant": "mujoco"}))
     assert np.abs(theirs.position - pressed.position).max() < 2e-5
-    assert theirs.contact_force[-20:] == pytest.approx(pressed.contact_force[-20:], abs=0.05)
+    assert theirs.contact_force[-20:] == pytest.approx(pressed.contact_force[-20:], abs=0.15)
 
 
 def test_python_floats_and_every_lane_of_a_batch_fly_the_same_bits(press, pressed):

@@ -39,11 +39,11 @@ def test_near_the_surface_it_is_the_mean_over_the_way_of_a_step():
 
 
 def test_a_touch_of_the_vehicle_is_smoothed_over_the_step_of_its_material_whatever_others_ask_for():
-    """k h^2 / (2 way) with h = way / 2 + d in the bend; of a body of the world the way is that of the common step."""
+    """k h^2 / (2 way) with h = way / 2 + d in the bend; where a step is told, the way is that which it makes."""
     soft, up, nothing = Material(stiffness=500.0, dissipation=0.0, friction=0.0), Vec3(0.0, 0.0, 1.0), ZERO3
     depth, slip = 1e-5, Vec3(0.0, 0.0, -0.1)
-    for mass, step, used in ((LIGHTEST, 1e-4, soft.largest_step), (0.5, 1e-3, 1e-3)):
-        found = touch_of(soft, depth, up, nothing, slip, nothing, step, mass)
+    for mass, mean, used in ((LIGHTEST, None, soft.largest_step), (0.5, 1e-3, 1e-3), (LIGHTEST, 5e-4, 5e-4)):
+        found = touch_of(soft, depth, up, nothing, slip, nothing, 1e-4, mass, mean=mean)
         way = 0.1 * used
         assert found.normal == pytest.approx(500.0 * (0.5 * way + depth) ** 2 / (2.0 * way), rel=1e-9)
 

@@ -120,7 +120,7 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
     for lane in range(2):
         alone = skyarm.run(with_numbers(scenario, {path: float(each[lane]) for path, each in values.items()}))
         assert alone.gripper_lost[-1] == [0.0, 1.0][lane]
-        assert positions[lane] == pytest.approx(alone.position, abs=1e-7)  # steps of the lightest
+        assert positions[lane] == pytest.approx(alone.position, abs=1e-6)  # steps of the lightest, of second order
         assert np.abs(positions[lane] - positions[1 - lane]).max() > 1e-5
 
 
@@ -305,7 +305,7 @@ def test_the_semi_implicit_method_neither_heats_nor_holds_back_what_lies_there()
 
 @pytest.mark.parametrize("integrator", ["rk4", "euler"])
 def test_on_both_plants_a_ball_rolls_and_falls_the_same(integrator):
-    """Steps are 1.3 and 1 ms with the first method, 1 and 1 with the second."""
+    """With the first method one takes Verlet's steps and one Runge-Kutta's, of 1 ms both; with the second the same."""
     ball = FreeObject(name="ball", shape="sphere", size=(0.05,), mass=0.1, position=Vec3(0.0, 0.0, 0.06),
                       velocity=Vec3(0.3, 0.0, -0.1))  # fmt: skip
     contact = Contact(surfaces=(Surface(name="ground"),), points=(), objects=(ball,))
@@ -315,7 +315,7 @@ def test_on_both_plants_a_ball_rolls_and_falls_the_same(integrator):
     assert ours[-1, 0, 11] > 1.0, "it touched"
     if integrator == "euler":
         assert theirs == pytest.approx(ours, abs=1e-12)
-    assert theirs[-1, 0, :10] == pytest.approx(ours[-1, 0, :10], abs=2e-3)
+    assert theirs[-1, 0, :10] == pytest.approx(ours[-1, 0, :10], abs=6e-3)
 
 
 @pytest.mark.thorough

@@ -2,51 +2,21 @@
 
     python tests/control/measure_pressing.py [SEEDS [SEED]]
 
-Prints of each row how many flights came to their end, the force's error and ripple, contacts lost after 0.3 s, the
-tip's error across the normal (mean and largest over the flights each), and the peak over max(force, v sqrt(k m_tip)).
+Prints of each row of pushes how many flights came to their end, the force's error and ripple, contacts lost after 0.3
+s, the tip's error across the normal (mean and largest over the flights each), and the peak over max(force, v sqrt(k
+m_tip)); then the rows of ``measure_tasks.py``: winds, edges, loads, handles, pegs.
 """
 
 import sys
 
 import numpy as np
+from measure_pressing_scenes import VEHICLES, scene
+from measure_tasks import measure
 
 import skyarm
-from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 
-NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2}
 FORCE, SPEED = "reference.push.force.value", "reference.push.speed"
-VEHICLES = {  # plant, model, height, posture, tip ahead, mass of the tip along the normal, options of the law
-    "H": ("hummingbird_arm2_rotors", "hummingbird_arm2", 1.0, [-0.45, -0.9], 0.2126, 0.076,
-          {"interaction": [0.3, 0.1]}),
-    "X": ("hexarotor_arm6", "hexarotor_arm6", 1.5, [0.0, -0.6, -0.97, 0.0, -0.8, 0.0], 0.5, 0.066,
-          {"interaction": [0.5, 0.15], "reach": 0.24, "damping": 0.06, "shift_limit": 0.4,
-           "observer": [27.0, 31.0, 60.0, 60.0]}),
-}  # fmt: skip
-
-
-def scene(name, *, noisy=True, friction=0.3, slide=0.0, ahead=0.04, normal=(-1.0, 0.0, 0.0), duration=10.0):
-    """A wall so far ahead of the tip; with a slide it is high, and only the hubs of the rotors are looked at."""
-    plant, model, height, joints, tip, _, options = VEHICLES[name]
-    top = 0.9 if name == "H" and not slide else 3.0
-    up = {"kind": "ramp", "start": 4.0, "duration": slide / 0.1, "height": slide, "shape": "linear"}
-    found = {
-        "schema": 1, "name": "press", "duration": duration, "plant": {"vehicle": plant}, "model": {"vehicle": model},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", **options},
-        "reference": {
-            "base": {"kind": "signals", "z": [height, up] if slide else height},
-            "joints": joints,
-            "push": {"force": {"kind": "constant", "value": 1.0, "start": 0.5}, "normal": list(normal), "speed": 0.1},
-        },
-        "world": {
-            "rotor_radius": 0.1 if name == "H" and not slide else 0.0,
-            "surfaces": [{
-                "name": "wall", "shape": "box", "size": [0.1, 2.0, top],
-                "position": [tip + ahead + 0.05, 0.0, 0.5 * top], "material": {"friction": friction},
-            }],
-        },
-    }  # fmt: skip
-    return scenario_from(found | ({"sensors": NOISE, "delays": {"measurement": 0.005}} if noisy else {}))
 
 
 def fly(title, name, rows, seeds, seed, **about):
@@ -93,3 +63,4 @@ fly("slide, friction 0.6,", "X", [{FORCE: 5.0}], seeds, seed, friction=0.6, slid
 for side, (y, z) in WRONG.items():
     told = (-np.cos(turn), y, z)
     fly(f"normal 10 deg {side},", "X", [{FORCE: 5.0}], seeds, seed, slide=0.3, normal=told)
+measure(seeds, seed)

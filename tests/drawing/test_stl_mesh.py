@@ -17,6 +17,7 @@ from skyarm.drawing.shapes import Shape
 from skyarm.drawing.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
 from skyarm.drawing.world_shapes import surface_shape, world_shapes
 from skyarm.figures.projection import surface as outline_points
+from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
@@ -25,6 +26,7 @@ from skyarm.scenario.world_meshes import with_meshes
 from world_flights import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
+WALL = Surface(name="wall", shape="box", size=(0.1, 0.2, 0.3))
 SHIFT = np.array([0.4, -0.1, 0.2])
 
 
@@ -122,6 +124,21 @@ def test_meshes_of_a_file_are_beside_it_and_in_what_is_drawn(file: Path) -> None
     for made in (lambda shape: mesh_of(shape)[0], outline_points):
         points = made(drawn["world/parcel"])
         assert points.min(axis=0) == pytest.approx(SHIFT - [0.1, 0.2, 0.3], abs=1e-7)
+
+
+def test_where_a_mesh_lies_is_no_part_of_what_flies_and_is_found_from_any_folder(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent.parent)
+    table = {"surfaces": [{"name": "a", "mesh": file.name}]}
+    assert with_meshes(table, "world", Path(file.parent.name))["surfaces"][0]["mesh"] == str(file)
+    here, there = (
+        dataclasses.replace(WALL, mesh=str(folder / "box.stl")) for folder in (file.parent, file.parent.parent)
+    )
+    assert identity(here) == identity(there) == identity(WALL)
+    other = dataclasses.replace(here, size=(0.3, 0.2, 0.1))
+    assert log_digest(plain(here), {}) == log_digest(plain(there), {}) != log_digest(plain(other), {})
+    assert log_digest(plain(here), {"a": "b"}) == log_digest(plain(there), {"a": "b"}) != log_digest(plain(here), {})
 
 
 def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gone_is_its_shape(tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from skyarm.files import Fields
+from skyarm.reference.contact_phases import MOST_TURNS
 from skyarm.reference.phases import KINDS, phases_table
 from skyarm.reference.setting import Setting
+from skyarm.reference.task_tables import MOST_POINTS
 from skyarm.reference.tip_tables import reference_from
 
 START = [0.2, 0.0, 0.8]
@@ -236,3 +238,15 @@ def test_whatever_a_phase_holds_the_answer_is_one_line(kind):
                 phases_table(fields, Setting(duration=9.0))
             except ValueError as error:
                 assert "\n" not in str(error)
+
+
+def test_the_most_points_and_the_narrowest_spiral_are_let_pass():
+    zigzag = [[0.2, 0.002 * (1 + i), 0.8] for i in range(MOST_POINTS)]
+    trajectory, _ = read(PRESS, {"kind": "write", "points": zigzag})
+    np.testing.assert_allclose(place_at(trajectory, trajectory.phases[-1].end), zigzag[-1], atol=1e-9)
+    with pytest.raises(ValueError, match=rf"points = {MOST_POINTS + 1} points: must be 1 to {MOST_POINTS} points"):
+        read(PRESS, {"kind": "write", "points": [*zigzag, START]})
+    narrow = SPIRAL | {"pitch": 0.25 * SPIRAL["pitch"], "radius": MOST_TURNS * 0.25 * SPIRAL["pitch"]}
+    read(PRESS, narrow)
+    with pytest.raises(ValueError, match=r"phases\[1\]\.pitch = .*: must be at least"):
+        read(PRESS, narrow | {"radius": 1.001 * narrow["radius"]})

@@ -9,6 +9,7 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.scenario.shared_places import require_places_apart
 from skyarm.scenario.standing_objects import with_standing_objects
 from skyarm.scenario.standing_stacks import stacks_of
 from standing_vehicles import at_rest, limp
@@ -66,3 +67,24 @@ def test_a_stack_that_falls_stays_as_its_objects_were_set_down():
     contact = settled(narrow, heavy)
     assert [each.name for each in contact.objects] == ["narrow", "heavy"]
     assert all(abs(float(each.angles.x)) < 0.1 for each in contact.objects)
+
+
+@pytest.mark.parametrize("gap", [-1e-3, 0.0, 1e-3])
+def test_a_stack_is_set_down_from_below_in_whatever_order_and_from_however_far_apart_it_is_written(gap):
+    """Exactly on each other, a millimetre inside or above: the lower one is not in the way of the upper one's place."""
+    low, high = box("low", 0.2, 0.3, 0.0, 0.03), box("high", 0.06, 0.15, 0.02, 0.08 + gap)
+    one, other = settled(low, high), settled(high, low)
+    for name, i, j in (("low", 0, 1), ("high", 1, 0)):
+        assert one.objects[i].name == other.objects[j].name == name
+        assert tuple(one.objects[i].position) == pytest.approx(tuple(other.objects[j].position), abs=1e-9)
+    assert float(one.objects[1].position.z) == pytest.approx(0.075, abs=1e-3), "on the lower one, not below it"
+    assert stacks_of(one) == [[0, 1]]
+
+
+def test_boxes_of_one_size_that_pass_each_other_are_refused_with_the_reason():
+    """Their corners are on each other's edges."""
+    with pytest.raises(ValueError, match="must start outside of each other; a box carries another only where corners"):
+        require_places_apart(settled(box("a", 0.2, 0.3, 0.0, 0.03), box("b", 0.2, 0.3, 0.0, 0.08)), G, 2.0)
+    apart = [dataclasses.replace(each, standing=False) for each in (LOWER, dataclasses.replace(LOWER, name="b"))]
+    with pytest.raises(ValueError, match=r"must start outside of each other$"):
+        require_places_apart(Contact(surfaces=(GROUND,), objects=tuple(apart)), G, 2.0)

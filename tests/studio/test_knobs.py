@@ -3,6 +3,7 @@
 import dataclasses
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
@@ -12,10 +13,12 @@ from skyarm.algebra import Vec3
 from skyarm.environment import Wrench
 from skyarm.records.units import Unit
 from skyarm.registry import registrations
-from skyarm.scenario.numbers import number_at, require_apart
+from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.studio.controls import law_names
 from skyarm.studio.documents import prepare, read_document, under_law
 from skyarm.studio.knobs import GROUPS, Knob, knobs_of
+
+LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -109,3 +112,14 @@ def test_every_law_of_the_menu_is_one_of_a_file(law: str) -> None:
     plain = skyarm.load_scenario("case2", controller=law)
     assert scenario.controller.name == plain.controller.name
     assert dataclasses.replace(scenario, controller=plain.controller).name == "case2"
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in LIBRARY.glob("*.toml")))
+def test_every_shipped_scenario_flies_with_its_sliders_where_they_are(name: str) -> None:
+    """What a flight of the page begins with: each number as data that may move, which changes nothing of the kind."""
+    prepared = prepare(*read_document(name))
+    scenario = prepared.under(None)
+    values = {knob.path: number_at(scenario, knob.path) for knob in knobs_of(scenario, prepared.push)}
+    moved = with_numbers(scenario, values)
+    assert moved.controller.name == scenario.controller.name
+    assert {path: number_at(moved, path) for path in values} == values

@@ -19,7 +19,7 @@ from skyarm.drawing.pose_program import PoseProgram
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.simulate.session import Session
 from skyarm.studio.arrows import NEWTON, Arrows
-from skyarm.studio.charts import charts
+from skyarm.studio.charts import Chart, charts
 from skyarm.studio.picture import APART, VIEWS, Picture, View
 from skyarm.studio.scene import VehicleNodes
 from skyarm.studio.sights import sight
@@ -129,6 +129,15 @@ def titles(flown: Session) -> list[str]:
     gui = SimpleNamespace(add_uplot=lambda *_, **words: words["title"])
     flight = SimpleNamespace(first=flown.scenario, title="a", seen=lambda _: [])
     return [chart._node for chart in charts(gui, [flight])]  # type: ignore[list-item]
+
+
+def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
+    seen = [SimpleNamespace(time=float(i), error=error) for i, error in enumerate((1e-9, 0.0123456, -0.0123456))]
+    gui = SimpleNamespace(add_uplot=lambda data, *_, **__: data)
+    flight = SimpleNamespace(title="a", seen=lambda _: seen)
+    chart = Chart(gui, "tip error (mm)", [flight], {"": lambda one: 1e3 * one.error})  # type: ignore[list-item]
+    time, error = chart._node
+    assert (time.tolist(), error.tolist()) == ([0.0, 1.0, 2.0], [0.0, 12.346, -12.346])
 
 
 def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:

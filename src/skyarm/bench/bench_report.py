@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+from skyarm.bench import contact_speed, machine
 from skyarm.bench import engines as ours
-from skyarm.bench import machine
 from skyarm.bench import mujoco_pinocchio as others
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.counts import counts, growth
@@ -67,6 +67,7 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         "speed": [dataclasses.asdict(score) for score in scores],
         "long_arm": [dataclasses.asdict(score) for score in _long_arm(threads, rounds, quick, progress)],
         "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
+        "contact": _contact(threads, rounds, quick, progress),
         "environments": [dataclasses.asdict(score) for score in contest(environments(), 4 * rounds, progress)],
         "not_installed": [name for name in NOT_COMPARED if not installed(name)],
     }
@@ -90,6 +91,18 @@ def _long_arm(threads: int, rounds: int, quick: bool, progress: Progress) -> lis
     return contest([*contenders, *ours.native(flown, threads, 8 * threads)], rounds, progress)
 
 
+def _contact(threads: int, rounds: int, quick: bool, progress: Progress) -> dict[str, list[dict[str, Any]]]:
+    """Episodes in contact against MuJoCo with its own contacts, by scene."""
+    duration, blocks = 3.0 if quick else 10.0, 8 * threads
+    scenes = {
+        "standing on four skids": contact_speed.standing_contenders(duration, threads, blocks),
+        "a tip presses on a wall": contact_speed.pressing_contenders(duration, threads, blocks),
+    }
+    return {
+        name: [dataclasses.asdict(score) for score in contest(each, rounds, progress)] for name, each in scenes.items()
+    }
+
+
 def _bare(threads: int, rounds: int, quick: bool, progress: Progress) -> list[Score]:
     """A quadrotor without an arm, like for like, against crazyflow with several numbers of worlds."""
     if not installed("crazyflow"):
@@ -111,6 +124,8 @@ def text(found: dict[str, Any]) -> str:
     lines += [*_speeds(found["speed"]), "", "hexarotor with a six-joint arm", *_speeds(found["long_arm"])]
     if found.get("bare"):
         lines += ["", "a quadrotor without an arm, closed loop", *_speeds(found["bare"])]
+    for scene, speeds in found.get("contact", {}).items():
+        lines += ["", f"in contact: {scene}", *_speeds(speeds)]
     if found.get("environments"):
         lines += ["", "vector environments, steps of a world per second", *_speeds(found["environments"])]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]

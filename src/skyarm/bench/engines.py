@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -58,13 +58,20 @@ class Flight:
     duration: float
 
     @classmethod
-    def of(cls, scenario: Scenario, substeps: Callable[[float], int], *, loops: bool = True) -> Flight:
-        """Trace a scenario with ``VARIED`` numbers per lane, its intervals cut into ``substeps(seconds)`` steps."""
+    def of(
+        cls,
+        scenario: Scenario,
+        substeps: Callable[[float], int],
+        *,
+        loops: bool = True,
+        paths: Sequence[str] = VARIED,
+    ) -> Flight:
+        """Trace a scenario with numbers per lane at ``paths``, its intervals cut into ``substeps(seconds)`` steps."""
         inputs = episode_inputs(scenario)
-        base = tuple(number_at(scenario, path) for path in VARIED)
+        base = tuple(number_at(scenario, path) for path in paths)
 
         def step(carry: Any, values: Any, row: Any, uniforms: Any) -> Any:
-            varied = with_numbers(scenario, dict(zip(VARIED, values, strict=True)))
+            varied = with_numbers(scenario, dict(zip(paths, values, strict=True)))
             stages = Stages(varied)
             following, sample = make_period(stages, RigidBodySteps(stages, substeps))(carry, row, uniforms)
             return following, sample.state

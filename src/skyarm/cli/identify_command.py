@@ -93,7 +93,9 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
         return log
     inside = np.flatnonzero((log.time >= low) & (log.time <= high))
     if not len(inside):
-        raise ValueError(f"--begin = {low:g}: nothing of the flight lies between it and --end")
+        told = "--end" if begin is None else "--begin"
+        value, first, last = high if begin is None else low, float(log.time[0]), float(log.time[-1])
+        raise ValueError(f"{told} = {value:g}: nothing of the flight is left, whose times are {first:g} to {last:g} s")
     return rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
 
 

@@ -40,6 +40,7 @@ TITLES = {
     LOAD: "the same with a load that is learned while something is held",
     "hybrid_ct": "the paper's law across the normal, force along it, with that law's tuned gains",
     "admittance_pd": "the paper's baseline behind an admittance along the normal, with that law's tuned gains",
+    "nmpc": "model predictive control whose plan foresees the surface's force",
 }
 
 TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}

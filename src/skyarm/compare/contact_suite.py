@@ -20,7 +20,7 @@ from skyarm.compare.contact_worlds import about
 from skyarm.compare.fly_comparison import Progress, fly_all
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.control.controller import ControllerError
-from skyarm.files import write_atomically
+from skyarm.files import require_writable, write_atomically
 from skyarm.registry.plugins import identities
 
 CONTACT = "contact-suite"
@@ -75,6 +75,8 @@ def fly_contact(
     todo, refused = suite.flights()
     if not todo:
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
+    for name in ("flights", "pictures", *(["films"] if films else [])):
+        require_writable(folder / name)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
     found = contact_record(suite, todo, cells, refused)
     found["shown"] = write_pictures(todo, folder, films=films, progress=progress)

@@ -172,6 +172,6 @@ def _meet(
     under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
     slip = at.velocity + at.turning.cross(spot) - under
     moved = at.mass if mass is None else both(mass, at.mass)
-    touch = touch_of(surface.material, depth, normal, spot, slip, held, step, moved)
+    touch = touch_of(surface.material, depth, normal, spot, slip, held, step, moved, mean=step)
     of, by, index = numbers
     return Meeting(surface=surface.name, of=of, by=by, index=index, touch=touch, place=place)

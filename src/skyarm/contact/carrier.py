@@ -116,9 +116,26 @@ class Carrier:
         """Memory with which a semi-implicit Euler step takes forces: bristles of its own have moved."""
         return memory
 
+    def kick(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """Memory after a push: velocities change by their rates times dt (s)."""
+        raise NotImplementedError(f"{type(self).__name__} must say its memory after a push")
+
+    def drift(self, memory: Any, dt: Any) -> Any:
+        """Memory after a time (s) in which velocities stay: places move by them."""
+        raise NotImplementedError(f"{type(self).__name__} must say where its velocities take it")
+
+    def pushed(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any, dt: Any) -> Any:
+        """Memory after force (N) and torque (N m) of a time (s); own torques are those of the velocities in its middle.
+
+        By one iteration of the implicit midpoint rule, which is of second order.
+        """
+        slope = self.slope(memory, force_W, torque_W, gravity)
+        middle = self.kick(memory, slope, 0.5 * dt)
+        return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
+
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
-        raise NotImplementedError(f"{type(self).__name__} must say its memory after an Euler step")
+        return self.drift(self.kick(memory, slope, dt), dt)
 
     @property
     def spot_count(self) -> int:

@@ -180,14 +180,18 @@ class FreeObject(Carrier):
             rate=Vec3(*(data(divide(t, i)) for t, i in zip(torque, moments, strict=True))),
         )
 
-    def euler_step(self, memory: ObjectMotion, slope: ObjectMotion, dt: Any) -> ObjectMotion:
-        """Velocities first; the attitude moves by the exponential of the new rate, as the vehicle's."""
+    def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Any) -> ObjectMotion:
+        """Both velocities."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
+        return ObjectMotion(position=memory.position, attitude=memory.attitude, velocity=velocity, rate=rate)
+
+    def drift(self, memory: ObjectMotion, dt: Any) -> ObjectMotion:
+        """The attitude moves by the exponential of the rate, as the vehicle's."""
         return ObjectMotion(
-            position=memory.position + velocity * dt,
-            attitude=memory.attitude * Quaternion.of_small_rotation(rate, dt),
-            velocity=velocity,
-            rate=rate,
+            position=memory.position + memory.velocity * dt,
+            attitude=memory.attitude * Quaternion.of_small_rotation(memory.rate, dt),
+            velocity=memory.velocity,
+            rate=memory.rate,
         )
 
     @property

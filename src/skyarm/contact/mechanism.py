@@ -218,10 +218,13 @@ class Mechanism(Carrier):
         bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
         return replace(memory, bristle=bristle)
 
-    def euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
-        """The rate first."""
-        rate = memory.rate + slope.rate * dt
-        return MechanismMotion(coordinate=memory.coordinate + rate * dt, rate=rate, bristle=memory.bristle)
+    def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The rate."""
+        return replace(memory, rate=memory.rate + slope.rate * dt)
+
+    def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The coordinate."""
+        return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
         """Coordinate and rate."""

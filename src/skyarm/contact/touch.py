@@ -35,7 +35,16 @@ class Touch:
 
 
 def touch_of(
-    material: Material, depth: Any, axis: Vec3, spot: Vec3, slip: Vec3, held: Vec3, step: Any, mass: Any = LIGHTEST
+    material: Material,
+    depth: Any,
+    axis: Vec3,
+    spot: Vec3,
+    slip: Vec3,
+    held: Vec3,
+    step: Any,
+    mass: Any = LIGHTEST,
+    *,
+    mean: Any = None,
 ) -> Touch:
     """The touch of a point and a surface.
 
@@ -48,11 +57,13 @@ def touch_of(
         held: the bristle's deflection as the memory has it, m.
         step: longest integration step of the whole contact, s.
         mass: kg that the pair moves at least.
+        mean: s, in which a point makes the way that the depth is a mean over; the material's longest step of a contact
+            with a vehicle if left out.
     """
     rising = slip.dot(axis)
     bristle = _across(held, axis)  # a round surface's normal turns
     rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
-    normal = material.normal_force(depth, -rising, None if mass is LIGHTEST else step)
+    normal = material.normal_force(depth, -rising, mean)
     friction = material.friction_force(bristle, rate, normal, mass)
     return Touch(
         depth=depth, rising=rising, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis

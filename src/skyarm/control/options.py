@@ -24,6 +24,14 @@ def three(name: str, values: Any, *, zero: bool = False) -> tuple[float, float, 
     return first, second, third
 
 
+def two(name: str, values: Any, *, zero: bool = False) -> tuple[float, float]:
+    """Two numbers above zero (or at least zero)."""
+    if not isinstance(values, (list, tuple)) or len(values) != 2:
+        raise ControllerError(f"controller.{name} = {shown(values)}: must be 2 numbers")
+    first, second = (positive(f"{name}[{i}]", value, zero=zero) for i, value in enumerate(values))
+    return first, second
+
+
 def whole(name: str, value: Any) -> int:
     """A whole number from 0 to 100."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 100:

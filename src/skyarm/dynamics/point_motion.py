@@ -21,12 +21,19 @@ class PointMotion:
         vehicle: whose bodies they are. state: of the vehicle; it may be traced.
         air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
         gravity: m/s^2, for what falls beside the vehicle; none if left out.
+        step: s, of a method that takes forces once in the middle of its step; None of others.
     """
 
     def __init__(
-        self, vehicle: Vehicle, state: State, air: Callable[[Vec3], Vec3] | None = None, *, gravity: Any = 0
+        self,
+        vehicle: Vehicle,
+        state: State,
+        air: Callable[[Vec3], Vec3] | None = None,
+        *,
+        gravity: Any = 0,
+        step: Any = None,
     ) -> None:
-        self.vehicle, self.state, self._air, self.gravity = vehicle, state, air, gravity
+        self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
         """World velocity of the air at a point given in a body's frame, m/s."""

@@ -72,6 +72,14 @@ class Component:
         """The same of the semi-implicit Euler method, which bears less damping than others."""
         return self.largest_step
 
+    @property
+    def largest_verlet_step(self) -> float | None:
+        """Longest step (s) of the Stoermer-Verlet method, with which the plant then moves near to what is coupled.
+
+        None keeps the plant's own method.
+        """
+        return None
+
     coupled: bool = False
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
@@ -128,6 +136,17 @@ class Component:
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
+
+    def drift(self, memory: Any, dt: Any) -> Any:
+        """A coupled component's memory after a time (s) in which nothing pushes: places move by their velocities."""
+        return memory
+
+    def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
+        """A coupled component's memory after the forces of a time (s): velocities change, places stay.
+
+        What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
+        """
+        return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
         """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""

@@ -13,9 +13,9 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.coupled_memory import memories_of, places_in
 from skyarm.plant.impact import after_impact
-from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
+from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS, STAGES, VERLET
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
-from skyarm.plant.largest_step import divisions, largest_step
+from skyarm.plant.largest_step import divisions, largest_step, verlet_step
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around, Surroundings
@@ -43,23 +43,33 @@ def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
 
 
 class Steps(int):
-    """Integration steps of an interval, and how many are enough while the coupled components are far from acting."""
+    """Integration steps of an interval, and how many are enough while the coupled components are far from acting.
+
+    Attributes:
+        far: steps of the plant's integrator where the coupled components are far.
+        rounds: steps that what is coupled and far takes by itself in one of those, at least.
+        verlet: whether those near are of the Stoermer-Verlet method, and not of the plant's integrator.
+    """
 
     far: int
+    rounds: int
+    verlet: bool
 
-    def __new__(cls, near: int, far: int) -> Self:
-        """Steps near and far."""
-        made = super().__new__(cls, near)
-        made.far = far
+    def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
+        """Steps near and far of the integrator, and how many of the Stoermer-Verlet method stand for those near."""
+        made = super().__new__(cls, verlet or near)
+        made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made
 
-    @property
-    def rounds(self) -> int:
-        """Steps near that one far stands for, at least."""
-        return math.ceil(self / self.far)
-
     def __eq__(self, other: object) -> bool:
-        return int(self) == other and self.far == getattr(other, "far", None)
+        return isinstance(other, Steps) and self._numbers == other._numbers
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    @property
+    def _numbers(self) -> tuple[int, int, int, bool]:
+        return int(self), self.far, self.rounds, self.verlet
 
     __hash__ = int.__hash__
 
@@ -84,12 +94,13 @@ class RigidBodyPlant:
         self._world, self._around, self._integrator, self._physics_step = world, around, integrator, physics_step
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
-        self._steps: dict[float, Program] = {}
+        self._steps: dict[tuple[str, float], Program] = {}
         self._far_steps: dict[tuple[float, int], Program] = {}
         euler = integrator == "euler"
         self._largest, self._coupled = largest_step(around, euler=euler), places_in(around)
         self._largest_far = largest_step(around, coupled=False, euler=euler)
-        self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
+        self._rate = joint_rate(world.vehicle)
+        self._verlet = None if euler else verlet_step(around)
 
     @cached_property
     def _accelerometer(self) -> Program:
@@ -100,15 +111,15 @@ class RigidBodyPlant:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
 
-    def _step(self, dt: float) -> Program:
-        if dt not in self._steps:
-            law = COUPLED_STEP[self._integrator]
+    def _step(self, name: str, dt: float) -> Program:
+        if (name, dt) not in self._steps:
+            law = COUPLED_STEP[name]
 
             def step(state: State, command: Command, around: Around) -> Moved:
                 return law(self._world, state, command, around, dt)
 
-            self._steps[dt] = trace(step, *self._examples)
-        return self._steps[dt]
+            self._steps[name, dt] = trace(step, *self._examples)
+        return self._steps[name, dt]
 
     def _far_step(self, dt: float, rounds: int) -> Program:
         if (dt, rounds) not in self._far_steps:
@@ -123,11 +134,17 @@ class RigidBodyPlant:
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
-        return near if near == far else Steps(near, far)
+        if near == far:
+            return near
+        if self._verlet is not None:
+            held = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
+            if held < near * STAGES:
+                return Steps(near, far, verlet=held)
+        return Steps(near, far)
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":
-            return max(1, math.ceil(seconds * self._per_second), divisions(seconds, largest))
+            return max(1, math.ceil(seconds * (self._rate / FRICTION_STEP)), divisions(seconds, largest))
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
@@ -137,7 +154,8 @@ class RigidBodyPlant:
         if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
             rounds, count = count.rounds, count.far
         dt = seconds / count if divided else self._physics_step
-        step = self._far_step(dt, rounds) if rounds else self._step(dt)
+        name = VERLET if not rounds and isinstance(count, Steps) and count.verlet else self._integrator
+        step = self._far_step(dt, rounds) if rounds else self._step(name, dt)
         x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
             x = step.flat((*x[:end], *command, *given))

@@ -48,7 +48,11 @@ def before_euler_step(world: Truth, state: State, rotor_speeds: Sequence[Any], a
     """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
     if not isinstance(around, Surroundings) or not around.coupled:
         return around
-    slopes = slopes_of(world, state, rotor_speeds, around)
+    return bent(around, slopes_of(world, state, rotor_speeds, around), dt)
+
+
+def bent(around: Surroundings, slopes: Memories, dt: Any) -> Surroundings:
+    """The surroundings after what velocities bend has gone on for a time (s) by its slopes."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
@@ -59,6 +63,20 @@ def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
         return ()
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
+
+
+def drifted(around: Surroundings, dt: Any) -> Surroundings:
+    """The surroundings after a time (s) in which coupled components are not pushed."""
+    going = zip(around.coupled, around.coupled_memories(), strict=True)
+    return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
+
+
+def pushed(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Surroundings:
+    """The surroundings after the forces of a time (s) on coupled components."""
+    going = zip(around.coupled, around.coupled_memories(), strict=True)
+    return around.with_coupled(
+        [around.components[i].push(held, around.time, motion, rotor_speeds, dt) for i, held in going]
+    )
 
 
 def places_in(around: Around) -> tuple[int, ...]:

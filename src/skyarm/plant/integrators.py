@@ -9,3 +9,10 @@ fastest mode)."""
 
 HELD_FRICTION_STEP = 0.1
 """The same with loads held for a step: friction is of first order then, 5 % off at 0.1."""
+
+VERLET = "verlet"
+"""The method of the rigid-body plant in the place of its Runge-Kutta steps near to what is coupled to the vehicle: no
+choice of a scenario. It takes forces once a step, where a Runge-Kutta step takes them four times."""
+
+STAGES = 4
+"""Times that a Runge-Kutta step takes forces."""

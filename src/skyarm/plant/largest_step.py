@@ -31,6 +31,33 @@ def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> f
     return min(stated, default=None)
 
 
+def borne_step(record: Any, *, euler: bool) -> Any:
+    """The longest step (s) that a record bears of each method that may move it; None of any."""
+    if euler or getattr(record, "largest_verlet_step", None) is not None:
+        return getattr(record, "largest_euler_step", record.largest_step)
+    return record.largest_step
+
+
+def lanes_step(around: Any, *, euler: bool) -> float | None:
+    """The smallest :func:`borne_step` (s) of the air, forces and drives of a batch; None where none states one."""
+    if not isinstance(around, Surroundings):
+        return None
+    own = [borne_step(each, euler=euler) for each in around.components]
+    return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
+
+
+def verlet_step(around: Any) -> float | None:
+    """Longest step (s) of the Stoermer-Verlet method near to what is coupled; None where Runge-Kutta's method is kept.
+
+    That is so where anything else asks for short steps: loops of drives and damped air bear fewer of Verlet's.
+    """
+    if not isinstance(around, Surroundings) or not around.coupled or largest_step(around, coupled=False) is not None:
+        return None
+    steps = [around.components[i].largest_verlet_step for i in around.coupled]
+    stated = [float(step) for step in steps if step is not None]
+    return min(stated) if len(stated) == len(steps) else None
+
+
 def drives_step(around: Any) -> float | None:
     """The same of the drives alone."""
     return _least(around.drives) if isinstance(around, Surroundings) else None

@@ -24,6 +24,7 @@ def applied_force(
     setpoints: Sequence[Any],
     around: Around,
     commands: Sequence[Any] = (),
+    step: Any = None,
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force on the base (torque about and force at its origin, base axes) and joint torques.
 
@@ -34,9 +35,10 @@ def applied_force(
         setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
         around: air, forces, faults and drives of the period.
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
+        step: s, of a method that takes forces once in the middle of its step; None of others.
     """
     around, vehicle = surroundings_of(around), turned(vehicle, state.tilts)
-    motion = PointMotion(vehicle, state, around.air_velocity)
+    motion = PointMotion(vehicle, state, around.air_velocity, step=step)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))

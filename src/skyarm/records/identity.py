@@ -8,7 +8,10 @@ from typing import Any
 from skyarm.records.own_files import all_files
 from skyarm.records.plain import digest, plain
 
-FOR_PEOPLE = ("title", "sources", "notes")
+DRAWN = ("mesh",)
+"""Fields that hold paths of files that are drawn: where they lie changes no flight."""
+
+FOR_PEOPLE = ("title", "sources", "notes", *DRAWN)
 """Fields that change no flight."""
 
 
@@ -18,7 +21,7 @@ def identity(record: Any) -> str:
     Where plugins are loaded, or code of the record is someone's own, their files are part of it: a file that has
     changed flies something else.
     """
-    content, files = _without(plain(record)), all_files(record)
+    content, files = _without(plain(record), FOR_PEOPLE), all_files(record)
     return digest({"record": content, "plugins": files} if files else content)
 
 
@@ -26,14 +29,15 @@ def log_digest(written: Any, files: Mapping[str, str]) -> str:
     """Digest of what a log says was flown.
 
     Args:
-        written: plain data of the scenario, titles included.
+        written: plain data of the scenario, titles included; paths of meshes are left out of the digest.
         files: name -> identity of the files of someone's own code in it (:func:`own_files`).
     """
-    return digest({"record": written, "code": dict(files)} if files else written)
+    flown = _without(written, DRAWN)
+    return digest({"record": flown, "code": dict(files)} if files else flown)
 
 
-def _without(data: Any) -> Any:
-    """Plain data without the fields that are for people."""
+def _without(data: Any, names: tuple[str, ...]) -> Any:
+    """Plain data without the fields of these names."""
     if isinstance(data, dict):
-        return {key: _without(value) for key, value in data.items() if key not in FOR_PEOPLE}
-    return [_without(each) for each in data] if isinstance(data, list) else data
+        return {key: _without(value, names) for key, value in data.items() if key not in names}
+    return [_without(each, names) for each in data] if isinstance(data, list) else data

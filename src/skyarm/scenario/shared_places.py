@@ -11,11 +11,15 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.contact.carrier import CarriedFrame
 from skyarm.contact.contact import Contact
+from skyarm.contact.free_object import FreeObject
 from skyarm.contact.surface import Surface
 from skyarm.files import shown
 
 SHARES = (-0.97, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 0.97)
 """Of half the length that may be in the other body, at which places are looked at along each axis."""
+
+PAST = "; a box carries another only where corners of one lie within a face of the other"
+"""Said where two boxes that stand have come into one place, as those of one size do: the corners are on edges."""
 
 SHALLOW = 1e-3
 """m inside both bodies that is let pass, beside how deep weights press them."""
@@ -43,9 +47,10 @@ def require_places_apart(contact: Contact, gravity: float, most: float) -> None:
                     pressed = most * max(weights[i], weights[j]) / min(a.material.stiffness, b.material.stiffness)
                     place = _shared((a, frames[i]), (b, frames[j]), SHALLOW + pressed)
                     if place is not None:
+                        boxes = all(isinstance(e, FreeObject) and e.standing and e.shape == "box" for e in (one, other))
                         raise ValueError(
                             f"world: {a.name!r} starts inside {b.name!r}, both are at {shown(place)} m: must start "
-                            "outside of each other"
+                            f"outside of each other{PAST if boxes else ''}"
                         )
 
 

@@ -1,12 +1,13 @@
 """Objects of a world that lie at rest on what is below them: how deep, and how tilted, their weight presses them.
 
-Each object that is said to be standing is set down in turn, the others staying where they are: from its position, or
-from just above it where that is inside of something. Those that then stand on each other settle as a whole. A flight
-that begins so does not jump.
+Each object that is said to be standing is set down in turn, the lowest first, as if those that are higher were not
+there yet: from its position, or from just above it where that is inside of something. Those that then stand on each
+other settle as a whole. A flight that begins so does not jump.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,13 +45,15 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     Raises:
         ValueError: one line: nothing carries the object there, it starts inside of something, or it tips over.
     """
-    for i, each in enumerate(contact.objects):
-        if each.standing:
-            if not gravity > 0.0:
-                raise ValueError(
-                    f"{_where(i)} = true: must be false where plant.gravity leaves no weight to stand with"
-                )
-            contact = _Rest(contact, i, gravity).set_down()
+    standing = [i for i, each in enumerate(contact.objects) if each.standing]
+    if standing and not gravity > 0.0:
+        raise ValueError(
+            f"{_where(standing[0])} = true: must be false where plant.gravity leaves no weight to stand with"
+        )
+    waiting = sorted(standing, key=lambda i: float(contact.objects[i].position.z))
+    while waiting:
+        i = waiting.pop(0)
+        contact = _Rest(contact, i, gravity, waiting).set_down()
     return _with_stacks(contact, gravity)
 
 
@@ -71,8 +74,9 @@ def _where(index: int) -> str:
 class _Rest:
     """What the supports of one object leave uncarried, by its height and two small angles."""
 
-    def __init__(self, contact: Contact, index: int, gravity: float) -> None:
+    def __init__(self, contact: Contact, index: int, gravity: float, away: Sequence[int]) -> None:
         self._contact, self._index, self._object = contact, index, contact.objects[index]
+        self._away = frozenset(away)
         self._memory, self._all = contact.start(1.0, ()), meetings_of(contact)
         self._first: ObjectMotion = self._memory.carried[index]
         self._weight = float(self._object.mass) * gravity
@@ -147,11 +151,11 @@ class _Rest:
         return replace(first, position=first.position + Vec3(0.0, 0.0, up), attitude=turn * first.attitude)
 
     def _meetings(self, x: Array) -> tuple[Meeting, ...]:
-        """What touches the object, but for the vehicle."""
+        """What touches the object, but for the vehicle and what is set down later."""
         carried = list(self._memory.carried)
         carried[self._index] = self._motion(x)
-        found = self._all(carried)
-        return tuple(each for each in found if self._index in (each.of, each.by))
+        pairs = ((each, {each.of, each.by}) for each in self._all(carried))
+        return tuple(each for each, pair in pairs if self._index in pair and not pair & self._away)
 
     def _gap(self, x: Array) -> float:
         """m to the nearest thing."""

@@ -10,7 +10,7 @@ from skyarm.files import shown
 
 
 def with_meshes(table: Any, where: str, folder: Path) -> Any:
-    """The tables of a world whose paths of meshes stand below a folder.
+    """The tables of a world whose paths of meshes stand below a folder, as absolute paths.
 
     Args:
         table: plain, of a file.
@@ -32,5 +32,5 @@ def with_meshes(table: Any, where: str, folder: Path) -> Any:
             read_stl(path)
         except ValueError as error:
             raise ValueError(f"{where}.mesh = {shown(mesh)}: {error}") from None
-        found["mesh"] = str(path)
+        found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found

@@ -17,7 +17,7 @@ from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.log.batch_log import Logged
 from skyarm.metrics.accumulate import Total, first_totals
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import largest_step
+from skyarm.plant.largest_step import lanes_step
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -121,7 +121,7 @@ class Leg:
             first = first_loop_state(stiff)
         around = first_surroundings(stiff, first)
         plant = RigidBodyPlant(stiff.world, around, stiff.integrator, 1.0 / stiff.rates.physics)
-        self.largest = largest_step(around, euler=stiff.integrator == "euler")
+        self.largest = lanes_step(around, euler=stiff.integrator == "euler")
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
         numbers = (*self.base, *self._set.values())
         counts = [2 * count for _, count in draw_plan(self.scenario).components]

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.control.found_by_law import numbers_found
 from skyarm.plant.coupled_memory import places_among
 from skyarm.records.leaves import parts
@@ -144,7 +145,7 @@ class FlatStages:
         def program(clock: Any, k: Any, told: Any, row: Row, memory: Any, command: Any) -> tuple[Any, ...]:
             return (self._stages.wait(clock, k[0], told, row, memory, command),)
 
-        memory = self._first.memory if self._traced else ()
+        memory = self._first.memory if self._traced else PushAlone.of(self._first.memory)
         return FlatFunction(program, self._first.clock, ONE, self.told, self._row, memory, self._first.queue[0])
 
     @cached_property
@@ -207,7 +208,7 @@ class FlatStages:
         found = Response._make((*parts, begun.around))
         clock: Flat = ()
         if now.clock:
-            held = memory if self._traced else ()
+            held = memory if self._traced else tuple(leaves(PushAlone.of(memory)))
             (clock,) = self._wait(now.clock, now.ticks, told, (*row.time, *row.reference), held, command)
         return found._replace(
             memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command, clock=clock

@@ -10,7 +10,7 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import largest_step
+from skyarm.plant.largest_step import lanes_step
 from skyarm.scalars import floor
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -45,7 +45,7 @@ class LanePrograms:
         self.first: LoopState = first_loop_state(scenario)
         around = first_surroundings(stiffest, self.first if stiffest is scenario else first_loop_state(stiffest))
         self._plant = RigidBodyPlant(stiffest.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        self.largest_step = largest_step(around, euler=scenario.integrator == "euler")
+        self.largest_step = lanes_step(around, euler=scenario.integrator == "euler")
         counts = [2 * count for _, count in draw_plan(scenario).components]
         self.start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
         found = structure_of(self.first.state), structure_of(self.first.clock)

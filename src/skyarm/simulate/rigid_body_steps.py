@@ -13,6 +13,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import Steps
 from skyarm.plant.coupled_memory import memories_of, with_memories
 from skyarm.plant.impact import after_impact
+from skyarm.plant.integrators import VERLET
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.blend import blend
@@ -65,9 +66,10 @@ class RigidBodySteps:
     def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         count = self._substeps(seconds if type(seconds) is float else self._period)
         name, world = self._scenario.integrator, self._scenario.world
+        near = VERLET if isinstance(count, Steps) and count.verlet else name
 
         def stepped(both: Moved) -> Moved:
-            return COUPLED_STEP[name](world, both[0], command, with_memories(around, both[1]), seconds / count)
+            return COUPLED_STEP[near](world, both[0], command, with_memories(around, both[1]), seconds / count)
 
         far: Any = False
         if isinstance(count, Steps):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.files import shown
-from skyarm.plant.largest_step import STATED
+from skyarm.plant.largest_step import STATED, borne_step
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.replace_parts import part, replaced
 from skyarm.scenario.places import places_of
@@ -67,7 +67,7 @@ def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float
     """Largest step (s) of a record with other numbers; None where it states none."""
     try:
         other = replaced(record, numbers)
-        stated = getattr(other, "largest_euler_step", other.largest_step) if euler else other.largest_step
+        stated = borne_step(other, euler=euler)
         if stated is None:
             return None
         if not stated > 0.0:

@@ -18,6 +18,9 @@ SECONDS = 10.0
 HERTZ = 10.0
 """At which plots are drawn anew."""
 
+DECIMALS = 3
+"""That are drawn, and that the labels of an axis have: a curve below them would stand beside labels of 0."""
+
 LIMIT = "rgb(200, 40, 40)"
 
 Column = Callable[[Sight], float]
@@ -76,7 +79,7 @@ class Chart:
         for seen in rows:
             for column in self._columns:
                 curve = np.full(count, math.nan)
-                curve[: len(seen)] = [column(one) for one in seen]
+                curve[: len(seen)] = [round(column(one), DECIMALS) for one in seen]
                 curves.append(curve)
         if self._limit is not None:
             curves.append(np.full(count, self._limit))

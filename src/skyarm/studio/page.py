@@ -180,7 +180,8 @@ class Page:
             flight: Flight | None = make_flight(fleet.prepared, law)
             words = ""
         except Exception as error:  # of a law of the user's own it may be any
-            flight, words = None, f"{law}: {' '.join(str(error).split())}"
+            name = law or fleet.prepared.scenario.controller.name
+            flight, words = None, f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 
     def _join(self, fleet: Fleet, flight: Flight | None, place: int, words: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -21,3 +22,16 @@ def observed_push(memory: Any) -> Vec3 | None:
         return found
     parts: list[Any] = [getattr(own, part, ()) for part in ("interaction", "admittance")]
     return next((part.force for part in parts if is_record(part)), None)
+
+
+@dataclass(frozen=True, slots=True)
+class PushAlone:
+    """What others may know of a memory that only its law can read: the tip's force; empty of a law that tells none."""
+
+    tip_force: Vec3 | tuple[()]
+
+    @classmethod
+    def of(cls, memory: Any) -> PushAlone:
+        """That of a law's memory."""
+        found = observed_push(memory)
+        return cls(() if found is None else found)

@@ -41,12 +41,12 @@ class AdmittanceGains:
     hearing: Hearing = Hearing()
     errors: ForceErrors = ForceErrors()
     rest: Annotated[Scalar, Unit("s", "after a force, from which on a law learns loads, friction and lag")] = 0.5
-    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor; 0 of a law that does without one")] = 0
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
 
     @property
     def senses(self) -> bool:
         """Whether a force sensor tells the force: structure."""
-        return type(self.sensing) is not int
+        return self.sensing is not None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -51,13 +51,13 @@ class InteractionGains:
     yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
-    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor; 0 of a law that does without one")] = 0
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
     @property
     def senses(self) -> bool:
         """Whether a force sensor tells the force along the normal: structure."""
-        return type(self.sensing) is not int
+        return self.sensing is not None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

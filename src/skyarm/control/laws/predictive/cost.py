@@ -7,7 +7,8 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations
+from skyarm.control.laws.predictive.contact_force import Contact, under_contact
+from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations, carried
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.scalars import Scalar, cos, mul, sin, sub
@@ -24,6 +25,7 @@ class Goal:
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: those.
         shift: m, world axes: way of the base that leaves the tip where a level base would carry it.
+        contact: of the tip with a surface; empty where none is ever asked for.
     """
 
     position: Vec3
@@ -33,6 +35,7 @@ class Goal:
     joint_rates: tuple[Scalar, ...]
     joint_accelerations: tuple[Scalar, ...]
     shift: Vec3
+    contact: Contact | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,6 +48,7 @@ class Weights:
         tool: 1/m.
         rotor_accelerations: s^2/rad.
         final: s, time for which the errors at the end of the horizon count.
+        force: 1/N, of the surface's force while the tip presses.
     """
 
     position: Scalar
@@ -57,6 +61,7 @@ class Weights:
     tool: Scalar
     rotor_accelerations: Scalar
     final: Scalar
+    force: Scalar = 2.5
 
 
 def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Any, ...]:
@@ -65,6 +70,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
     the joints next to the base give way to its tilt, so that for parallel axes the links keep their absolute angles,
     and the base gives way by what that leaves: about any axis across which no joint turns, the whole of the tip's way.
+    A tip that touches has no place along the surface's normal.
     """
     vehicle, R = model.vehicle, state.quaternion.rotation()
     c, s = cos(goal.yaw), sin(goal.yaw)
@@ -85,7 +91,10 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
         wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
-        found += [*((tip - wanted) * weights.tool)]
+        off = tip - wanted
+        if isinstance(goal.contact, Contact):
+            off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
+        found += [*(off * weights.tool)]
     return tuple(found)
 
 
@@ -105,8 +114,19 @@ def input_residuals(
     """Weighted costs of the inputs.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
-    not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset.
+    not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset. Where
+    a contact may be, the last one is of the surface's force.
     """
-    _, _, found = accelerations(model, state, inputs.efforts, disturbance, goal.joint_rates)
+    pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
+    _, _, found = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
     arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
-    return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations))
+    pressed: tuple[Any, ...] = ()
+    if isinstance(goal.contact, Contact):
+        pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
+    return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)
+
+
+def foreseen(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Any) -> State:
+    """State after a stage of ``dt`` seconds, the surface's force at its beginning held over it."""
+    pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
+    return carried(model, state, inputs, pushed, dt, goal.joint_rates)

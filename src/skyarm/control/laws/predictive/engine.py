@@ -14,6 +14,7 @@ from skyarm.actuation import Command
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, worst_cost
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths, Estimate, observe, predict
@@ -23,6 +24,7 @@ from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.rollout import Bounds, Rollouts
 from skyarm.control.laws.predictive.solve import Riccati, Solver
 from skyarm.control.laws.predictive.stance import Stance
+from skyarm.control.laws.predictive.tip_contact import TipContact
 from skyarm.control.model import Model
 from skyarm.sensors.measurement import blank_measurement
 
@@ -76,7 +78,7 @@ class Engine:
     Attributes:
         solver, observation, motors, bounds: those.
         stabiliser: what flies while no plan is trusted. most: cost of a plan that is trusted.
-        stance: where the base stands aside for the tip.
+        stance: where the base stands aside for the tip. contact: of the tip; None where no reference asks for any.
     """
 
     solver: Solver
@@ -86,12 +88,13 @@ class Engine:
     stabiliser: Stabiliser
     most: float
     stance: Stance
+    contact: TipContact | None = None
 
 
-def engine_for(par: PredictiveParameters, dt: float) -> Engine:
-    """The engine of a law at a control period of ``dt`` s."""
+def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
+    """The engine of a law at a control period of ``dt`` s, whose reference may ask for contact where ``push`` is."""
     shape = par.mode, par.solver, par.stages, par.horizon, par.every
-    return _engine(par.model, par.weights, par.bandwidths, *shape, dt)
+    return _engine(par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None)
 
 
 @lru_cache(maxsize=KEPT)
@@ -105,6 +108,7 @@ def _engine(
     horizon: float,
     every: int,
     dt: float,
+    interaction: InteractionGains | None,
 ) -> Engine:
     vehicle = model.vehicle
     steps = stage_lengths(stages, every, horizon, dt)
@@ -113,17 +117,21 @@ def _engine(
         np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
-    compiled = Stages(model, weights, mode, scales)
+    presses = interaction is not None
+    compiled = Stages(model, weights, mode, scales, presses)
     made: Solver
     if solver == "riccati":
-        made = Riccati(compiled, Rollouts(model, weights, mode, bounds), steps, float(weights.final), bounds)
+        rollouts = Rollouts(model, weights, mode, bounds, presses)
+        made = Riccati(compiled, rollouts, steps, float(weights.final), bounds)
     else:
         from skyarm.control.laws.predictive.interior_point import InteriorPoint
 
-        made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds)
+        made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds, presses)
     most = worst_cost(weights, mode, vehicle.n, horizon)
     seen = Observation(model, bandwidths, dt)
-    return Engine(made, seen, motors(vehicle.rotors, dt), bounds, Stabiliser(model), most, Stance(model, mode))
+    contact = TipContact(model, interaction, dt) if interaction is not None else None
+    lags = motors(vehicle.rotors, dt)
+    return Engine(made, seen, lags, bounds, Stabiliser(model), most, Stance(model, mode), contact)
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from skyarm.compile import trace
 from skyarm.compile.casadi.casadi_shooting import Shooting
-from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, carried
+from skyarm.control.laws.predictive.motion_plan import Inputs
 from skyarm.control.laws.predictive.riccati import Linear, policy
 from skyarm.control.laws.predictive.rollout import Bounds
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, linear_problem
@@ -30,13 +30,22 @@ class InteriorPoint:
     Args:
         solver: "fatrop" or "ipopt". model, weights, mode: what is foreseen and wanted.
         stages: compiled prediction. steps: (N,) lengths of the stages, s. bounds: of the inputs.
+        contact: whether goals may ask for one.
     """
 
     def __init__(
-        self, solver: str, model: Model, weights: Weights, mode: str, stages: Stages, steps: Array, bounds: Bounds
+        self,
+        solver: str,
+        model: Model,
+        weights: Weights,
+        mode: str,
+        stages: Stages,
+        steps: Array,
+        bounds: Bounds,
+        contact: bool = False,
     ) -> None:
         self.steps, self.stages = steps, stages
-        shapes = examples(model.vehicle.n, len(model.vehicle.rotors))
+        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
         state, inputs, disturbance, goal = shapes
         par = ((0.0,), disturbance, goal)
 
@@ -46,7 +55,7 @@ class InteriorPoint:
                 *state_residuals(model, weights, x, wanted, mode),
                 *input_residuals(model, weights, x, u, d, wanted),
             )
-            return carried(model, x, u, d, dt[0], wanted.joint_rates), errors
+            return foreseen(model, x, u, d, wanted, dt[0]), errors
 
         def final(x: State, given: tuple[Any, ...]) -> tuple[Any, ...]:
             return state_residuals(model, weights, x, given[2], mode)

@@ -4,7 +4,8 @@ Law: every so many control periods (option ``every``) the motion of base, arm an
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
 started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
-noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`).
+noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`). A tip that is asked to press is held by a
+surface whose force the plan foresees (:mod:`.tip_contact`, :mod:`.contact_force`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
@@ -26,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import Command
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.laws.paper.computed_torque import level_joint_gravity
 from skyarm.control.laws.predictive import preview as ahead
@@ -53,7 +55,8 @@ class PredictiveMemory:
         shown: the last ones before them. late: what tells how late they really act.
         fresh: the last measurement as it came, and for how long it has been the same.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
-        trust: in the plans.
+        trust: in the plans. interaction: leaves of the memory of touch and loss.
+        tip_force: N, world axes, of a surface on the tip; None of a law that does not press.
     """
 
     engine: Engine | None = None
@@ -66,13 +69,16 @@ class PredictiveMemory:
     plan: Plan | None = None
     since: int = 0
     trust: Trust | None = None
+    interaction: Array | None = None
+    tip_force: Vec3 | None = None
 
 
 def nmpc(
     memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
-    engine = memory.engine or engine_for(par, dt)
+    presses = bool(reference.push) and par.interaction is not None
+    engine = memory.engine or engine_for(par, dt, presses)
     seen = _seen(engine, memory, measurement, par, dt)
     estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
@@ -80,16 +86,21 @@ def nmpc(
     pending = (*seen.shown[len(seen.shown) - late :], *sent)
     x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
+    interaction, touch, known = memory.interaction, None, estimate[nx:]
+    if presses and engine.contact is not None:
+        wanted = ahead.extrapolated(sample, np.array([sample.age]))[0][0]
+        interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
+        known = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
     if plan is None or since >= par.every:
         now = measurement.time + par.delay_periods * dt
-        problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par)
+        problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par, touch)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, trusted(plan, engine.most))
     if trust.flown:
         command = _command(engine, plan, since, x, dt)
     else:
-        known = bearable(estimate[nx:], engine.bounds.efforts)
+        known = bearable(known, engine.bounds.efforts)
         command = engine.stabiliser.command(seen.reading, known, sample)
     following = PredictiveMemory(
         engine=engine,
@@ -102,6 +113,8 @@ def nmpc(
         plan=plan,
         since=since + 1,
         trust=after_period(trust, dt),
+        interaction=interaction,
+        tip_force=memory.tip_force if touch is None else Vec3(*touch.tip_force),
     )
     return following, command
 

@@ -17,8 +17,9 @@ from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.motion_plan import Inputs, carried
+from skyarm.control.laws.predictive.contact_force import Contact
+from skyarm.control.laws.predictive.cost import Goal, Weights, foreseen, input_residuals, state_residuals
+from skyarm.control.laws.predictive.motion_plan import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 
@@ -28,8 +29,8 @@ NUDGE = 1e-5
 """Of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
 
 
-def examples(joints: int, rotors: int) -> tuple[State, Inputs, Disturbance, Goal]:
-    """Records of floats that give the shapes."""
+def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
+    """Records of floats that give the shapes; with ``contact`` a goal may ask for one."""
     zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     state = State(
         position=zero,
@@ -40,7 +41,17 @@ def examples(joints: int, rotors: int) -> tuple[State, Inputs, Disturbance, Goal
         joint_rates=arm,
         rotor_speeds=(0.0,) * rotors,
     )
-    goal = Goal(position=zero, velocity=zero, yaw=0.0, joints=arm, joint_rates=arm, joint_accelerations=arm, shift=zero)
+    pressed = Contact(normal=zero, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    goal = Goal(
+        position=zero,
+        velocity=zero,
+        yaw=0.0,
+        joints=arm,
+        joint_rates=arm,
+        joint_accelerations=arm,
+        shift=zero,
+        contact=pressed,
+    )
     inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return state, inputs, Disturbance(force=zero, torque=zero, efforts=arm), goal
 
@@ -50,20 +61,20 @@ class Stages:
 
     Args:
         model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
-        scales: size of a unit of each input; nudges are taken in it.
+        scales: size of a unit of each input; nudges are taken in it. contact: whether goals may ask for one.
 
     Attributes:
         nx, nu: numbers of a state and of the inputs. input_errors: residuals at the end that are costs of inputs.
     """
 
-    def __init__(self, model: Model, weights: Weights, mode: str, scales: Array) -> None:
-        shapes = examples(model.vehicle.n, len(model.vehicle.rotors))
+    def __init__(self, model: Model, weights: Weights, mode: str, scales: Array, contact: bool = False) -> None:
+        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
         state, inputs, disturbance, goal = shapes
 
         def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
             u, dt, d, wanted = par
             errors = state_residuals(model, weights, x, wanted, mode)
-            return carried(model, x, u, d, dt[0], wanted.joint_rates), (
+            return foreseen(model, x, u, d, wanted, dt[0]), (
                 *errors,
                 *input_residuals(model, weights, x, u, d, wanted),
             )
@@ -71,7 +82,7 @@ class Stages:
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
         self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
         self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
-        self.input_errors = model.vehicle.n + len(model.vehicle.rotors)
+        self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
         self.scales = np.concatenate([np.ones(self.nx), scales])
         self.scales[self.nx - len(model.vehicle.rotors) : self.nx] = 100.0
         width = self.nx + self.nu

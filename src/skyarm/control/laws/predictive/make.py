@@ -6,13 +6,15 @@ import importlib
 from typing import Any
 
 from skyarm.actuation import make_mixer
+from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.centroidal.interaction_records import interaction_gains
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths
 from skyarm.control.laws.predictive.law import PredictiveMemory, nmpc
 from skyarm.control.laws.predictive.parameters import BANDWIDTHS, WEIGHTS, PredictiveParameters
 from skyarm.control.model import Model
-from skyarm.control.options import positive
+from skyarm.control.options import positive, two
 from skyarm.files import shown
 from skyarm.records.leaves import parts
 from skyarm.reference import Trajectory
@@ -34,6 +36,7 @@ def make_predictive_controller(
     every: int = 2,
     delay_periods: int = 0,
     preview: str | Trajectory = "samples",
+    interaction: tuple[float, float] = (0.3, 0.1),
 ) -> Controller:
     """Whole-body model predictive control of a belief; the options are those of :class:`PredictiveParameters`.
 
@@ -60,6 +63,8 @@ def make_predictive_controller(
     _require_numbers("bandwidths", bandwidths, Bandwidths)
     if solver != "riccati":
         _require_casadi(solver)
+    leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
+    thresholds = two("interaction", interaction, zero=True)
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
@@ -72,9 +77,11 @@ def make_predictive_controller(
         every=every,
         delay_periods=delay_periods,
         preview=preview,
+        interaction=interaction_gains(thresholds, "tip", model.vehicle) if leads else None,
     )
     tip = mode == "tool"
-    return Controller(name="nmpc", law=nmpc, par=par, memory=PredictiveMemory(), compiled=False, keeps_tip=tip)
+    memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
+    return Controller(name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip)
 
 
 def _require_numbers(name: str, record: Any, kind: type, *, zero: bool = False) -> None:

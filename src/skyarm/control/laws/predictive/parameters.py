@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.actuation import Mixer
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths
 from skyarm.control.model import Model
@@ -39,6 +40,7 @@ class PredictiveParameters:
         stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
         every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
         preview: "samples", or the trajectory if it is known.
+        interaction: of pressing on surfaces; None for a law that knows nothing of a push.
     """
 
     model: Model
@@ -52,3 +54,4 @@ class PredictiveParameters:
     every: int
     delay_periods: int
     preview: str | Trajectory
+    interaction: InteractionGains | None = None

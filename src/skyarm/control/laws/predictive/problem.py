@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.engine import Engine
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.solve import Problem
+from skyarm.control.laws.predictive.tip_contact import Touch, contact_goals, shift_ahead
 from skyarm.reference import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -36,6 +38,7 @@ def problem_at(
     time: float,
     late: float,
     par: PredictiveParameters,
+    touch: Touch | None = None,
 ) -> Problem:
     """What is to be solved from the state ``late`` s after now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
@@ -43,8 +46,13 @@ def problem_at(
         signals = preview.known(par.preview, time + later)
     else:
         signals = preview.extrapolated(sample, sample.age + later)
-    model = par.model
-    held = np.array([0.0, 0.0, float(model.gravity)]) - disturbance[:3] / float(model.vehicle.mass)
+    model, pressed = par.model, disturbance
+    if touch is not None and engine.contact is not None:
+        along = shift_ahead(engine.contact.gains, touch, later)
+        places, rates, bends = (shifted(*each, touch.normal) for each in zip(signals, along, strict=True))
+        signals = places, rates, bends
+        disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
+    held = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
     shift = engine.stance.at(signals[2][:, :3] + held, signals[0])
     wanted = preview.goals(*signals, shift)
     # a step of the reference is approached as one of this size, which moves along
@@ -57,7 +65,16 @@ def problem_at(
     joints = model.vehicle.n
     beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
     wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
+    if touch is not None and engine.contact is not None:
+        wanted = np.hstack([wanted, contact_goals(engine.contact.gains, touch, later)])
     return Problem(x, bearable(disturbance, engine.bounds.efforts), wanted)
+
+
+def shifted(signals: Array, way: Array, normal: Sequence[float]) -> Array:
+    """Signals (T, 4 + joints) whose place is moved along a normal by ``way`` (T,)."""
+    found = signals.copy()
+    found[:, :3] += way[:, None] * np.array(normal)
+    return found
 
 
 def _heading(x: Array) -> float:

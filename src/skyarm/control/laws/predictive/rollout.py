@@ -12,9 +12,9 @@ from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, carried
+from skyarm.control.laws.predictive.motion_plan import Inputs
 from skyarm.control.laws.predictive.riccati import Policy
 from skyarm.control.model import Model
 from skyarm.scalars import maximum, minimum
@@ -44,12 +44,13 @@ class Rollouts:
 
     Args:
         model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
+        contact: whether goals may ask for one.
 
     Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
     """
 
-    def __init__(self, model: Model, weights: Weights, mode: str, bounds: Bounds) -> None:
-        state, inputs, disturbance, goal = examples(model.vehicle.n, len(model.vehicle.rotors))
+    def __init__(self, model: Model, weights: Weights, mode: str, bounds: Bounds, contact: bool = False) -> None:
+        state, inputs, disturbance, goal = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
@@ -71,7 +72,7 @@ class Rollouts:
             taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
             errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
             pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
-            return (carried(model, x, taken, d, dt, wanted.joint_rates), (cost + whole * errors + running * pushes,)), (
+            return (foreseen(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
                 x,
                 taken,
             )

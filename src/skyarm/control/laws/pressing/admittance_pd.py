@@ -19,7 +19,6 @@ import dataclasses
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.control.blocks.common import make_parameters
 from skyarm.control.blocks.default_gains import default_joint_gains
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller
@@ -28,10 +27,9 @@ from skyarm.control.laws.pressing.tip_observer import (
     PressingMemory,
     PressingParameters,
     Touch,
-    beside,
-    first_pressing,
     listen,
     moved,
+    pressing_controller,
 )
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.reference import Reference
@@ -100,12 +98,9 @@ def make_admittance_pd(
         observer: bandwidths of force, torque and joint torques, rad/s.
         interaction: N along the normal, above which the tip touches and below which it is lost.
     """
-    par = make_parameters(
-        PressingParameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains or default_joint_gains("decoupled_pd", model),
-        mixer_policy=mixer_policy,
-        **beside(model, observer, interaction),
-    )
-    return Controller(name="admittance_pd", law=admittance_pd, par=par, memory=first_pressing(model))
+    given = {
+        "gains": gains,
+        "joint_gains": joint_gains or default_joint_gains("decoupled_pd", model),
+        "mixer_policy": mixer_policy,
+    }
+    return pressing_controller("admittance_pd", admittance_pd, model, observer, interaction, **given)

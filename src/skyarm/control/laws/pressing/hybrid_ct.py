@@ -23,7 +23,6 @@ from typing import Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
-from skyarm.control.blocks.common import make_parameters
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller
@@ -32,10 +31,9 @@ from skyarm.control.laws.pressing.tip_observer import (
     PressingMemory,
     PressingParameters,
     Touch,
-    beside,
-    first_pressing,
     listen,
     moved,
+    pressing_controller,
 )
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -130,12 +128,5 @@ def make_hybrid_ct(
         observer: bandwidths of force, torque and joint torques, rad/s.
         interaction: N along the normal, above which the tip touches and below which it is lost.
     """
-    par = make_parameters(
-        PressingParameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains,
-        mixer_policy=mixer_policy,
-        **beside(model, observer, interaction),
-    )
-    return Controller(name="hybrid_ct", law=hybrid_ct, par=par, memory=first_pressing(model))
+    given = {"gains": gains, "joint_gains": joint_gains, "mixer_policy": mixer_policy}
+    return pressing_controller("hybrid_ct", hybrid_ct, model, observer, interaction, **given)

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.common import no_command
+from skyarm.control.blocks.common import make_parameters, no_command
 from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.centroidal.interaction import interact
 from skyarm.control.laws.centroidal.interaction_records import (
     InteractionGains,
@@ -27,7 +27,7 @@ from skyarm.control.laws.centroidal.interaction_records import (
 from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.model import Model, Parameters
-from skyarm.control.options import three
+from skyarm.control.options import three, two
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -120,8 +120,16 @@ def moved(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Referen
     )
 
 
-def beside(model: Model, observer: Any, thresholds: Any) -> dict[str, Any]:
-    """Constants beside the paper's.
+def pressing_controller(name: str, law: Law, model: Model, observer: Any, thresholds: Any, **gains: Any) -> Controller:
+    """A law with the paper's constants, those of the observer, and those of touch and loss.
+
+    Args:
+        name: of the law.
+        law: itself.
+        model: what it believes.
+        observer: bandwidths of force, torque and joint torques, rad/s.
+        thresholds: N along the normal, above which the tip touches and below which it is lost.
+        **gains: those of :func:`skyarm.control.blocks.common.make_parameters`.
 
     Raises:
         ControllerError: bandwidths or thresholds that are none, or a vehicle whose joints move no tip.
@@ -130,21 +138,12 @@ def beside(model: Model, observer: Any, thresholds: Any) -> dict[str, Any]:
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
     force, torque, joints = three("observer", observer)
-    touch, lost = _two(thresholds)
-    gains = interaction_gains((touch, lost), "tip", vehicle)
-    if gains is None:
+    interaction = interaction_gains(two("interaction", thresholds, zero=True), "tip", vehicle)
+    if interaction is None:
         raise ControllerError(f"controller.interaction = {shown(thresholds)}: must be two forces above 0")
-    return {
-        "observer": ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
-        "interaction": gains,
-    }
-
-
-def _two(values: Any) -> tuple[float, float]:
-    if not isinstance(values, (list, tuple)) or len(values) != 2:
-        raise ControllerError(f"controller.interaction = {shown(values)}: must be 2 numbers")
-    first, second, _ = three("interaction", (*values, 1.0), zero=True)
-    return first, second
+    heard = ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)
+    par = make_parameters(PressingParameters, model, observer=heard, interaction=interaction, **gains)
+    return Controller(name=name, law=law, par=par, memory=first_pressing(model))
 
 
 def first_pressing(model: Model) -> PressingMemory:

@@ -1,0 +1,181 @@
+"""What a predictive law knows of the contact that its reference asks for, and the goals that follow from it.
+
+The tip's force is told by the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
+shift of the reference along the believed normal are those of the centroidal law
+(:mod:`skyarm.control.laws.centroidal.interaction`); ramp and shift are foreseen over the horizon.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import E_Z, Vec3, axis_rotation
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.laws.centroidal.interaction import interact
+from skyarm.control.laws.centroidal.interaction_records import (
+    InteractionGains,
+    InteractionMemory,
+    first_interaction,
+    wanted_of,
+)
+from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.laws.predictive.contact_force import tip_velocity
+from skyarm.control.laws.predictive.linearise import examples
+from skyarm.control.model import Model
+from skyarm.dynamics import frame_pose
+from skyarm.scalars import minimum, where
+
+Array = npt.NDArray[np.float64]
+
+TOLD = 5
+"""Numbers of a push that are answered: force, speed, normal. A tip that grips is led as a free one."""
+KEPT = 0.6
+"""Share of the observed force across the normal that a pressing plan reckons with: friction bears the rest.
+
+A tip that sticks is held by friction with any force that is asked of it: a plan that reckons with all of it pushes
+against its own push, and the arm of six joints swings up.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Touch:
+    """What a period knows of the contact; forces along the normal in N, ways along it in m and m/s.
+
+    Attributes:
+        normal: (3,) out of the surface, world axes.
+        asked, touching: 1 where contact is asked for, and where the surface holds the tip.
+        rising: 1 while the order rises. share: of the wanted force so far. force: wanted as a whole.
+        damping: 1/s, of the tip.
+        shift, shift_rate: of the reference. gap: of the tip from it. speed: with which the tip comes.
+        free: leaves of the disturbance without the surface's force along the normal while it holds the tip.
+        pressed: the same with the order in its place.
+        tip_force: (3,) of the surface on the tip, believed, world axes.
+    """
+
+    normal: tuple[Any, ...]
+    asked: Any
+    touching: Any
+    rising: Any
+    share: Any
+    force: Any
+    damping: Any
+    shift: Any
+    shift_rate: Any
+    gap: Any
+    speed: Any
+    free: tuple[Any, ...]
+    pressed: tuple[Any, ...]
+    tip_force: tuple[Any, ...]
+
+
+class TipContact:
+    """One period of touch and loss, and what an observer's disturbance is beside it, as machine code.
+
+    Args:
+        model: the belief. gains: of pressing. dt: control period, s.
+    """
+
+    def __init__(self, model: Model, gains: InteractionGains, dt: float) -> None:
+        vehicle = model.vehicle
+        state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
+        first = first_interaction(vehicle.n)
+        self.gains, self.first = gains, np.array(leaves(first), dtype=float)
+        row = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
+
+        def step(memory: InteractionMemory, _par: Any, row: Any, _uniforms: Any) -> Any:
+            now, observed, push, (x, y, z, yaw, *joints) = row
+            wanted, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
+            n, into = wanted.normal, -wanted.normal.dot(tip_velocity(model, now))
+            after, pressing = interact(gains, memory, wanted, vehicle, observed, at, into, 0.0, dt)
+            arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
+            way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
+            after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
+            along = n * n.dot(pressing.force)
+            unanswered = along + (pressing.force - along) * (1.0 - KEPT)
+            free = observed + at.disturbance(unanswered * -pressing.engaged)
+            pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
+            return after, Touch(
+                normal=tuple(n),
+                asked=where(wanted.asked, 1.0, 0.0),
+                touching=pressing.engaged,
+                rising=after.touching,
+                share=after.share,
+                force=wanted.force + after.integral,
+                damping=pressing.damping,
+                shift=after.shift,
+                shift_rate=after.shift_rate,
+                gap=after.gap,
+                speed=where(after.found > 0.0, minimum(wanted.speed, gains.again), wanted.speed),
+                free=tuple(leaves(free)),
+                pressed=tuple(leaves(pressed)),
+                tip_force=tuple(after.force),
+            )
+
+        self.kernel = Kernel(trace_loop(step, first, (), row), Lanes(1), logging=True)
+        numbers: dict[str, Any] = {field.name: 0.0 for field in dataclasses.fields(Touch)}
+        numbers |= dict.fromkeys(("normal", "tip_force"), (0.0,) * 3)
+        self.touch = Touch(**numbers | dict.fromkeys(("free", "pressed"), (0.0,) * (6 + vehicle.n)))
+
+    def at(self, before: Array | None, estimate: Array, push: Sequence[Any], wanted: Array) -> tuple[Array, Touch]:
+        """One period.
+
+        Args:
+            before: leaves of the memory a period earlier; None before the first.
+            estimate: leaves of state and disturbance at the measurement.
+            push: what the reference asks for.
+            wanted: (4 + joints,) signals of the reference now.
+
+        Returns:
+            the memory, and what is known now.
+        """
+        before = self.first if before is None else before
+        rows = np.concatenate([estimate, np.array(push[:TOLD], dtype=float), wanted])[None]
+        after, log = self.kernel.run(before[:, None], np.zeros((0, 1)), rows)
+        return np.ascontiguousarray(after[:, 0]), rebuild(self.touch, iter(log[0, :, 0].tolist()))
+
+
+def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
+    """Shift of the reference along the normal, m, with two derivatives, at instants (T,) ``later`` s from now.
+
+    A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
+    """
+    s, rate, t = touch.shift, touch.shift_rate, later
+    if touch.asked and not touch.rising:
+        late = np.exp(-gains.coming * t)
+        off = rate + touch.speed
+        place = s - touch.speed * t + off * (1.0 - late) / gains.coming
+        inside = place > -gains.furthest
+        going = np.where(inside, off * late - touch.speed, 0.0)
+        return np.maximum(place, -gains.furthest), going, np.where(inside, -gains.coming * off * late, 0.0)
+    w = gains.follow
+    end = s + touch.gap if touch.rising else 0.0
+    away, slope = s - end, rate + w * (s - end)
+    late = np.exp(-w * t)
+    return (
+        end + (away + slope * t) * late,
+        (slope - w * (away + slope * t)) * late,
+        (w * w * (away + slope * t) - 2.0 * w * slope) * late,
+    )
+
+
+def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
+    """Leaves of :class:`skyarm.control.laws.predictive.contact_force.Contact` at N + 1 instants (N + 1, 6).
+
+    The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
+    a force that is held over it would turn the tip back by more than its velocity.
+    """
+    ramp = touch.share + (later / gains.rise if touch.rising else -later / gains.fall)
+    force = touch.force * np.clip(ramp, 0.0, 1.0)
+    steps = np.append(np.diff(later), later[-1] - later[-2])
+    damping = (1.0 - np.exp(-touch.damping * steps)) / steps
+    held = np.full_like(later, touch.touching)
+    return np.column_stack([np.tile(touch.normal, (len(later), 1)), held, force, damping])

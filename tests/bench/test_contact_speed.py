@@ -1,0 +1,57 @@
+"""Scenes of the benchmark of contact: they touch where they say so, on our plant and on MuJoCo's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.bench import contact_speed as room
+from skyarm.compile.llvm import kernel
+
+
+@pytest.fixture(autouse=True)
+def _quick(tmp_path, monkeypatch):
+    compiled = kernel._compiled
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    monkeypatch.setattr("skyarm.compile.llvm.kernel._compiled", lambda text, effort: compiled(text, 0))
+
+
+def test_the_vehicle_stands_on_its_four_skids_all_the_time():
+    scenario = room.standing(0.5)
+    log = skyarm.run(scenario)
+    weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    assert log.status == "completed"
+    assert (log.contact_force.sum(axis=1) > 0.0).all()
+    assert log.contact_force.shape[1] == len(room.SKIDS)
+    assert log.contact_force[0].sum() == pytest.approx(weight, rel=0.01)
+
+
+@pytest.mark.thorough
+def test_the_tip_presses_where_mujoco_begins_to_be_timed():
+    log = skyarm.run(room.pressing(room.TOUCHED + 0.5))
+    assert (log.contact_force[log.time > room.TOUCHED, 0] > 0.2).all()
+
+
+def test_bare_mujoco_stands_on_the_same_skids_for_as_long_as_it_says():
+    rollout, one = room.bare_mujoco(room.standing(0.1, plant="mujoco_contacts"), 1.25e-3, 2, 20)
+    assert one.run() == pytest.approx(20 * 1.25e-3)
+    assert rollout.run() == pytest.approx(2 * 8 * 20 * 1.25e-3)
+    assert "1.25 ms" in one.what
+
+
+@pytest.mark.thorough
+def test_contenders_fly_what_they_say():
+    names, seconds = [], []
+    for each in room.standing_contenders(0.05, 1, 1):
+        names.append(each.name)
+        seconds.append(each.run())
+    assert names[:3] == ["mujoco.rollout", "mj_step", "mujoco_contacts"]
+    assert names[3:] == [
+        "contact f64, 1 threads",
+        "contact f32, 1 threads",
+        "free f64, 1 threads",
+        "free f32, 1 threads",
+    ]
+    assert seconds[2] == pytest.approx(0.5)
+    assert np.all(np.array(seconds[3:]) > 0.0)

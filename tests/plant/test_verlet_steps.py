@@ -1,0 +1,240 @@
+"""Steps of the Stoermer-Verlet method near contact: their order, what they keep, and where they are taken."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves
+from skyarm.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
+from skyarm.dynamics.energy import kinetic_energy
+from skyarm.environment import Force, SignalVector
+from skyarm.environment.component import Wrench
+from skyarm.plant.compiled import RigidBodyPlant, Steps
+from skyarm.plant.interface import Truth
+from skyarm.plant.largest_step import borne_step, lanes_step, verlet_step
+from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
+from skyarm.plant.surroundings import Surroundings
+from skyarm.reference import Sine
+from skyarm.vehicle.vehicle_files import load_vehicle
+from standing_vehicles import around, at_rest, ground, limp
+
+BIRD, ARM = limp(), limp("hummingbird_arm2_rotors")
+MASS = float(BIRD.mass)
+UNDER = (ContactPoint(name="below", body="base", position=Vec3(0.0, 0.0, -0.12)),)
+SPRING = ground(stiffness=2000.0, dissipation=0.0, friction=0.0)
+
+
+def fly(law, vehicle, state, surroundings, seconds, count, gravity=9.8, efforts=0.0):
+    """State and coupled memories after so many steps of a method."""
+    world = Truth(vehicle=vehicle, gravity=gravity)
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(efforts,) * vehicle.n)
+    for _ in range(count):
+        state, memories = law(world, state, command, surroundings, seconds / count)
+        surroundings = surroundings.with_coupled(memories)
+    return state, surroundings.coupled_memories()
+
+
+def errors(vehicle, state, surroundings, seconds, counts, true):
+    """Largest distance of the leaves of a state from the true ones, for each number of steps."""
+    found = [leaves(fly(coupled_verlet, vehicle, state, surroundings, seconds, n, 0.0)[0]) for n in counts]
+    return [np.abs(np.array(each, dtype=float) - true).max() for each in found]
+
+
+def test_a_mass_on_a_spring_swings_as_in_closed_form_with_an_error_of_second_order():
+    """z = z_0 cos w t about the rest, 5 mm deep: Hooke's law and nothing else."""
+    rest, amplitude, w = MASS * 9.8 / 2000.0, 1e-3, math.sqrt(2000.0 / MASS)
+    start = at_rest(BIRD, (0.0, 0.0, 0.12 - rest - amplitude))
+    off = []
+    for count in (50, 100):
+        after, _ = fly(coupled_verlet, BIRD, start, around(SPRING, points=UNDER), 0.1, count)
+        off.append(float(after.position.z) - (0.12 - rest - amplitude * math.cos(0.1 * w)))
+    assert abs(off[1]) < 1e-6
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.02)
+
+
+def test_the_energy_of_a_spring_does_not_drift_and_the_step_is_its_own_inverse():
+    """After 5000 steps at w h = 0.42 as after 50; backwards it comes to where it began."""
+    rest = MASS * 9.8 / 2000.0
+    start = at_rest(BIRD, (0.0, 0.0, 0.12 - rest - 1e-3))
+    w = math.sqrt(2000.0 / MASS)
+    step, told = 0.42 / w, around(SPRING, points=UNDER)
+
+    def energy(state):
+        return 0.5 * MASS * float(state.velocity.z) ** 2 + 1000.0 * (0.12 - rest - float(state.position.z)) ** 2
+
+    state, found = start, []
+    for _ in range(5000):
+        state, _ = fly(coupled_verlet, BIRD, state, told, step, 1)
+        found.append(energy(state))
+    assert max(found[-50:]) == pytest.approx(max(found[:50]), rel=0.01)
+    assert min(found) > 0.9 * energy(start)
+    turned = dataclasses.replace(start, velocity=Vec3(0.0, 0.0, -0.02))
+    there, _ = fly(coupled_verlet, BIRD, turned, told, step, 1)
+    back, _ = fly(coupled_verlet, BIRD, dataclasses.replace(there, velocity=-there.velocity), told, step, 1)
+    # the depth is a mean over the way of the velocity before the push: nothing of it 5 mm deep
+    assert [*back.position] == pytest.approx([*turned.position], abs=1e-12)
+    assert [*back.velocity] == pytest.approx([*-turned.velocity], abs=1e-12)
+
+
+def test_gyroscopic_and_centrifugal_terms_are_of_second_order():
+    """A tumbling vehicle whose arm swings, against Runge-Kutta's method in steps of 0.1 ms."""
+    start = at_rest(ARM, (0.0, 0.0, 5.0), (-0.45, -0.9), velocity=Vec3(0.3, -0.2, 0.1))
+    start = dataclasses.replace(start, rate=Vec3(2.0, -3.0, 1.5), joint_rates=(3.0, -4.0))
+    far = around(SPRING, points=UNDER)
+    true = np.array(leaves(fly(coupled_rk4, ARM, start, far, 0.02, 200, 0.0)[0]), dtype=float)
+    coarse, fine = errors(ARM, start, far, 0.02, (8, 16), true)
+    assert coarse < 5e-3
+    assert coarse / fine == pytest.approx(4.0, rel=0.2)
+    assert float(kinetic_energy(ARM, start)) > 0.1
+
+
+def test_a_body_that_nothing_pushes_turns_as_eulers_equations_say():
+    """Against SciPy; the torques of a moment of time late it would be off by the first power of the step."""
+    box = FreeObject(name="box", size=(0.2, 0.1, 0.04), mass=0.3, position=Vec3(0.0, 0.0, 9.0),
+                     angular_velocity=Vec3(3.0, 4.0, 2.0))  # fmt: skip
+    moments = np.array([float(c) for c in box.moments])
+    true = solve_ivp(lambda _t, w: -np.cross(w, moments * w) / moments, (0.0, 0.2), [3.0, 4.0, 2.0], rtol=1e-11).y[
+        :, -1
+    ]
+    off = []
+    for count in (40, 80):
+        contact = Contact(surfaces=(SPRING,), points=UNDER, objects=(box,))
+        told = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
+        _, (memory,) = fly(coupled_verlet, BIRD, at_rest(BIRD, (0.0, 0.0, 30.0)), told, 0.2, count, 0.0)
+        off.append(np.abs(np.array([*memory.carried[0].rate], dtype=float) - true).max())
+    assert off[0] < 2e-3
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_surface_that_moves_is_where_it_is_in_the_middle_of_a_step():
+    """One step of a body at rest: the push is k d h / m of the depth half a step later."""
+    floor = Surface(name="floor", motion=SignalVector(z=Sine(amplitude=0.01, frequency_hz=2.0)),
+                    material=Material(stiffness=2000.0, dissipation=0.0, friction=0.0))  # fmt: skip
+    h, told = 1e-3, around(floor, points=UNDER)
+    after, (memory,) = fly(coupled_verlet, BIRD, at_rest(BIRD, (0.0, 0.0, 0.115)), told, h, 1, 0.0)
+    depth = 0.005 + 0.01 * math.sin(4.0 * math.pi * 0.5 * h)
+    assert float(after.velocity.z) == pytest.approx(2000.0 * depth * h / MASS, rel=1e-9)
+    assert memory.clock == pytest.approx((h,))
+
+
+def test_rotors_push_with_the_speed_of_the_middle_and_end_where_their_lag_takes_them():
+    vehicle = load_vehicle("hummingbird")
+    world, h = Truth(vehicle=vehicle, gravity=9.8), 2e-3
+    start = dataclasses.replace(at_rest(vehicle, (0.0, 0.0, 9.0)), rotor_speeds=(300.0,) * 4)
+    command = Command(rotor_speeds=(600.0,) * 4, efforts=())
+    state, _ = coupled_verlet(world, start, command, around(SPRING, points=UNDER), h)
+    rotor = vehicle.rotors[0]
+    tau = float(rotor.time_constant_up)
+    middle, end = (600.0 - 300.0 * math.exp(-t / tau) for t in (0.5 * h, h))
+    assert [*state.rotor_speeds] == pytest.approx([end] * 4, rel=1e-9)
+    thrust = 4.0 * float(rotor.thrust_coefficient) * middle**2
+    assert float(state.velocity.z) == pytest.approx(h * (thrust / float(vehicle.mass) - 9.8), rel=1e-6)
+
+
+def test_bristles_bend_by_the_slip_of_a_whole_step_and_a_body_beside_the_vehicle_falls():
+    """The first step of a slide: z = v h. The depth of a body that falls is g h^2 / 2."""
+    h, rough = 1e-3, ground(friction=0.5)
+    start = at_rest(BIRD, (0.0, 0.0, 0.119), velocity=Vec3(0.03, -0.04, 0.0))
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.3, position=Vec3(5.0, 0.0, 9.0))
+    contact = Contact(surfaces=(rough,), points=UNDER, objects=(box,))
+    told = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
+    _, (memory,) = fly(coupled_verlet, BIRD, start, told, h, 1)
+    assert [*memory.bristles[0]] == pytest.approx([0.03 * h, -0.04 * h, 0.0], rel=1e-9)
+    assert float(memory.carried[0].velocity.z) == pytest.approx(-9.8 * h)
+    assert float(memory.carried[0].position.z) - 9.0 == pytest.approx(-0.5 * 9.8 * h * h, rel=1e-6)
+
+
+def test_a_quick_touch_pushes_both_bodies_by_the_same_mean_over_the_way():
+    """A vehicle 0.06 mm above a box at 1 m/s: in the bend of the force what one loses, the other gets."""
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.3, position=Vec3(0.0, 0.0, -0.17006),
+                     material=Material(friction=0.0))  # fmt: skip
+    contact = Contact(points=UNDER, objects=(box,))
+    told = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
+    start = at_rest(BIRD, (0.0, 0.0, 0.0), velocity=Vec3(0.0, 0.0, -1.0))
+    after, (memory,) = fly(coupled_verlet, BIRD, start, told, 1e-4, 1, 0.0)
+    gained, lost = 0.3 * float(memory.carried[0].velocity.z), MASS * (float(after.velocity.z) + 1.0)
+    assert lost > 1e-6
+    assert gained == pytest.approx(-lost, rel=1e-9)
+
+
+def test_an_attitude_of_nearly_unit_length_gets_it_back():
+    start = at_rest(BIRD, (0.0, 0.0, 5.0))
+    long = dataclasses.replace(start, quaternion=type(start.quaternion)(1.0 + 1e-6, 0.0, 0.0, 0.0))
+    after, _ = fly(coupled_verlet, BIRD, long, around(SPRING, points=UNDER), 1e-3, 1)
+    assert sum(float(c) ** 2 for c in after.quaternion) == pytest.approx(1.0, abs=1e-11)
+
+
+def plant(vehicle, *components, integrator="rk4"):
+    held = tuple(each.start(0.005, ()) for each in components)
+    told = Surroundings(components=components, memories=held)
+    return RigidBodyPlant(Truth(vehicle=vehicle, gravity=9.8), told, integrator), told
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Coupled(Force):
+    """A coupled force that says nothing of Verlet's method."""
+
+    coupled = True
+    largest_step = 1e-3
+
+    def start(self, period, draws):
+        return (0.0,)
+
+    def slope(self, memory, t, motion, rotor_speeds):
+        return (1.0,)
+
+    def wrenches(self, memory, t, motion, rotor_speeds):
+        return (Wrench(force_W=Vec3(memory[0], 0.0, 0.0)),)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Beside(Force):
+    """A force that is not coupled and asks for steps of 2.5 ms wherever the vehicle is."""
+
+    largest_step = 2.5e-3
+
+
+def test_they_are_taken_near_contact_where_they_are_fewer_than_evaluations_of_runge_kutta():
+    touch = Contact(surfaces=(Surface(name="ground"),), points=UNDER)
+    count = plant(BIRD, touch)[0].substeps(0.005)
+    assert (int(count), count.far, count.rounds, count.verlet) == (4, 1, 3, True)
+    assert not plant(BIRD, touch, Coupled())[0].substeps(0.005).verlet
+    assert plant(BIRD, touch, integrator="euler")[0].substeps(0.005) == 5
+    assert not plant(BIRD, touch, Beside())[0].substeps(0.005).verlet
+    # friction in the joints of this one would take 13 steps, and Runge-Kutta's method takes 12 forces
+    pelican = plant(load_vehicle("pelican_arm2"), touch)[0].substeps(0.005)
+    assert (int(pelican), getattr(pelican, "verlet", False)) == (3, False)
+    # its friction decays with 72 1/s: a tenth of that time is 1.4 ms
+    assert int(plant(load_vehicle("hexarotor_arm6"), touch)[0].substeps(0.005)) == 4
+    soft = Contact(surfaces=(Surface(name="ground", material=Material(stiffness=100.0)),), points=UNDER)
+    assert int(plant(load_vehicle("hexarotor_arm6"), soft)[0].substeps(0.005)) == 4
+    assert int(plant(BIRD, soft)[0].substeps(0.005)) == 3
+    others = Steps(3, 1), Steps(4, 1), Steps(2, 1, verlet=4), Steps(3, 2, verlet=4), Steps(3, 1, verlet=4), 4
+    assert [Steps(3, 1, verlet=4) == each for each in others] == [False, False, False, False, True, False]
+
+
+def test_lanes_are_compared_by_the_steps_that_both_methods_follow_from():
+    grip = Contact(objects=(FreeObject(name="box", size=(0.06,) * 3, mass=0.1),),
+                   grippers=(Gripper(name="hand", damping_ratio=1.5),))  # fmt: skip
+    told = plant(BIRD, grip)[1]
+    assert lanes_step(told, euler=False) == float(grip.largest_euler_step) < float(grip.largest_step)
+    assert verlet_step(told) == pytest.approx(0.75 * float(grip.largest_euler_step))
+    assert verlet_step(plant(BIRD, grip, Coupled())[1]) is None
+    assert verlet_step(SimpleNamespace()) is None
+    assert borne_step(Coupled(), euler=False) == 1e-3
+    assert lanes_step(SimpleNamespace(), euler=False) is None
+
+
+def test_a_coupled_force_with_a_step_of_its_own_moves_by_its_rate():
+    """What has no velocities goes on by the slope in the middle of the step."""
+    memory = Coupled().push((0.5,), 0.0, None, (), 1e-3)
+    assert memory == pytest.approx((0.501,))
+    assert Coupled().drift((0.5,), 1e-3) == (0.5,)
