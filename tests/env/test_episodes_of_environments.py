@@ -282,3 +282,25 @@ def test_numbers_are_drawn_as_a_sweep_draws_them_and_the_stiffest_sets_the_steps
         study = Study(name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={})
         assert drawn_here[:, k].tolist() == [float(column[0]) for column in values(study, [episode]).values()]
     assert float(found.stiffest.world.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)
+
+
+def test_a_lane_is_told_its_own_ending():
+    envs = VectorEnvironment(3, **bare())
+    envs.reset(seed=0)
+    envs.lanes.ending[:] = [2.0, 0.0, 1.0]
+    words = envs.lanes.statuses
+    assert words[1] != words[2]
+    infos = envs._infos(np.array([True, False, True]))
+    assert infos["status"].tolist() == [words[2], None, words[1]]
+    assert infos["_status"].tolist() == [True, False, True]
+    assert envs._infos(np.zeros(3, dtype=bool)) == {}
+
+
+def test_vectors_are_filled_with_the_last_lane():
+    """Zeros there are no state: numbers that are none make vectors slow."""
+    envs = VectorEnvironment(3, **bare())
+    envs.reset(seed=0)
+    stepper = envs.lanes._stepper
+    last = stepper._blocks * stepper._kernel.lanes.width
+    assert last > 3
+    assert (stepper._carry[:, 3:last] == stepper._carry[:, 2:3]).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,8 @@ jax = pytest.importorskip("jax", reason="needs the extra 'jax'")
 import jax.numpy as jnp
 
 from flying_engines import jax_doubles
+from skyarm.compile.jax import jax_cpu
+from skyarm.compile.jax.jax_cpu import EXTRA_OPTIONS
 from skyarm.env import make_jax
 from skyarm.env.jax_params import drawn, params_of
 from skyarm.env.single_environment import Environment
@@ -23,6 +26,10 @@ from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sweep.distributions import distribution_from
 from small_environments import bare, noisy, one_program_a_task
+
+# tests of one process share a JAX, which starts here without flags; none of them is to set some for the others
+jax.devices()
+pytestmark = pytest.mark.filterwarnings("ignore:make_jax. JAX has started")
 
 WIND = "environment.wind.force_W.x"
 SHORT = {"scenario": "case3_wind", "actions": "residual", "duration": 0.5, "precision": "double"}
@@ -199,7 +206,7 @@ def test_what_cannot_be_made_is_refused_in_one_line(change, words):
 def test_what_functions_cannot_take_is_refused_in_one_line():
     env, params = make_jax(**bare(precision="double"), numbers=["plant.gravity"])
     key = jax.random.key(0)
-    state = jax.eval_shape(env.reset, key, params)[1]
+    seen, state = jax.eval_shape(env.reset, key, params)
     for given, words in (
         ({}, "'plant.gravity' is missing"),
         ({**params, "gravity": 1.0}, "path = 'gravity'"),
@@ -207,9 +214,19 @@ def test_what_functions_cannot_take_is_refused_in_one_line():
         ({"plant.gravity": {"evenly": jnp.zeros(2)}}, "must have exactly one of uniform"),
         ({"plant.gravity": {"uniform": jnp.zeros(3)}}, "uniform of shape"),
         (3.0, "must be a table of paths"),
+        ({"plant.gravity": "heavy"}, r'params\["plant.gravity"\] = \'heavy\': must be one number'),
+        ({"plant.gravity": None}, r'params\["plant.gravity"\] = None: must be one number'),
+        ({"plant.gravity": True}, r'params\["plant.gravity"\] = True: must be one number'),
+        ({"plant.gravity": 1j}, r'params\["plant.gravity"\] = 1j: must be one number'),
+        ({"plant.gravity": [9.8, "x"]}, r'params\["plant.gravity"\] = \[9.8, \'x\'\]: must be one number'),
+        ({"plant.gravity": {"uniform": ["a", "b"]}}, r'params\["plant.gravity"\]\["uniform"\] = .* must be numbers'),
+        ({"plant.gravity": {"uniform": None}}, r'params\["plant.gravity"\]\["uniform"\] = None: must be numbers'),
+        ({"plant.gravity": {"list": [[1.0], [2.0, 3.0]]}}, r'\["list"\] = .*: must be numbers'),
     ):
         with pytest.raises(ScenarioError, match=words):
             env.reset(key, given)
+    for number in (10, np.float32(9.8), np.int64(9), jnp.asarray(9.8), np.array(9.8)):
+        assert jax.eval_shape(lambda given=number: env.reset(key, {"plant.gravity": given}))[0].shape == seen.shape
     with pytest.raises(ScenarioError, match=r"action: shape .*must be \(4,\)"):
         jax.eval_shape(env.step, key, state, jnp.zeros((2, 4)), params)
     with pytest.raises(ScenarioError, match="key: must be one key"):
@@ -219,3 +236,47 @@ def test_what_functions_cannot_take_is_refused_in_one_line():
 def test_doubles_must_be_allowed():
     with jax_doubles(False), pytest.raises(ScenarioError, match="jax_enable_x64"):
         make_jax(**bare(precision="double"))
+
+
+FRESH = """
+import os, warnings
+import jax
+from skyarm.env import make_jax
+warnings.simplefilter("error")
+{before}
+small = dict(actions="rotors_and_joints", observation=["body_rate"], reward=["alive"])
+try:
+    make_jax("skyarm/Hover-v0", **small)
+except UserWarning as warning:
+    print("warned:", warning)
+print(os.environ.get("XLA_FLAGS", ""))
+make_jax("skyarm/Hover-v0", **small)
+"""
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_options_of_the_compiler_are_set_by_making_one_or_missed_in_one_line(late):
+    """In a process of its own: JAX reads them once."""
+    environment = os.environ | {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false", "JAX_PLATFORMS": "cpu"}
+    code = FRESH.format(before="jax.random.key(0)" if late else "")
+    if late:
+        code = code[: code.rindex("make_jax")]
+    done = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    *words, flags = done.stdout.split("\n")[:-1]
+    if late:
+        assert "call skyarm.env.make_jax, or skyarm.compile.jax.jax_cpu.configure_cpu, before" in words[0]
+        assert flags == "--xla_cpu_enable_fast_math=false"
+    else:
+        assert words == []
+        assert flags == f"--xla_cpu_enable_fast_math=false {EXTRA_OPTIONS}"
+
+
+@pytest.mark.parametrize("started", [False, True])
+@pytest.mark.parametrize("own", ["", "--xla_backend_extra_options=xla_cpu_flatten_after_fusion"])
+def test_ones_own_options_stay_and_only_a_processor_needs_them(monkeypatch, own, started):
+    monkeypatch.setenv("XLA_FLAGS", own)
+    monkeypatch.setattr(jax_cpu, "_started", lambda: started)
+    assert jax_cpu.configure_extra_options() == (bool(own) or not started)
+    assert os.environ["XLA_FLAGS"] == (own if own or started else EXTRA_OPTIONS)
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    assert jax_cpu.configure_extra_options()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -169,3 +172,31 @@ def test_the_example_that_learns_is_better_than_the_law_below_it(monkeypatch, ca
     below, learned = (line.split() for line in capsys.readouterr().out.splitlines())
     assert (below[:2], learned[:2]) == (["hybrid_computed_torque", "completed"], ["learned", "completed"])
     assert float(learned[2]) < 0.7 * float(below[2])
+
+
+COMPARED = """
+import numpy as np, gymnasium, skyarm.env
+
+def policy(push):
+    env = gymnasium.make("skyarm/HoldTipInWind-v0")
+    weights = np.zeros((env.action_space.shape[0], env.observation_space.shape[0]))
+    return skyarm.env.as_law([(weights, np.full(len(weights), push))], env, name="policy")
+
+def still(model):
+    return policy(0.0)
+
+def pushing(model):
+    return policy(0.3)
+"""
+
+
+@pytest.mark.thorough
+def test_a_policy_is_compared_with_the_law_that_it_adds_to(tmp_path):
+    """A residual of zero is the paper's law; another flies elsewhere."""
+    (tmp_path / "mine.py").write_text(COMPARED)
+    words = ["compare", "case3_wind", "--laws", "paper_ct,mine.py:still,mine.py:pushing", "--out", "out"]
+    subprocess.run([sys.executable, "-m", "skyarm", *words], cwd=tmp_path, check=True, capture_output=True)
+    (found,) = json.loads((tmp_path / "out" / "results.json").read_text())["summaries"]["given"].values()
+    errors = {law: each["metrics"]["ee_error_mean_continuous"]["mean"] for law, each in found.items()}
+    assert errors["mine.py:still"] == pytest.approx(errors["paper_ct"], rel=1e-9)
+    assert errors["mine.py:pushing"] != pytest.approx(errors["paper_ct"], rel=1e-3)

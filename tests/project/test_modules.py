@@ -42,7 +42,7 @@ def test_no_two_modules_share_a_name():
 
 INSTALLED_AS = {"mujoco-core": "mujoco", "pillow": "PIL", "pin": "pinocchio"}
 """Distribution -> the name that it is imported by, where that is another."""
-PEERS = {"crazyflow", "rotorpy"}
+PEERS = {"crazyflow", "rotorpy", "PyFlyt", "gym_pybullet_drones"}
 """Simulators that the bench measures if somebody has them; nobody is asked to install them."""
 
 

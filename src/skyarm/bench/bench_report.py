@@ -11,6 +11,7 @@ from skyarm.bench import engines as ours
 from skyarm.bench import mujoco_pinocchio as others
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.counts import counts, growth
+from skyarm.bench.environment_peers import PEERS, peers
 from skyarm.bench.environment_steps import environments
 from skyarm.bench.latency import latency
 from skyarm.bench.optional_simulators import crazyflow, guests, installed
@@ -24,7 +25,8 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 SCENARIO = "case2_gust"
 LONG_ARM = "hexarotor_arm6"
 CRAZYFLOW_WORLDS = (1024, 4096, 16384)
-NOT_COMPARED = ("crazyflow", "rotorpy", "mujoco.mjx", "gymnasium")
+COMPARED = (*PEERS, "rotorpy", "mujoco.mjx", "gymnasium")
+"""What is compared only where it is installed, by the name that it is imported by."""
 
 Progress = Callable[[str], None]
 
@@ -69,7 +71,10 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
         "contact": _contact(threads, rounds, quick, progress),
         "environments": [dataclasses.asdict(score) for score in contest(environments(), 4 * rounds, progress)],
-        "not_installed": [name for name in NOT_COMPARED if not installed(name)],
+        "environment_peers": [
+            [dataclasses.asdict(score) for score in contest(each, 4 * rounds, progress)] for each in peers()
+        ],
+        "not_installed": [name for name in COMPARED if not installed(name)],
     }
     progress("accuracy")
     found["accuracy_m"] = accuracy(scenario, 3.0 if quick else 30.0)
@@ -128,6 +133,8 @@ def text(found: dict[str, Any]) -> str:
         lines += ["", f"in contact: {scene}", *_speeds(speeds)]
     if found.get("environments"):
         lines += ["", "vector environments, steps of a world per second", *_speeds(found["environments"])]
+    for group in found.get("environment_peers", []):
+        lines += ["", f"environments beside {group[0]['name']}, steps of a world per second", *_speeds(group)]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]
     lines += [f"  {name:<44} {value:.2e}" for name, value in found["accuracy_m"].items()]
     lines += ["", "one control step, microseconds: median, 99th percentile"]

@@ -24,18 +24,18 @@ def environments() -> list[Contender]:
 
     windy = "the paper's Case 3 in wind"
     return [
-        _stepped(VectorEnvironment(WORLDS, scenario="case3_wind"), "env commands", f"{windy}, rotors and joints"),
-        _stepped(
+        stepped(VectorEnvironment(WORLDS, scenario="case3_wind"), "env commands", f"{windy}, rotors and joints"),
+        stepped(
             VectorEnvironment(WORLDS, scenario="case3_wind", actions="residual"),
             "env residual",
             f"{windy}, residual on the paper's law",
         ),
-        _stepped(make_vector(WORLDS, task="Hover"), "env no arm", "a quadrotor without an arm, starts drawn"),
+        stepped(make_vector(WORLDS, task="Hover"), "env no arm", "a quadrotor without an arm, starts drawn"),
     ]
 
 
-def _stepped(envs: VectorEnvironment, name: str, words: str) -> Contender:
-    """Some steps of all worlds; it returns environment steps in place of simulated seconds."""
+def stepped(envs: VectorEnvironment, name: str, words: str) -> Contender:
+    """Some steps of all worlds by drawn actions; it returns environment steps in place of simulated seconds."""
     shape = (STEPS, *(envs.action_space.shape or ()))
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     envs.reset(seed=0)

@@ -17,7 +17,8 @@ from skyarm.env.env_task import Task
 from skyarm.env.episode_starts import EpisodeStarts
 from skyarm.env.given_arguments import require_actions
 from skyarm.files import shown
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 
 Array = npt.NDArray[Any]
@@ -130,6 +131,10 @@ class EnvLanes:
     def numbers(self) -> dict[str, Array]:
         """Path -> (lanes,) randomised numbers that the lanes fly with."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
+
+    def flown(self, lane: int) -> Scenario:
+        """The scenario with the numbers that were drawn for a lane's episode."""
+        return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
 
     def close(self) -> None:
         """End the threads."""

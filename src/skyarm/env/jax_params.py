@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtri
@@ -71,12 +72,24 @@ def require_params(params: Any, paths: tuple[str, ...]) -> None:
 
 def _require_one(at: str, given: Any) -> None:
     if not isinstance(given, Mapping):
-        if jnp.shape(given) != ():
-            raise ScenarioError(f"{at}: shape {jnp.shape(given)}, must be one number, or {{kind: numbers}}")
+        shape = _shape(at, given, "one number, or {kind: numbers}")
+        if shape != ():
+            raise ScenarioError(f"{at}: shape {shape}, must be one number, or {{kind: numbers}}")
         return
     if len(given) != 1 or next(iter(given)) not in KINDS:
         raise ScenarioError(f"{at}: {', '.join(map(str, given))}: must have exactly one of {', '.join(KINDS)}")
     ((kind, numbers),) = given.items()
-    shape = jnp.shape(numbers)
+    shape = _shape(f'{at}["{kind}"]', numbers, "numbers")
     if len(shape) != 1 or (kind != "list" and shape != (2,)) or not math.prod(shape):
         raise ScenarioError(f"{at}: {kind} of shape {shape}, must be of shape {'(n,)' if kind == 'list' else '(2,)'}")
+
+
+def _shape(at: str, given: Any, wanted: str) -> tuple[int, ...]:
+    """Shape of numbers; what JAX makes no real numbers of is refused, which it would do in words of its own."""
+    try:
+        found = given if isinstance(given, jax.Array) else np.asarray(given)
+    except (TypeError, ValueError):
+        found = np.asarray(None)
+    if not (jnp.issubdtype(found.dtype, np.floating) or jnp.issubdtype(found.dtype, np.integer)):
+        raise ScenarioError(f"{at} = {shown(given)}: must be {wanted}")
+    return tuple(found.shape)

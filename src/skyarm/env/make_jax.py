@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,19 @@ from skyarm.files import must_be_one_of, shown
 if TYPE_CHECKING:
     from skyarm.env.jax_environment import JaxEnvironment
 
+STARTED = (
+    "make_jax: JAX has started without XLA's options for stepped programs, so that the first call takes minutes: call "
+    "skyarm.env.make_jax, or skyarm.compile.jax.jax_cpu.configure_cpu, before the first array or key is made"
+)
+
 
 def make_jax(
     name: str = ANY_SCENARIO, *, numbers: Iterable[str] = (), **task: Any
 ) -> tuple[JaxEnvironment, dict[str, Any]]:
     """Make an environment in JAX, and the numbers that its functions take.
+
+    On a processor XLA compiles a step in seconds with options that JAX reads when it starts, and in minutes without
+    them: this sets them in ``XLA_FLAGS`` of the process, and warns in one line if JAX has started without them.
 
     Args:
         name: as :func:`gymnasium.make` takes it: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.
@@ -27,6 +36,7 @@ def make_jax(
         ScenarioError: one line with field, value and what is allowed.
         ImportError: JAX is not installed.
     """
+    from skyarm.compile.jax.jax_cpu import configure_extra_options
     from skyarm.env.env_task import make_task
     from skyarm.env.given_arguments import require_arguments
     from skyarm.env.jax_environment import JaxEnvironment
@@ -38,5 +48,7 @@ def make_jax(
         raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
     require_arguments({k: v for k, v in task.items() if k != "scenario"}, make_task)
     given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)
+    if not configure_extra_options():
+        warnings.warn(STARTED, stacklevel=2)
     env = JaxEnvironment(make_task(**given), numbers=numbers)
     return env, env.default_params

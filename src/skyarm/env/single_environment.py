@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild
+from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
 from skyarm.env.given_arguments import require_actions, require_arguments, require_options
+from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
-from skyarm.files import must_be_one_of, shown
-from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by
 
 Array = npt.NDArray[Any]
-
-RENDER_MODES = ("rgb_array",)
-
-PICTURES = "skyarm.film.episode_pictures"
-"""Where pictures are drawn: a room above this one, imported when pictures are asked for and by name only."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -52,8 +45,7 @@ class Environment(gymnasium.Env[Array, Array]):
         render_options: Mapping[str, Any] | None = None,
         **task: Any,
     ) -> None:
-        self.render_mode, self._pictures = render_mode, _pictures(render_mode, render_options)
-        self._drawn: tuple[int, int] | None = None
+        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, render_options, 1)
         require_arguments(task, make_task)
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
@@ -109,18 +101,13 @@ class Environment(gymnasium.Env[Array, Array]):
         status = str(lanes.statuses[ending])
         if ending == len(lanes.statuses) - 1:
             return {"status": status, "cause": "the command was not finite"}
-        scenario = self._flown()
+        scenario = lanes.flown(0)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
         held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
         goal = [float(c) for c in scenario.trajectory.at(held).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = ended_by(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
-
-    def _flown(self) -> Scenario:
-        """The scenario with the numbers that were drawn for this episode."""
-        numbers = {path: float(column[0]) for path, column in self.lanes.numbers().items()}
-        return with_numbers(self.lanes.task.scenario, numbers)
 
     def render(self) -> Any:
         """Draw the present state, as a frame of a film without its texts.
@@ -137,31 +124,10 @@ class Environment(gymnasium.Env[Array, Array]):
             return None
         if not self._begun:
             raise ScenarioError("render: must come after reset()")
-        lanes = self.lanes
-        episode = int(lanes.seeds[0]), int(lanes.episodes[0])
-        if episode != self._drawn:
-            self._pictures.begin(self._flown())
-            self._drawn = episode
-        return self._pictures.draw(rebuild(lanes.loop, iter([float(leaf[0]) for leaf in leaves(lanes.loop)])))
+        return self._pictures.draw(self.lanes)[0]
 
     def close(self) -> None:
         """End the threads, and give back what drawing holds."""
         self.lanes.close()
         if self._pictures is not None:
             self._pictures.close()
-            self._drawn = None
-
-
-def _pictures(mode: Any, options: Any) -> Any:
-    """What draws; None where nothing is to be drawn."""
-    if mode is None:
-        return None
-    if mode not in RENDER_MODES:
-        raise ScenarioError(f"render_mode = {shown(mode)}: {must_be_one_of(RENDER_MODES, mode)}, or None")
-    if options is not None and not isinstance(options, Mapping):
-        raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
-    drawing = import_module(PICTURES)
-    try:
-        return drawing.EpisodePictures(drawing.picture_settings(options or {}))
-    except ValueError as error:
-        raise ScenarioError(f"render_options: {error}") from None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import logger
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -15,6 +16,7 @@ from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_program import LARGEST
 from skyarm.env.env_task import Task, make_task
 from skyarm.env.given_arguments import require_arguments, require_lanes, require_options
+from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures
 from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -34,6 +36,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         autoreset_mode: ``"NextStep"``, ``"SameStep"`` or ``"Disabled"``, or :class:`gymnasium.vector.AutoresetMode`.
         copy: give observations that stay; else views on one buffer, which every call writes anew.
         threads: most that work.
+        render_mode: None, or "rgb_array": :meth:`render` gives pictures.
+        render_options: of pictures: width, height, camera, ghost, fine, as a film has them; lanes: numbers of those
+            that are drawn, all of them if left out.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
@@ -49,21 +54,20 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         copy: bool = True,
         threads: int = 1,
         render_mode: str | None = None,
+        render_options: Mapping[str, Any] | None = None,
         **task: Any,
     ) -> None:
-        if render_mode is not None:
-            raise ScenarioError(
-                f"render_mode = {shown(render_mode)}: must be None; pictures are of a single environment"
-            )
         self._mode = _mode(autoreset_mode)
         count = require_lanes(num_envs)
+        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, render_options, count, choose=True)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
         require_arguments(task, make_task)
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
-        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
+        rate = made.scenario.rates.control
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate, "autoreset_mode": self._mode}
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
@@ -151,27 +155,48 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             self._over = over[:0]
         return self._observed(), rewards, ended, truncated, infos
 
+    def render(self) -> tuple[Any, ...] | None:
+        """Draw the present state of the chosen lanes, each as a frame of a film without its texts.
+
+        Returns:
+            (height, width, 3) bytes for each; None, with a warning, of environments made without ``render_mode``.
+
+        Raises:
+            ScenarioError: before the first ``reset()``.
+            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
+        """
+        if self._pictures is None:
+            logger.warn('render: gives nothing; make the environments with render_mode="rgb_array"')
+            return None
+        if not self._begun:
+            raise ScenarioError("render: must come after reset()")
+        return self._pictures.draw(self.lanes)
+
     def close_extras(self, **_: Any) -> None:
-        """End the threads; also of an environment that was refused while it was made."""
+        """End the threads, and give back what drawing holds; also of environments refused while they were made."""
         if hasattr(self, "lanes"):
             self.lanes.close()
+        pictures: LanePictures | None = getattr(self, "_pictures", None)
+        if pictures is not None:
+            pictures.close()
 
     def _observed(self) -> Array:
         return self._view.copy(order="C") if self._copy else self._view
 
     def _infos(self, ended: Array) -> dict[str, Any]:
         """Why episodes ended before their time."""
-        if not ended.any():
+        which = np.flatnonzero(ended)
+        if not which.size:
             return {}
-        status = np.full(self.num_envs, None, dtype=object)
-        status[ended] = self.lanes.statuses[self.lanes.ending[ended].astype(int)]
+        status = np.empty(self.num_envs, dtype=object)  # of objects: filled with None
+        status[which] = self.lanes.statuses[self.lanes.ending[which].astype(np.intp)]
         return {"status": status, "_status": ended.copy()}
 
     def _final(self, infos: dict[str, Any]) -> dict[str, Any]:
         """Last observations and infos of the episodes that are over."""
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True
-        final = np.full(self.num_envs, None, dtype=object)
+        final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
             final[lane] = self._view[lane].copy()
         return {"final_obs": final, "_final_obs": mask, "final_info": infos, "_final_info": mask.copy()}

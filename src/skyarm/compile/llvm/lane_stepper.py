@@ -78,9 +78,11 @@ class LaneStepper:
 
     def fill(self) -> None:
         """Lanes beyond the last, which vectors need, become like the last; to be called once numbers are set."""
-        lanes = self.carry.shape[1]
+        lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
+        if lanes == last:
+            return
         for array in (self._carry, self._parameters):
-            array[:, lanes:] = array[:, lanes - 1 : lanes]
+            array[:, lanes:last] = array[:, lanes - 1 : lanes]
 
     def seed(self, seed: int) -> None:
         """Another key of the random numbers."""

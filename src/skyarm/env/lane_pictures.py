@@ -1,0 +1,106 @@
+"""Pictures of the lanes of an environment: each the present state of one, as a frame of a film without its texts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile import leaves, rebuild
+from skyarm.env.env_lanes import EnvLanes
+from skyarm.files import must_be_one_of, shown
+from skyarm.scenario.scenario_record import ScenarioError
+
+RENDER_MODES = ("rgb_array",)
+
+PICTURES = "skyarm.film.episode_pictures"
+"""Where pictures are drawn: a room above this one, imported when pictures are asked for and by name only."""
+
+MOST = 64
+"""Lanes that are drawn at most: each keeps a drawing context and its meshes."""
+
+
+class LanePictures:
+    """Draws some lanes, one after the other.
+
+    Args:
+        options: of a picture: width, height, camera, ghost, fine.
+        chosen: numbers of the lanes.
+
+    Raises:
+        ScenarioError: one line: an option that there is not, or a value that cannot be.
+    """
+
+    def __init__(self, options: Mapping[str, Any], chosen: Sequence[int]) -> None:
+        drawing = import_module(PICTURES)
+        try:
+            settings = drawing.picture_settings(options)
+        except ValueError as error:
+            raise ScenarioError(f"render_options: {error}") from None
+        self._pictures = {lane: drawing.EpisodePictures(settings) for lane in chosen}
+        self._drawn: dict[int, tuple[int, int]] = {}
+
+    def draw(self, lanes: EnvLanes) -> tuple[Any, ...]:
+        """A picture, (height, width, 3) bytes, of each chosen lane.
+
+        Raises:
+            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
+        """
+        found = []
+        for lane, pictures in self._pictures.items():
+            episode = int(lanes.seeds[lane]), int(lanes.episodes[lane])
+            if episode != self._drawn.get(lane):
+                pictures.begin(lanes.flown(lane))
+                self._drawn[lane] = episode
+            now = rebuild(lanes.loop, iter([float(leaf[lane]) for leaf in leaves(lanes.loop)]))
+            found.append(pictures.draw(now))
+        return tuple(found)
+
+    def close(self) -> None:
+        """Give back what drawing holds."""
+        for pictures in self._pictures.values():
+            pictures.close()
+        self._drawn.clear()
+
+
+def lane_pictures(mode: Any, options: Any, lanes: int, *, choose: bool = False) -> LanePictures | None:
+    """What draws; None where nothing is to be drawn.
+
+    Args:
+        mode: ``render_mode``.
+        options: ``render_options``.
+        lanes: how many there are.
+        choose: whether ``options["lanes"]`` says which are drawn; without it all are.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+    """
+    if mode is None:
+        return None
+    if mode not in RENDER_MODES:
+        raise ScenarioError(f"render_mode = {shown(mode)}: {must_be_one_of(RENDER_MODES, mode)}, or None")
+    if options is not None and not isinstance(options, Mapping):
+        raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
+    given = dict(options or {})
+    chosen = range(lanes)
+    if choose and "lanes" in given:
+        return LanePictures(given, _chosen(given.pop("lanes"), lanes))
+    if lanes > MOST:
+        raise ScenarioError(
+            f"render_options: lanes is missing: must name at most {MOST} of the {lanes} environments, as [0, 1]"
+        )
+    return LanePictures(given, chosen)
+
+
+def _chosen(given: Any, lanes: int) -> list[int]:
+    """Numbers of lanes, each once."""
+    wanted = f"render_options: lanes = {shown(given)}: must be a list of 1 to {MOST} numbers from 0 to {lanes - 1}"
+    if isinstance(given, (str, Mapping)) or not isinstance(given, (Sequence, np.ndarray)):
+        raise ScenarioError(wanted)
+    whole = [each for each in given if isinstance(each, (int, np.integer)) and not isinstance(each, bool)]
+    numbers = [int(each) for each in whole if 0 <= each < lanes]
+    if len(numbers) != len(given) or not 1 <= len(numbers) <= MOST or len(set(numbers)) != len(numbers):
+        raise ScenarioError(f"{wanted}, each once")
+    return numbers

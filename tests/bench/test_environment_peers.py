@@ -1,0 +1,90 @@
+"""Environments of other libraries beside ours: who is compared, and that ours fly as the peer does."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+
+from skyarm.bench import bench_report, environment_peers
+
+
+@pytest.fixture(autouse=True)
+def _small(tmp_path, monkeypatch):
+    """A cache of its own, machine code that is compiled quickly, one vehicle, few steps."""
+    from skyarm.compile.llvm import kernel
+
+    quick = kernel._compiled
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    monkeypatch.setattr(kernel, "_compiled", lambda text, effort: quick(text, 0))
+    monkeypatch.setattr(environment_peers, "VEHICLES", {"no arm": "hummingbird"})
+    monkeypatch.setattr(environment_peers, "SINGLE_STEPS", 7)
+
+
+class Falling:
+    """A peer's environment whose episodes are over after the third step."""
+
+    def __init__(self, **settings):
+        self.settings, self.resets, self.actions = settings, 0, []
+
+    def reset(self, seed=None):
+        self.resets += 1
+
+    def step(self, action):
+        self.actions.append(action)
+        return None, 0.0, len(self.actions) >= 3, False, {}
+
+
+def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkeypatch):
+    monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda: ["flown"], "away": pytest.fail})
+    monkeypatch.setattr(environment_peers, "installed", lambda name: name in ("gymnasium", "there"))
+    assert environment_peers.peers() == [["flown"]]
+    monkeypatch.setattr(environment_peers, "installed", lambda name: name == "there")
+    assert environment_peers.peers() == []
+    assert {"crazyflow", "PyFlyt", "gym_pybullet_drones"} <= set(bench_report.COMPARED)
+
+
+def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
+    made = []
+    module = ModuleType("PyFlyt.gym_envs.quadx_envs.quadx_hover_env")
+    module.QuadXHoverEnv = lambda **settings: made.append(Falling(**settings)) or made[-1]
+    for name in ("PyFlyt", "PyFlyt.gym_envs", "PyFlyt.gym_envs.quadx_envs"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    rates, place = [], environment_peers.place_to_reach
+    monkeypatch.setattr(environment_peers, "place_to_reach", lambda *given: rates.append(given[1:3]) or place(*given))
+    peer, ours = environment_peers.beside_pyflyt()
+    assert rates == [(120, 240)]
+    assert peer.run() == 7.0
+    assert (made[0].resets, len(made[0].actions)) == (1, 7)
+    assert made[0].settings["agent_hz"] == 120
+    assert ours.name == "ours, no arm"
+
+
+def test_ours_begins_anew_where_an_episode_is_over():
+    env = Falling()
+    contender = environment_peers._single(env, np.zeros(4), "name", "words", begins_anew=True)
+    assert contender.run() == 7.0
+    # the first beginning, and one after each of the steps 3 to 7
+    assert env.resets == 6
+
+
+@pytest.mark.parametrize(("control", "physics"), [(120, 240), (500, 500)])
+def test_a_control_period_has_the_peers_number_of_integration_steps(control, physics):
+    scenario = environment_peers.place_to_reach("hummingbird_arm2_rotors", control, physics, 2.0)
+    assert (scenario.rates.control, scenario.rates.physics, scenario.integrator) == (control, physics, "euler")
+    assert scenario.steps == 2 * control
+    assert scenario.world.vehicle.n == 2
+    assert environment_peers.place_to_reach("hummingbird", control, physics, 2.0).world.vehicle.n == 0
+
+
+def test_vector_and_single_environments_of_ours_fly_on(monkeypatch):
+    monkeypatch.setattr(environment_peers, "WORLDS", 3)
+    (many,) = environment_peers._vectors(500)
+    assert many.run() == 3.0 * environment_peers.STEPS
+    (one,) = environment_peers._singles(30, 240, "rotors_and_joints")
+    assert one.run() == 7.0

@@ -1,0 +1,28 @@
+"""The benchmark of environments in JAX, in a process of its own: JAX reads XLA's flags once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+pytest.importorskip("jax", reason="needs the extra 'jax'")
+
+SMALL = """
+import math
+from skyarm.bench import jax_environment_steps as room
+room.TASK, room.STEPS = "skyarm/Hover-v0", 2
+found = room.measure(lanes=3, calls=2)
+assert all(0.0 < value < math.inf for value in found.values()), found
+print(sorted(found))
+"""
+
+
+@pytest.mark.thorough
+def test_a_rollout_is_timed():
+    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    done = subprocess.run([sys.executable, "-c", SMALL], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip() == "['first_processor_s', 'first_s', 'rate', 'work_rate']"
