@@ -63,7 +63,7 @@ def as_taken(controller: str) -> str:
 
 
 YOUNGER = ("hybrid_ct", "admittance_pd", "centroidal_joint_gusts", "centroidal_tip_gusts")
-"""Laws and presets that there were not yet when the digests were taken; without a push they are laws that there were."""
+"""Laws and presets that there were not yet when the digests were taken; the two laws, without a push, fly as others."""
 
 
 def controllers() -> tuple[str, ...]:
