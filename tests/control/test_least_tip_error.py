@@ -113,13 +113,13 @@ def test_knowing_less_and_a_weaker_torque_cost(plane):
     assert least(strong, SPEED, 2.0 * DEVIATION, "all") == pytest.approx(2.0 * known[0], rel=2e-2)
 
 
-@pytest.mark.parametrize("late", [1, 2, 3, 4])
-def test_late_commands_are_borne_as_a_queue_of_them_is(plane, late):
+@pytest.mark.parametrize(("mu", "late"), [(3e-8, 1), (3e-8, 3), (1e-5, 2), (1e-5, 3), (1e-5, 6)])
+def test_late_commands_are_borne_as_a_queue_of_them_is(plane, mu, late):
     """A loop without noise comes to rest within 8 s, or grows, as its eigenvalues say."""
-    tips, _ = drawn_flight(plane, 3e-8, "heard", late=late, lanes=1, seconds=8.0, gusts=0.0)
+    tips, _ = drawn_flight(plane, mu, "heard", late=late, lanes=1, seconds=8.0, gusts=0.0)
     calm = np.abs(tips[-100:]).max() < 0.1 * np.abs(tips[:200]).max()
-    stable = np.abs(np.linalg.eigvals(closed_loop(plane, SPEED, DEVIATION, 3e-8, "heard", late)[0])).max() < 1.0
-    assert calm == stable == bears(plane, SPEED, DEVIATION, 3e-8, "heard", late)
+    stable = np.abs(np.linalg.eigvals(closed_loop(plane, SPEED, DEVIATION, mu, "heard", late)[0])).max() < 1.0
+    assert calm == stable == bears(plane, SPEED, DEVIATION, mu, "heard", late)
 
 
 def test_the_plane_is_that_of_the_vehicle(plane):
