@@ -62,8 +62,8 @@ def as_taken(controller: str) -> str:
     return AS_TAKEN.get(law, law) + controller[len(law) :]
 
 
-YOUNGER = ("hybrid_ct", "admittance_pd")
-"""Laws that there were not yet when the digests were taken; without a push they are laws that there were."""
+YOUNGER = ("hybrid_ct", "admittance_pd", "centroidal_joint_gusts", "centroidal_tip_gusts")
+"""Laws and presets that there were not yet when the digests were taken; the two laws, without a push, fly as others."""
 
 
 def controllers() -> tuple[str, ...]:

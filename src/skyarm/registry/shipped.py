@@ -129,8 +129,8 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "law": {
         "a preset": (
             *("paper_ct", "paper_ct_euler", "paper_pd", "rotors_sim_hummingbird", "rotors_hummingbird"),
-            *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff"),
-            *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff"),
+            *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff", "centroidal_joint_gusts"),
+            *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff", "centroidal_tip_gusts"),
             *("exact_joint", "exact_joint_stiff", "exact_ee", "exact_ee_stiff"),
         ),
         "the controller of the scenario": ("own",),

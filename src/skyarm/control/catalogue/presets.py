@@ -76,6 +76,11 @@ _SHIPPED: Mapping[str, Preset] = {
         "centroidal",
         {"mode": "joint", "preset": "adaptive"},
     ),
+    "centroidal_joint_gusts": Preset(
+        "the centroidal law for gusts, which must hear an accelerometer, base and joints on their references",
+        "centroidal",
+        {"mode": "joint", "preset": "gusts"},
+    ),
     "centroidal_joint_stiff": Preset(
         "the centroidal law, base and joints on their references, for perfect state",
         "centroidal",
@@ -93,6 +98,11 @@ _SHIPPED: Mapping[str, Preset] = {
         "the centroidal law as it was in 0.1, the tip on its reference",
         "centroidal",
         {"mode": "tip", "preset": "robust"},
+    ),
+    "centroidal_tip_gusts": Preset(
+        "the centroidal law for gusts, which must hear an accelerometer, the tip on its reference",
+        "centroidal",
+        {"mode": "tip", "preset": "gusts"},
     ),
     "centroidal_tip_stiff": Preset(
         "the centroidal law, the tip on its reference, for perfect state",

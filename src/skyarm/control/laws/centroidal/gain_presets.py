@@ -54,23 +54,34 @@ ROBUST: Mapping[str, Any] = {
     "shift_rate": 3.0,
 }
 
+ADAPTIVE: Mapping[str, Any] = {
+    **ROBUST,
+    "shift_bandwidth": 60.0,
+    "swing_rate": 2.0,
+    "path_rate": 2.0,
+    "low_thrust": 0.8,
+    "arm_turn": 20.0,
+    "pull": 8.0,
+    "approach": 2.0,
+    "shift_limit": 0.4,
+    "force_trend": 10.0,
+    "yaw_slack": 5.0,
+    "thrust_lead": True,
+    "joint_limits": True,
+    "lag": (0.02, 0.012),
+}
+
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "robust": ROBUST,
-    "adaptive": {
-        **ROBUST,
-        "shift_bandwidth": 60.0,
-        "swing_rate": 2.0,
-        "path_rate": 2.0,
-        "low_thrust": 0.8,
-        "arm_turn": 20.0,
-        "pull": 8.0,
-        "approach": 2.0,
-        "shift_limit": 0.4,
-        "force_trend": 10.0,
-        "yaw_slack": 5.0,
-        "thrust_lead": True,
-        "joint_limits": True,
-        "lag": (0.02, 0.012),
+    "adaptive": ADAPTIVE,
+    "gusts": {
+        **ADAPTIVE,
+        "base": (22.0, 8.5, 240.0, 24.4),
+        "tip": (900.0, 60.0),
+        "reach": 0.25,
+        "lag_inversion": 0.25,
+        "accelerometer": (40.0, 5.0),
+        "gust_shift": 0.7,
     },
     "stiff": {
         **COMMON,

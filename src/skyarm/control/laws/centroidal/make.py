@@ -95,7 +95,7 @@ def make_centroidal(
         known |= {"admittance": admittance}
         return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
-    if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
+    if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector and "damping" not in changes:
         gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")

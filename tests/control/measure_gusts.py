@@ -1,0 +1,125 @@
+"""Measure the tip in gusts: the tables of docs/tip_in_gusts.md, by presets and options of the centroidal law.
+
+    python tests/control/measure_gusts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
+
+Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over the seeds by every law of
+``LAWS``, or "lost" with the count of flights that ended early. Sensors of a noisy trial add 0.05 m/s^2 of noise to each
+specific force. ``--row turbulence`` prints the deviation of the sideways force per mass, too (m/s^2): what the least
+errors of ``least_tip_error.py`` are computed with.
+"""
+
+import argparse
+import dataclasses
+
+import numpy as np
+
+from skyarm.compare.envelope_axes import AXES, TIP
+from skyarm.compare.envelope_setting import PAPER, setting_of
+from skyarm.compare.suite import NOISE
+from skyarm.control.catalogue import make_controller
+from skyarm.metrics.windows import Window, Windows
+from skyarm.simulate.batch import Batch
+
+HEARD = dataclasses.replace(NOISE, specific_force=0.05)
+HEARS = {"preset": "adaptive", "accelerometer": (40.0, 5.0)}
+LAWS = {
+    "robust": {"preset": "robust"},
+    "adaptive": {"preset": "adaptive"},
+    "gust_shift": {"preset": "adaptive", "gust_shift": 1.0},
+    "accelerometer": HEARS,
+    "both": {**HEARS, "gust_shift": 1.0},
+    "gusts": {"preset": "gusts"},
+}
+ROWS = {
+    "wind_steps": (1.0, 3.0, 5.0),
+    "turbulence": (3.0, 6.0),
+    "turning_wind": (20.0, 5.0),
+    "push_x": (1.0, 3.0),
+    "push_y": (1.0, 3.0),
+    "push_z": (1.0, 3.0),
+    "noise": (1.0,),
+    "circle": (1.0, 2.0, 3.0),
+    "vertical_noisy": (1.0,),
+    "swing": (1.0, 2.0),
+    "payload": (0.2,),
+    "command_delay": (0.01, 0.02, 0.03),
+    "motor_lag": (4.0,),
+    "joint_lag": (0.04,),
+}
+
+
+def trial(name, value, law, vehicle, log=0):
+    """A batch of one trial, and the values that its paths take."""
+    axis, setting = AXES[name], setting_of(vehicle)
+    built = axis.scenario(setting, value)
+    if axis.noisy:
+        built = dataclasses.replace(built, sensors=HEARD)
+    told = {"mode": "tip", "delay": built.delays.measurement, **LAWS[law]}
+    built = dataclasses.replace(built, controller=make_controller("centroidal", built.controller.par.model, **told))
+    numbers = axis.numbers(setting, value) if axis.numbers else {}
+    inside = Window(axis.start, built.duration)
+    windows = Windows(steady=inside, gust=inside, last=built.duration - axis.start)
+    metrics = ("standard", TIP)
+    return Batch(built, tuple(numbers), metrics=metrics, windows=windows, effort=0, log_every=log), numbers
+
+
+def fly(name, value, law, vehicle, seeds, log=0):
+    """Fly one trial, a lane a seed; a trial without any noise has one lane."""
+    batch, numbers = trial(name, value, law, vehicle, log)
+    lanes = seeds if AXES[name].noisy or name == "turbulence" else seeds[:1]
+    values = {path: np.full(len(lanes), number) for path, number in numbers.items()}
+    return batch.fly(values, seed=0, episodes=np.array(lanes))
+
+
+def error(name, flown):
+    """Mean error over the lanes, mm, or how many were lost."""
+    lost = int((np.asarray(flown.status) != "completed").sum())
+    return f"lost {lost}" if lost else f"{1e3 * flown.metrics[TIP].mean():.3g}"
+
+
+def sideways_force(flown, start=4.0):
+    """Standard deviation of the force per mass along y, m/s^2: what moves the centre of mass beside the thrust."""
+    truth, log, state = setting_of(PAPER).truth, flown.log, flown.log.state
+    dt = log.time[1] - log.time[0]
+    # of the hanging arm; what the planar arm moves of it along y is nothing
+    height = centre_height(truth)
+    up = state.quaternion.rotation().column(2)
+    y = np.asarray(state.position.y) + height * np.asarray(up.y)
+    thrust = sum(float(r.thrust_coefficient) * w**2 for r, w in zip(truth.rotors, state.rotor_speeds, strict=True))
+    pushed = np.gradient(np.gradient(y, dt, axis=1), dt, axis=1) - np.asarray(up.y) * thrust / float(truth.mass)
+    return float(np.sqrt((pushed[:, log.time >= start] ** 2).mean()))
+
+
+def centre_height(vehicle):
+    """Height of the centre of mass of the hanging arm and vehicle against the base origin, m."""
+    from skyarm.algebra import Mat3
+    from skyarm.dynamics import mass_matrix
+
+    M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    return float(M[0][4]) / float(vehicle.mass)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--row", help="one trial, or one value of it: push_x:3")
+    parser.add_argument("--law", choices=LAWS)
+    parser.add_argument("--vehicle", default=PAPER)
+    parser.add_argument("--seed", type=int, default=400)
+    parser.add_argument("--seeds", type=int, default=4)
+    asked = parser.parse_args()
+    laws = [asked.law] if asked.law else list(LAWS)
+    seeds = list(range(asked.seed, asked.seed + asked.seeds))
+    only, _, single = (asked.row or "").partition(":")
+    print("| trial |", " | ".join(laws), "|", flush=True)
+    for name, values in ROWS.items():
+        if only in ("", name):
+            for value in [float(single)] if single else values:
+                found = [error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws]
+                print(f"| {name} {value:g} {AXES[name].unit} |", " | ".join(found), "|", flush=True)
+                if name == "turbulence" and only and asked.vehicle == PAPER:
+                    flown = fly(name, value, "accelerometer", PAPER, seeds, log=1)
+                    print(f"  sideways force per mass {sideways_force(flown):.3f} m/s^2", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""The preset for gusts flies what it is for: on seeds that nothing was chosen with, beside the preset adaptive."""
+
+import numpy as np
+import pytest
+from measure_gusts import LAWS, centre_height, fly, sideways_force
+
+import skyarm
+from skyarm.compare.envelope_axes import TIP
+from skyarm.compare.envelope_setting import PAPER
+from skyarm.control.catalogue import LAWS as CATALOGUE
+from skyarm.control.catalogue import PRESETS, make_named
+from skyarm.control.laws.centroidal.gain_presets import PRESETS as GAINS
+from skyarm.control.model import Model
+
+SEED = 431
+
+
+def tip_error(name, value, law):
+    """Mean over the trial's window, m; the flight must come to its end."""
+    flown = fly(name, value, law, PAPER, [SEED])
+    assert list(flown.status) == ["completed"]
+    return float(flown.metrics[TIP][0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "most"),
+    [("wind_steps", 5.0, 0.025), ("push_x", 3.0, 0.1), ("push_z", 3.0, 0.1)],
+)
+def test_it_holds_the_tip_where_adaptive_does_not(name, value, most):
+    """25 mm in steps of 5 N, 100 mm under pushes beyond the arm's strength."""
+    assert tip_error(name, value, "gusts") < most < tip_error(name, value, "adaptive")
+
+
+def test_it_errs_by_a_quarter_less_in_turbulence():
+    for mean in (3.0, 6.0):
+        assert tip_error("turbulence", mean, "gusts") < 0.78 * tip_error("turbulence", mean, "adaptive")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("command_delay", 0.03), ("motor_lag", 4.0), ("joint_lag", 0.04), ("payload", 0.2)]
+)
+def test_it_bears_what_adaptive_bears(name, value):
+    """Commands 30 ms late, motors four times as slow, late joints, 0.2 kg at the tip; nothing of it is told."""
+    assert tip_error(name, value, "gusts") < 0.012
+
+
+def test_the_force_in_turbulence_is_what_moves_the_centre_of_mass():
+    """Of a constant push of 2 N from the side, by Newton's law; and the hanging arm's centre is below the base."""
+    truth = skyarm.load_vehicle(PAPER)
+    assert centre_height(truth) < 0.0
+    flown = fly("wind_steps", 2.0, "adaptive", PAPER, [SEED], log=1)
+    pushed, mass = sideways_force(flown, start=6.5), float(truth.mass)
+    # 2 N along y from 6.5 to 9 of 13.5 s; rotors' own drag is a part of what pushes
+    assert pushed == pytest.approx(2.0 / mass * np.sqrt(2.5 / 13.5), rel=0.1)
+
+
+def test_it_is_adaptive_with_six_other_entries():
+    changed = {name for name, value in GAINS["gusts"].items() if value != GAINS["adaptive"][name]}
+    assert changed == {"base", "tip", "reach", "lag_inversion", "accelerometer", "gust_shift"}
+    assert set(LAWS) > {"gusts", "adaptive"}
+    assert PRESETS["centroidal_tip_gusts"].law in CATALOGUE
+
+
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+@pytest.mark.parametrize("vehicle", ["hummingbird_arm2", "hexarotor_arm6"])
+def test_it_is_made_for_any_arm_in_both_modes(mode, vehicle):
+    """In mode "joint" without the base's shift, and with the damping of the arm's length as adaptive has it."""
+    model = Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
+    made, adaptive = (make_named(f"centroidal_{mode}{end}", model) for end in ("_gusts", ""))
+    assert made.name == f"centroidal_{mode}_gusts"
+    assert made.par.accelerometer is not None
+    assert (made.par.gust is None) == (mode == "joint")
+    assert made.par.tip.damping == adaptive.par.tip.damping
