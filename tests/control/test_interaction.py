@@ -199,7 +199,7 @@ def test_pressing_is_left_out_by_default_and_without_a_push_the_law_is_the_same(
     assert commands[1][0].interaction == on.memory.interaction
 
 
-@pytest.mark.parametrize("pair", [(0.3, 0.3), (0.3, 0.0), (0.0, 0.1), (-1.0, 0.1), 0.3, ("a", 0.1)])
+@pytest.mark.parametrize("pair", [(0.3, 0.3), (0.3, 0.0), (0.0, 0.1), (-1.0, 0.1), (10001.0, 0.1), 0.3, ("a", 0.1)])
 def test_other_thresholds_are_refused_in_one_line(pair):
     with pytest.raises(ControllerError, match=r"controller\.interaction") as error:
         make_centroidal(MODEL, mode="tip", interaction=pair)

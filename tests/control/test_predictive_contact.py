@@ -269,8 +269,33 @@ def test_it_presses_where_its_joints_move_a_tip_and_it_is_to_track_that():
     assert not presses(make_controller("nmpc", bare).par)
 
 
+@pytest.mark.parametrize("value", [(0.3, 0.1), (0.1, 0.3), (1e5, 0.1)])
+def test_where_no_tip_is_led_thresholds_are_left_out_or_twice_zero(value):
+    bare = Model(vehicle=load_vehicle("hummingbird"), gravity=9.81)
+    for options in ({"model": MODEL, "mode": "joints"}, {"model": bare}):
+        model = options.pop("model")
+        assert not presses(make_controller("nmpc", model, **options, interaction=(0.0, 0.0)).par)
+        with pytest.raises(ControllerError, match=r"controller\.interaction = [(\[]") as caught:
+            make_controller("nmpc", model, **options, interaction=value)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(ControllerError, match="must be twice 0 but in mode 'tool' with joints that press"):
+        make_controller("nmpc", MODEL, mode="joints", interaction=(0.3, 0.1))
+
+
+def test_left_out_thresholds_are_those_that_are_written_of():
+    left, told = (make_controller("nmpc", MODEL, **more).par for more in ({}, {"interaction": (0.3, 0.1)}))
+    assert left.interaction == told.interaction
+    assert make_controller("nmpc", MODEL, interaction=(1e4, 1.0)).par.interaction.touch == 1e4
+
+
 @pytest.mark.parametrize(
-    ("value", "words"), [((0.1, 0.3), "interaction"), ((0.3,), "must be 2 numbers"), ((0.3, -0.1), "interaction")]
+    ("value", "words"),
+    [
+        ((0.1, 0.3), "interaction"),
+        ((0.3,), "must be 2 numbers"),
+        ((0.3, -0.1), "interaction"),
+        ((10001.0, 0.1), "must be at most 10000 N"),
+    ],
 )
 def test_wrong_thresholds_are_refused_by_name(value, words):
     with pytest.raises(ControllerError, match=words):

@@ -13,7 +13,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import ForceErrors
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.reference.tip_push import out_of_axis
+from skyarm.reference.tip_push import STRONGEST, out_of_axis
 from skyarm.scalars import Scalar, logical_and, logical_or, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -121,9 +121,11 @@ class Wanted:
 
 
 def interaction_gains(
-    thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False
+    thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False, *, leading: str = "tip"
 ) -> InteractionGains | None:
     """Constants of pressing for its two thresholds, N, with or without a force sensor; None where it is left out.
+
+    ``leading`` is the mode in which the law leads the tip.
 
     Raises:
         ControllerError: thresholds that are none, or a law without a tip to lead.
@@ -136,8 +138,10 @@ def interaction_gains(
     at = f"controller.interaction = {shown(thresholds)}"
     if not touch > lost > 0.0:
         raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
-    if mode != "tip" or not vehicle.n:
-        raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
+    if touch > STRONGEST:
+        raise ControllerError(f"{at}: must be at most {STRONGEST:g} N")
+    if mode != leading or not vehicle.n:
+        raise ControllerError(f"{at}: must be twice 0 but in mode '{leading}' with joints that press")
     gains = InteractionGains(touch=touch, lost=lost)
     return dataclasses.replace(gains, sensing=SENSING) if sensor else gains
 

@@ -73,7 +73,7 @@ def _stepped(kernel: Kernel, before: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """What the law calls; holds no memory of a flight.
+    """What the law calls; holds no memory of a flight, so that copies of a flight have it in common.
 
     Attributes:
         solver, observation, motors, bounds: those.
@@ -90,11 +90,37 @@ class Engine:
     stance: Stance
     contact: TipContact | None = None
 
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Engine:
+        return self  # machine code is not copied
+
+
+@dataclass(frozen=True, slots=True)
+class Purpose:
+    """What an engine is made for: constants, the control period in s, and whether the reference may ask for contact."""
+
+    par: PredictiveParameters
+    dt: float
+    push: bool
+
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Purpose:
+        return self  # so that the next period knows its constants by identity
+
+    @property
+    def made_of(self) -> tuple[Any, ...]:
+        """All that the engine is made of."""
+        par = self.par
+        shape = par.mode, par.solver, par.stages, par.horizon, par.every
+        return par.model, par.weights, par.bandwidths, *shape, self.dt, par.interaction if self.push else None
+
+    def serves(self, other: Purpose) -> bool:
+        """Whether an engine that is made for this does for another."""
+        same = self.par is other.par and (self.dt, self.push) == (other.dt, other.push)
+        return same or self.made_of == other.made_of
+
 
 def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
     """The engine of a law at a control period of ``dt`` s, whose reference may ask for contact where ``push`` is."""
-    shape = par.mode, par.solver, par.stages, par.horizon, par.every
-    return _engine(par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None)
+    return _engine(*Purpose(par, dt, push).made_of)
 
 
 @lru_cache(maxsize=KEPT)

@@ -21,6 +21,7 @@ stages and rates of rotor speeds as inputs are our own.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ from skyarm.compile import leaves
 from skyarm.control.laws.paper.computed_torque import level_joint_gravity
 from skyarm.control.laws.predictive import preview as ahead
 from skyarm.control.laws.predictive.command_delay import LONGEST, Lateness, compared, first_lateness
-from skyarm.control.laws.predictive.engine import Engine, engine_for
+from skyarm.control.laws.predictive.engine import Engine, Purpose, engine_for
 from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
 from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
 from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
@@ -50,8 +51,9 @@ class PredictiveMemory:
     """What one step hands to the next; all None before the first.
 
     Attributes:
-        engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
-            the last measurement. sent: commands that it does not show yet, oldest first, if they act at once.
+        engine: machine code. purpose: what it was made for.
+        estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at the last measurement.
+        sent: commands that it does not show yet, oldest first, if they act at once.
         shown: the last ones before them. late: what tells how late they really act.
         fresh: the last measurement as it came, and for how long it has been the same.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
@@ -60,6 +62,7 @@ class PredictiveMemory:
     """
 
     engine: Engine | None = None
+    purpose: Purpose | None = None
     estimate: Array | None = None
     sent: tuple[Command, ...] = ()
     shown: tuple[Command, ...] = ()
@@ -78,7 +81,7 @@ def nmpc(
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
     presses = bool(reference.push) and par.interaction is not None
-    engine = memory.engine or engine_for(par, dt, presses)
+    memory, engine = _equipped(memory, Purpose(par, dt, presses))
     seen = _seen(engine, memory, measurement, par, dt)
     estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
@@ -104,6 +107,7 @@ def nmpc(
         command = engine.stabiliser.command(seen.reading, known, sample)
     following = PredictiveMemory(
         engine=engine,
+        purpose=memory.purpose,
         estimate=estimate,
         sent=(*sent, command),
         shown=seen.shown,
@@ -117,6 +121,20 @@ def nmpc(
         tip_force=memory.tip_force if touch is None else Vec3(*touch.tip_force),
     )
     return following, command
+
+
+def _equipped(memory: PredictiveMemory, purpose: Purpose) -> tuple[PredictiveMemory, Engine]:
+    """Memory and engine of a period: where a flight has changed what the engine was made for, a new one.
+
+    Plan, touch and loss are then forgotten: they may be of other stages, and of a contact that nobody asks for.
+    """
+    if memory.engine is None:
+        return dataclasses.replace(memory, purpose=purpose), engine_for(purpose.par, purpose.dt, purpose.push)
+    if memory.purpose is None or memory.purpose.serves(purpose):
+        return dataclasses.replace(memory, purpose=purpose), memory.engine
+    silent = None if purpose.par.interaction is None else Vec3(0.0, 0.0, 0.0)
+    forgotten = dataclasses.replace(memory, purpose=purpose, plan=None, since=0, interaction=None, tip_force=silent)
+    return forgotten, engine_for(purpose.par, purpose.dt, purpose.push)
 
 
 def _row(command: Command) -> Array:

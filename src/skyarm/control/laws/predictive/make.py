@@ -23,6 +23,9 @@ SOLVERS = ("riccati", "fatrop", "ipopt")
 
 MOST_STAGES = 200
 
+THRESHOLDS = (0.3, 0.1)
+"""N along the normal, above which a tip touches and below which it is lost, where nobody says others."""
+
 
 def make_predictive_controller(
     model: Model,
@@ -36,9 +39,12 @@ def make_predictive_controller(
     every: int = 2,
     delay_periods: int = 0,
     preview: str | Trajectory = "samples",
-    interaction: tuple[float, float] = (0.3, 0.1),
+    interaction: tuple[float, float] | None = None,
 ) -> Controller:
     """Whole-body model predictive control of a belief; the options are those of :class:`PredictiveParameters`.
+
+    ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
+    knows nothing of a push, and the only pair allowed where no tip is led. Left out: :data:`THRESHOLDS` where one is.
 
     Raises:
         ControllerError: an option with a wrong value, or solver "fatrop" or "ipopt" without the extra 'casadi'.
@@ -64,6 +70,8 @@ def make_predictive_controller(
     if solver != "riccati":
         _require_casadi(solver)
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
+    if interaction is None:
+        interaction = THRESHOLDS if leads else (0.0, 0.0)
     thresholds = two("interaction", interaction, zero=True)
     par = PredictiveParameters(
         model=model,
@@ -77,7 +85,7 @@ def make_predictive_controller(
         every=every,
         delay_periods=delay_periods,
         preview=preview,
-        interaction=interaction_gains(thresholds, "tip", model.vehicle) if leads else None,
+        interaction=interaction_gains(thresholds, "tool" if leads else "joints", model.vehicle, leading="tool"),
     )
     tip = mode == "tool"
     memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
