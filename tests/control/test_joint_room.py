@@ -25,8 +25,8 @@ def with_limits(lower, upper, stops=False):
     return dataclasses.replace(ARM1, links=(dataclasses.replace(link, joint=joint),))
 
 
-def bounded(vehicle, q, rate, told, wanted, gains=GAINS, effort=0.0, inertia=1.0):
-    """``told`` is the reference, with its derivatives where it moves; ``effort`` is what was observed."""
+def bounded(vehicle, q, rate, told, wanted, gains=GAINS):
+    """``told`` is the reference, with its derivatives where it moves."""
     reference = Taylor.of_derivatives(told) if isinstance(told, tuple) else Taylor((told, 0.0, 0.0))
     state = State(
         position=ZERO,
@@ -37,7 +37,7 @@ def bounded(vehicle, q, rate, told, wanted, gains=GAINS, effort=0.0, inertia=1.0
         joint_rates=(rate,),
         rotor_speeds=(0.0,) * 4,
     )
-    return within_limits(vehicle, ends_of(vehicle), gains, state, (reference,), (wanted,), (effort,), (inertia,))[0]
+    return within_limits(vehicle, ends_of(vehicle), gains, state, (reference,), (wanted,))[0]
 
 
 @pytest.mark.parametrize(

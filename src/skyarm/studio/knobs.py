@@ -27,7 +27,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 """Panels, and the beginnings of the paths that stand in them."""
 
-DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "inertias")
+DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits")
 """Parts of a law's parameters that its maker took from the vehicle: they are no gains."""
 
 SPANS: Mapping[str, float] = {

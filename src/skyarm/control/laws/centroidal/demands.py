@@ -121,7 +121,6 @@ def demands(
     dt: Any,
     pressing: Pressing | None = None,
     slow: SlowForce | None = None,
-    sensed: State | None = None,
 ) -> Demand:
     """Return the demand at this state.
 
@@ -137,7 +136,6 @@ def demands(
         dt: control period, s.
         pressing: on a surface; None where no reference asks for it.
         slow: derivatives of ``steady`` as the shift's filter knows them; None where it does not.
-        sensed: now, by which joints are kept off their limits; None where they are not.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
@@ -186,10 +184,8 @@ def demands(
             gap = pressing.n.dot(present.tip - course.goal.tip[0])
             goal = pressing.freed(goal, present.tip, present.tip_velocity, par.tip.velocity)
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
-    if sensed is not None:
-        preferred = within_limits(
-            vehicle, par.ends, par.joint_gains, sensed, joints, preferred, unknown.efforts, par.inertias
-        )
+    if par.ends:
+        preferred = within_limits(vehicle, par.ends, par.joint_gains, state, joints, preferred)
     plan = Planned(
         R=course.still.R,
         rate=course.still.rate,

@@ -34,7 +34,6 @@ from skyarm.control.laws.centroidal.demands import Following, demands
 from skyarm.control.laws.centroidal.gust_shift import foretold, lateness, slow_force
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
-from skyarm.control.laws.centroidal.joint_room import as_sensed
 from skyarm.control.laws.centroidal.learned_load import with_learned
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
@@ -113,11 +112,7 @@ def centroidal(
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
         steady, slow = foretold(par, steady, slow, trend, rate, late, outside(yields, pressing))
-    sensed = None
-    if par.ends:
-        started, late = memory.started, par.delay_periods
-        sensed = as_sensed(par.observer.joints, state, observed, told, measurement, started, late, dt)
-    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing, slow, sensed)
+    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing, slow)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     unchanged = all_follow(memory.applied)

@@ -159,7 +159,6 @@ def make_centroidal(
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
         leads_thrust=gains["thrust_lead"],
         ends=_ends(vehicle, gains["joint_limits"]),
-        inertias=_inertias(vehicle) if _ends(vehicle, gains["joint_limits"]) else (),
         pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
         arm_scaling=gains["arm_scaling"],
         scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
@@ -218,16 +217,10 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> M
 
 def _dampings(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
     """Least and most that is learned of each joint's damping: back to none, and by its inertia at rest."""
-    return tuple(
-        (-float(link.joint.damping), STICKIEST * inertia)
-        for link, inertia in zip(vehicle.links, _inertias(vehicle), strict=True)
-    )
-
-
-def _inertias(vehicle: Vehicle) -> tuple[float, ...]:
-    """Of each joint on a base that stands, kg m^2 or kg."""
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
-    return tuple(float(M[6 + i][6 + i]) for i in range(vehicle.n))
+    return tuple(
+        (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
+    )
 
 
 def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:

@@ -97,7 +97,6 @@ class CentroidalParameters:
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
         ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
-        inertias: of the joints on a base that stands, kg m^2 or kg; empty where none is kept off a limit.
         pushes_across: rotors push across body z, which the law does not use.
         arm_scaling: share of a rotor's squared speed in hover that joint accelerations leave free at both ends of its
             range. scales_arm: False gives the joints their accelerations whatever the rotors can.
@@ -155,7 +154,6 @@ class CentroidalParameters:
     trend: TrendGains | None = None
     leads_thrust: bool = False
     ends: tuple[tuple[bool, bool], ...] = ()
-    inertias: Annotated[tuple[Scalar, ...], Unit("kg m^2 or kg", "of the joints on a base that stands")] = ()
     pushes_across: bool = False
     arm_scaling: Annotated[Scalar, Unit("", "share of a rotor's hover that joint accelerations leave free")] = 0.0
     scales_arm: bool = False
