@@ -167,7 +167,7 @@ def least_that_bears(plane, airspeed, deviation, known, late):
 
 def shown(found):
     """Mean distances in mm of root mean squares in m."""
-    return {key: round(1e3 * MEAN * float(value), 1) for key, value in found.items()}
+    return {key: round(float(1e3 * MEAN * value), 1) for key, value in found.items()}
 
 
 def main():

@@ -11,6 +11,7 @@ from skyarm.control.catalogue import LAWS as CATALOGUE
 from skyarm.control.catalogue import PRESETS, make_named
 from skyarm.control.laws.centroidal.gain_presets import PRESETS as GAINS
 from skyarm.control.model import Model
+from thorough import sampled
 
 SEED = 431
 
@@ -37,7 +38,7 @@ def test_it_errs_by_a_quarter_less_in_turbulence():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("command_delay", 0.03), ("motor_lag", 4.0), ("joint_lag", 0.04), ("payload", 0.2)]
+    ("name", "value"), sampled([("command_delay", 0.03), ("motor_lag", 4.0), ("joint_lag", 0.04), ("payload", 0.2)], 4)
 )
 def test_it_bears_what_adaptive_bears(name, value):
     """Commands 30 ms late, motors four times as slow, late joints, 0.2 kg at the tip; nothing of it is told."""

@@ -107,6 +107,7 @@ def test_the_moments_of_a_load_that_is_turned_about_every_axis_are_found():
     assert [*fly(true, noise=5e-3, bias=0.02).moments] == pytest.approx(true, rel=0.08)
 
 
+@pytest.mark.thorough
 def test_an_axis_about_which_nothing_turns_stays_small_and_moments_stay_those_of_a_body():
     only = {"amplitudes": (0.0, 0.0, 0.0, 0.0, 0.5, 0.0), "yaw": 0.0}
     memory = fly((2.0e-3, 2.0e-3, 3e-5), gains=dataclasses.replace(GAINS, stout=(0.1, 0.1, 1e-5)), **only)
@@ -118,6 +119,7 @@ def test_an_axis_about_which_nothing_turns_stays_small_and_moments_stay_those_of
     assert [*still.moments] == pytest.approx([MASS * SIZE**2] * 3, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_what_was_found_stays_while_the_hand_rests_and_goes_with_the_load():
     true = (2.2e-3, 1.5e-3, 0.9e-3)
     known = fly(true, seconds=4.0)
@@ -130,6 +132,7 @@ def test_what_was_found_stays_while_the_hand_rests_and_goes_with_the_load():
     assert [each.effort for each in gone.means] == [0.0] * 6
 
 
+@pytest.mark.thorough
 def test_a_load_that_is_changed_is_learned_anew():
     known = fly((2.2e-3, 1.5e-3, 0.9e-3), seconds=4.0)
     assert [*fly((1.0e-3, 1.2e-3, 1.4e-3), seconds=8.0, memory=known).moments] == pytest.approx(

@@ -77,7 +77,7 @@ def fly(vehicle, posture, size, moving, seconds=1.6):
     return np.array(rows), kept
 
 
-@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("moving", [pytest.param(False, marks=pytest.mark.thorough), True])
 def test_the_tip_is_turned_in_its_place_whatever_reference_and_heading_do(moving):
     found, kept = fly(HEXAROTOR, BENT, 0.5, moving)
     assert np.abs(found[:, :3]).max() < 1e-12  # the base takes what the arm leaves
@@ -87,6 +87,7 @@ def test_the_tip_is_turned_in_its_place_whatever_reference_and_heading_do(moving
     assert np.abs(base - own).max() < 0.02  # the arm takes most of it
 
 
+@pytest.mark.thorough
 def test_an_arm_of_five_joints_turns_the_tip_too_and_the_base_keeps_it_in_place():
     found, kept = fly(OTHER, [0.3, -0.5, -0.8, 0.6, 0.4][: OTHER.n], 0.3, moving=False)
     assert np.abs(found[:, :3]).max() < 1e-12
@@ -111,6 +112,7 @@ def test_a_reference_that_is_not_turned_is_left_as_it_is():
     assert np.abs(found).max() < 1e-12
 
 
+@pytest.mark.thorough
 def test_no_joint_goes_further_than_a_share_of_its_way_to_a_limit():
     joints = [float(link.joint.upper) for link in HEXAROTOR.links]
     joints[4] = -0.8 + 0.5  # rad, of the wrist's pitch
