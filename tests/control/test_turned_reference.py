@@ -168,7 +168,7 @@ def test_a_joint_that_is_turned_beside_a_moving_reference_comes_to_its_share_of_
         rate = sign * 1.0 if abs(angle) < 1.6 else 0.0
         E = turned_by((Vec3(0.0, angle, 0.0), Vec3(0.0, rate, 0.0), Vec3(0.0, 0.0, 0.0)))
         signals = swinging(i * DT, 0.5)
-        memory, moved = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
+        memory, _ = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
         told = swinging((i + 1) * DT, 0.5)[8].derivative(0)
         shares.append(float(memory.joints[4]) / (sign - told))
     assert max(shares) < 0.82
