@@ -26,7 +26,7 @@ LEAST_TURNED, MOST_TURNED = 0.001, 100.0
 """kg m^2, of the virtual inertia."""
 
 TORQUE = 0.05
-"""N m, above which a torque is heard where none is told."""
+"""N m, above which a torque is heard where none is told: noisy flights of docs/giving_way.md (Turning) have it."""
 
 FASTEST = 50.0
 """rad/s, of the virtual tip: no loop of an arm follows a faster one."""
@@ -86,14 +86,15 @@ def require_moderate(at: str, inertia: str, held: Compliance | RotationalComplia
         ControllerError: one line with field, value and what is allowed.
     """
     limits = (LEAST, MOST) if inertia == "mass" else (LEAST_TURNED, MOST_TURNED)
-    for i, row in enumerate(zip(getattr(held, inertia), held.damping, held.stiffness, strict=True)):
-        if not concrete(*row):
+    rows: list[tuple[Any, ...]] = list(zip(getattr(held, inertia), held.damping, held.stiffness, strict=True))
+    for i, (own, damping, stiffness) in enumerate(rows):
+        if not concrete(own, damping, stiffness):
             continue
-        if type(row[0]) is float and row[0] == 0.0:
+        if type(own) is float and own == 0.0:
             allowed = f"must be from {limits[0]:g} to {limits[1]:g}: an axis that gives way is not held by 0"
-            raise ControllerError(f"{at}.{inertia}[{i}] = {shown(row[0])}: {allowed}")
+            raise ControllerError(f"{at}.{inertia}[{i}] = {shown(own)}: {allowed}")
         try:
-            _axis(at, inertia, limits, i, *row)
+            _axis(at, inertia, limits, i, own, damping, stiffness)
         except ValueError as error:
             raise ControllerError(str(error)) from None
 

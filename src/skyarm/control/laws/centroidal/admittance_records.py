@@ -24,10 +24,16 @@ from skyarm.scalars import Scalar
 from skyarm.vehicle.vehicle_records import Vehicle
 
 BENT = 0.4
-"""rad or m, and its multiples: a posture in which no two joint axes of an arm are parallel unless they always are."""
+"""rad or m, and its multiples: a posture in which no two joint axes of an arm are parallel unless they always are.
+
+Any angles will do that are no multiples of pi / 2; only the number of directions is taken from it.
+"""
 
 ALONG = 1e-2
-"""1 and m: what is left of a column of the Jacobian, below which it says nothing new."""
+"""1 and m: what is left of a column of the Jacobian, below which it says nothing new.
+
+Far above rounding (1e-15), below the arms and sines of a vehicle whose joints do turn its tip.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,7 +46,7 @@ class ArmTurn:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TurnWeights:
-    """Weights of the arm's motion.
+    """Weights of the arm's motion; what they reach is in docs/giving_way.md, Measured.
 
     Attributes:
         length: m, of the tip's motion that counts as 1 rad of its turning: long, so that turning comes first.

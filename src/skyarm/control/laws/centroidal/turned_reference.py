@@ -32,10 +32,16 @@ from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PACE = 0.2
-"""k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing."""
+"""k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing.
+
+Without anything else one pole of the step is negative from k dt = 2 - sqrt(2) = 0.59 on, and below -1 from 1 on.
+"""
 
 ROOM = 0.8
-"""Of the way from a joint's reference to its limit, that the tip's turning may take."""
+"""Of the way from a joint's reference to its limit, that the tip's turning may take: docs/giving_way.md, Turning.
+
+Chosen, not measured: the rest is left for the errors of the loop that follows.
+"""
 
 
 def turned_reference(
