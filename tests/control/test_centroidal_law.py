@@ -358,7 +358,7 @@ def test_a_wrong_option_is_refused_by_its_name(options, message):
 
 def test_every_preset_lies_within_the_ranges_of_its_entries():
     for entries in PRESETS.values():
-        make_centroidal(MODEL, **entries)
+        make_centroidal(MODEL, mode="tip", **entries)
 
 
 def test_the_oldest_known_delay_is_a_hundred_periods():

@@ -87,8 +87,14 @@ def test_a_page_is_on_loopback_and_asks_for_its_token() -> None:
     env.step(np.zeros(env.action_space.shape, np.float32))
     placed = found._episode.placed(found._episode.state)
     np.testing.assert_allclose(placed.positions[0], [float(c[0]) for c in env.lanes.state.position], atol=1e-6)
+    env.reset(seed=1)
+    assert [each.time for each in found._episode._seen] == [0.0], "the same seed begins anew"
+    with pytest.raises(ScenarioError, match=rf"render_options: port = {address.port}: .*must be free"):
+        made(port=address.port)
     env.close()
     env.close()
+    with pytest.raises(ValueError, match=r"page: must be open"):
+        env.reset()
     with pytest.raises(ConnectionRefusedError):
         http.client.HTTPConnection("127.0.0.1", address.port, timeout=5.0).connect()
 
@@ -128,8 +134,11 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
         ({"width": 3}, "render_options: 'width': must be one of port, speed, plain, browser"),
         ({"port": -1}, "render_options: port = -1: must be from 0 to 65535"),
         ({"port": True}, "render_options: port = True: must be from 0"),
-        ({"speed": 0}, "render_options: speed = 0: must be above 0, or inf"),
-        ({"speed": math.nan}, "render_options: speed = nan: must be above 0"),
+        ({"speed": 0}, "render_options: speed = 0: must be from 0.001 to 1e+06, or inf"),
+        ({"speed": math.nan}, "render_options: speed = nan: must be from"),
+        ({"speed": 10**400}, "render_options: speed = 1"),
+        ({"speed": 1e-300}, "render_options: speed = 1e-300: must be from"),
+        ({"speed": "fast"}, "render_options: speed = 'fast': must be from"),
         ({"plain": 1}, "render_options: plain = 1: must be true or false"),
         (3, "render_options = 3: must be a table"),
     ],

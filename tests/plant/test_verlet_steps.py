@@ -19,7 +19,7 @@ from skyarm.environment import Force, SignalVector
 from skyarm.environment.component import Wrench
 from skyarm.plant.compiled import RigidBodyPlant, Steps
 from skyarm.plant.interface import Truth
-from skyarm.plant.largest_step import borne_step, lanes_step, verlet_step
+from skyarm.plant.largest_step import borne_step, check_largest_step, lanes_step, verlet_step
 from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
@@ -221,11 +221,28 @@ def test_they_are_taken_near_contact_where_they_are_fewer_than_evaluations_of_ru
     assert [Steps(3, 1, verlet=4) == each for each in others] == [False, False, False, False, True, False]
 
 
-def test_lanes_are_compared_by_the_steps_that_both_methods_follow_from():
+@pytest.mark.parametrize("name", ["largest_step", "largest_euler_step", "largest_verlet_step"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), "a", True, float("inf"), 1e-9])
+def test_steps_of_ones_own_force_that_cannot_be_are_refused_whatever_the_method(name, value):
+    def own(**steps):
+        return dataclasses.dataclass(frozen=True)(type("Own", (Force,), steps))()
+
+    with pytest.raises(ValueError, match=rf"^environment\.forces\[0\]\.{name} = "):
+        check_largest_step([("environment.forces[0]", own(**{"largest_step": 1e-3, name: value}))], 0.005)
+    check_largest_step([("environment.forces[0]", own(**{"largest_step": None, name: 1e-3}))], 0.005)
+
+
+def test_a_lane_s_step_is_the_shortest_that_any_method_asks_for():
+    own = SimpleNamespace(largest_step=1e-3, largest_euler_step=1e-3, largest_verlet_step=1e-4)
+    assert (borne_step(own, euler=False), borne_step(own, euler=True)) == (1e-4, 1e-3)
+
+
+def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
     grip = Contact(objects=(FreeObject(name="box", size=(0.06,) * 3, mass=0.1),),
                    grippers=(Gripper(name="hand", damping_ratio=1.5),))  # fmt: skip
     told = plant(BIRD, grip)[1]
-    assert lanes_step(told, euler=False) == float(grip.largest_euler_step) < float(grip.largest_step)
+    assert lanes_step(told, euler=False) == float(grip.largest_verlet_step) < float(grip.largest_step)
+    assert lanes_step(told, euler=True) == float(grip.largest_euler_step)
     assert verlet_step(told) == pytest.approx(0.75 * float(grip.largest_euler_step))
     assert verlet_step(plant(BIRD, grip, Coupled())[1]) is None
     assert verlet_step(SimpleNamespace()) is None

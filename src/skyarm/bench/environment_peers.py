@@ -9,6 +9,7 @@ ours begins anew.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,18 @@ STARTS = {
 
 
 def peers() -> list[list[Contender]]:
-    """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium."""
+    """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium.
+
+    A peer of a version that has not the parts which are flown here counts as one that is not installed.
+    """
     if not installed("gymnasium"):
         return []
-    return [make() for name, make in PEERS.items() if installed(name)]
+    found = []
+    for name, make in PEERS.items():
+        if installed(name):
+            with suppress(ImportError, AttributeError):
+                found.append(make())
+    return found
 
 
 def beside_crazyflow() -> list[Contender]:

@@ -70,8 +70,9 @@ def measure(*, flags: bool = False, late: bool = False, lanes: int = LANES, call
 def main(words: Sequence[str] | None = None) -> None:
     """Print what is measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--flags", action="store_true", help="call configure_cpu first")
-    parser.add_argument("--late", action="store_true", help="start JAX before the environment is made")
+    one = parser.add_mutually_exclusive_group()
+    one.add_argument("--flags", action="store_true", help="call configure_cpu first")
+    one.add_argument("--late", action="store_true", help="start JAX before the environment is made")
     for name, value in measure(**vars(parser.parse_args(words))).items():
         print(f"{name:<20} {value:12.4g}")
 

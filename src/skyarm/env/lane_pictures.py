@@ -100,8 +100,9 @@ def lane_pictures(
 def _chosen(given: Any, lanes: int) -> list[int]:
     """Numbers of lanes, each once."""
     wanted = f"render_options: lanes = {shown(given)}: must be a list of 1 to {MOST} numbers from 0 to {lanes - 1}"
-    if isinstance(given, (str, Mapping)) or not isinstance(given, (Sequence, np.ndarray)):
-        raise ScenarioError(wanted)
+    listed = isinstance(given, Sequence) and not isinstance(given, (str, bytes, bytearray))
+    if not listed and not (isinstance(given, np.ndarray) and given.ndim == 1):
+        raise ScenarioError(f"{wanted}, each once")
     whole = [each for each in given if isinstance(each, (int, np.integer)) and not isinstance(each, bool)]
     numbers = [int(each) for each in whole if 0 <= each < lanes]
     if len(numbers) != len(given) or not 1 <= len(numbers) <= MOST or len(set(numbers)) != len(numbers):

@@ -73,7 +73,7 @@ class Environment(gymnasium.Env[Array, Array]):
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
         self._begun = True
         if self.page is not None:
-            self.page.show(self.lanes)
+            self.page.begin(self.lanes)
         return self.lanes.observation[:, 0].copy(), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -33,9 +33,11 @@ def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> f
 
 def borne_step(record: Any, *, euler: bool) -> Any:
     """The longest step (s) that a record bears of each method that may move it; None of any."""
-    if euler or getattr(record, "largest_verlet_step", None) is not None:
-        return getattr(record, "largest_euler_step", record.largest_step)
-    return record.largest_step
+    verlet = getattr(record, "largest_verlet_step", None)
+    if not euler and verlet is None:
+        return record.largest_step
+    steps = [getattr(record, "largest_euler_step", record.largest_step), None if euler else verlet]
+    return min((step for step in steps if step is not None), default=None)
 
 
 def lanes_step(around: Any, *, euler: bool) -> float | None:
@@ -96,17 +98,26 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
     """
     for where, record in records:
         # a property of traced numbers is not asked: it may branch
-        if not concrete(*leaves(record)) or record.largest_step is None:
+        if not concrete(*leaves(record)):
             continue
-        value = coerce.number(f"{where}.largest_step", record.largest_step)
-        why = record.why_short_steps() if isinstance(record, Drive) and value < period else ""
-        if why and not period / MOST_STEPS <= value:
-            raise ValueError(
-                f"{where}: {why} move the joint within {value:.2g} s, must be {period / MOST_STEPS:g} s or more, a "
-                f"thousandth of the control period"
-            )
-        if concrete(value) and not period / MOST_STEPS <= value < math.inf:
-            raise ValueError(
-                f"{where}.largest_step = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a "
-                f"thousandth of the control period"
-            )
+        if record.largest_step is not None:
+            value = coerce.number(f"{where}.largest_step", record.largest_step)
+            why = record.why_short_steps() if isinstance(record, Drive) and value < period else ""
+            if why and not period / MOST_STEPS <= value:
+                raise ValueError(
+                    f"{where}: {why} move the joint within {value:.2g} s, must be {period / MOST_STEPS:g} s or more, a "
+                    f"thousandth of the control period"
+                )
+            _require_step(f"{where}.largest_step", value, period)
+        for name in ("largest_euler_step", "largest_verlet_step"):
+            other = getattr(record, name, None)
+            if other is not None:
+                _require_step(f"{where}.{name}", coerce.number(f"{where}.{name}", other), period)
+
+
+def _require_step(where: str, value: Any, period: float) -> None:
+    if concrete(value) and not period / MOST_STEPS <= value < math.inf:
+        raise ValueError(
+            f"{where} = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a thousandth of the "
+            f"control period"
+        )

@@ -20,7 +20,7 @@ from skyarm.studio.arrows import TRAIL
 from skyarm.studio.guard import LOOPBACK, Guard
 from skyarm.studio.page_words import literal
 from skyarm.studio.picture import Picture
-from skyarm.studio.server import bound, close_server, open_server, require_viser
+from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
 from skyarm.studio.sights import Sight, goal_of, sight
 
 FRAME = 1.0 / 30.0
@@ -149,7 +149,13 @@ class EpisodePage:
             threading.Thread(target=webbrowser.open, args=(self.address,), daemon=True).start()
 
     def begin(self, scenario: Scenario, now: LoopState) -> None:
-        """Draw the first state of an episode."""
+        """Draw the first state of an episode.
+
+        Raises:
+            StudioError: the page is closed.
+        """
+        if self._server is None:
+            raise StudioError("page: must be open; close() has closed it")
         self._episode = WatchedEpisode(scenario, now, scenario.controller.name)
         with self._server.atomic():
             self._picture.build(scenario, [self._episode.title])
@@ -165,11 +171,11 @@ class EpisodePage:
             lost: why it has ended early, in words; empty while it flies.
 
         Raises:
-            ValueError: no episode was begun.
+            StudioError: no episode was begun, or the page is closed.
         """
         episode = self._episode
-        if episode is None:
-            raise ValueError("show: must come after begin()")
+        if episode is None or self._server is None:
+            raise StudioError("show: must come after begin(), and before close()")
         ticks: Any = now.ticks
         due = self._began + float(ticks) / episode.scenario.rates.control / self._speed - self._clock()
         if due < -LONGEST_WAIT:
@@ -192,5 +198,6 @@ class EpisodePage:
         with self._server.atomic():
             self._picture.draw([episode], episode.time - self._shown)  # type: ignore[list-item]
             ending = f", {literal(episode.lost)}" if episode.lost else ""
-            self._words.content = f"{episode.time:.2f} s, tip error {1e3 * episode.last.error:.1f} mm{ending}"
+            part = "tip" if episode.scenario.world.vehicle.end_effector else "base"
+            self._words.content = f"{episode.time:.2f} s, {part} error {1e3 * episode.last.error:.1f} mm{ending}"
         self._shown, self._drawn = episode.time, self._clock()
