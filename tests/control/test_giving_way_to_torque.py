@@ -279,49 +279,6 @@ def test_a_law_that_turns_is_kept_told_of_and_varied_by_its_numbers():
     assert tilted.rotation.body.axes == tilted.tip.axes
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
-        ("rotation.arm.length", 0.0, r"rotation\.arm\.length = 0\.0: must be at least 0\.001"),
-        ("rotation.arm.length", 1e-200, r"rotation\.arm\.length = 1e-200: must be at least 0\.001"),
-        ("rotation.arm.idle", -0.02, r"rotation\.arm\.idle = -0\.02: must be at least 0\.0001"),
-        ("rotation.arm.idle", 0.0, r"rotation\.arm\.idle = 0\.0: must be at least 0\.0001"),
-        ("rotation.body.inertia.0", 0.0, r"rotation\.body\.inertia\[0\] = 0\.0: must be from 0\.001 to 100"),
-        ("rotation.body.inertia.1", 9e-4, r"body\.inertia\[1\] = 0\.0009: must be 0 or from 0\.001 to 100"),
-        ("rotation.body.inertia.1", 101.0, r"body\.inertia\[1\] = 101\.0: must be 0 or from 0\.001 to 100"),
-        ("rotation.body.damping.2", 2.6, r"body\.damping\[2\] = 2\.6: must be at most 50 1/s times the inertia"),
-        ("rotation.body.stiffness.0", 1e9, r"stiffness\[0\] = 1000000000\.0: must be at most \(50 rad/s\)\^2 times"),
-        ("rotation.body.stiffness.0", math.nan, r"body\.stiffness\[0\] = nan: must be a finite number"),
-        ("tip.mass.0", 0.0, r"admittance\.tip\.mass\[0\] = 0\.0: must be from 0\.01 to 1000"),
-        ("tip.mass.0", 1e-3, r"tip\.mass\[0\] = 0\.001: must be 0 or from 0\.01 to 1000"),
-        ("tip.damping.0", 51.0, r"tip\.damping\[0\] = 51\.0: must be at most 50 1/s times the mass"),
-        ("tip.stiffness.1", 3.0, r"tip\.stiffness\[1\] = 3\.0: must be 0 along an axis of mass 0, which is held"),
-    ],
-)
-def test_numbers_of_a_sweep_that_a_table_refuses_are_refused(path, value, words):
-    found = changed()
-    found["controller"]["admittance"] |= {
-        name: [each, 0.0, 0.0] for name, each in (("mass", 1.0), ("damping", 6.0), ("stiffness", 9.0))
-    }
-    scenario = scenario_from(found)
-    with pytest.raises(ValueError, match=words) as caught:
-        with_numbers(scenario, {f"controller.admittance.{path}": value})
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith("controller.admittance.")
-
-
-def test_numbers_of_a_sweep_that_a_table_takes_are_taken_together():
-    scenario = scenario_from(changed(inertia=[J, J, 0.0], damping=[D, D, 0.0], stiffness=[K, K, 0.0]))
-    at = "controller.admittance.rotation.body"
-    varied = with_numbers(scenario, {f"{at}.inertia.0": 1.0, f"{at}.stiffness.0": 2500.0, f"{at}.damping.0": 50.0})
-    assert varied.controller.par.admittance.rotation.body.stiffness == (2500.0, K, 0)
-    assert with_numbers(scenario, {f"{at}.stiffness.0": 0.0}).controller.par.admittance.rotation.body.inertia[2] == 0
-    lanes = with_numbers(scenario, {f"{at}.inertia.0": np.array([0.05, 0.1])})
-    assert lanes.controller.par.admittance.rotation.body.inertia[0].shape == (2,)
-    par = scenario.controller.par
-    assert restore(plain(par)) == par
-
-
 def test_the_sensor_of_a_flight_tells_the_torque_about_the_tip_wherever_on_the_hand_it_is():
     found = document((0.0, 0.0, 0.0), noisy=False, duration=2.5)
     found["controller"]["force_sensor"] = True
