@@ -133,6 +133,48 @@ def test_no_joint_goes_further_than_a_share_of_its_way_to_a_limit():
     assert place == pytest.approx(tip_of(vehicle, signals)[0], abs=1e-12)
 
 
+def narrow(reach):
+    """The hexarotor with limits of its wrist's pitch that stand evenly."""
+    links = list(HEXAROTOR.links)
+    links[4] = dataclasses.replace(links[4], joint=dataclasses.replace(links[4].joint, lower=-reach, upper=reach))
+    return dataclasses.replace(HEXAROTOR, links=tuple(links))
+
+
+def swinging(t, size, w=2.0 * np.pi):
+    """The bent arm at rest, its wrist's pitch a sine."""
+    signals = reference(0.0, BENT, moving=False)
+    signals[8] = Taylor.of_derivatives([float(size * w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(5)])
+    return signals
+
+
+@pytest.mark.parametrize("size", [1.7, 1.89, 2.1])
+def test_a_moving_reference_that_nothing_turns_is_left_as_it_is_also_at_a_limit(size):
+    """In limits of 1.9 rad at 100 Hz: 1.7 rad was cut where the limit's room counted as at rest."""
+    vehicle, memory, dt = narrow(1.9), still(6), 0.01
+    none = turned_by((Vec3(0.0, 0.0, 0.0),) * 3)
+    for i in range(200):
+        signals = swinging(i * dt, size)
+        memory, moved = turned_reference(vehicle, gains(vehicle), memory, none, signals, dt)
+        for a, b in zip(moved, signals, strict=True):
+            assert [a.derivative(k) for k in range(3)] == pytest.approx([b.derivative(k) for k in range(3)], abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_is_turned_beside_a_moving_reference_comes_to_its_share_of_the_moving_way(sign):
+    vehicle, memory = narrow(1.0), still(6)
+    shares = []
+    for i in range(400):
+        angle = sign * min(0.005 * i, 1.6)
+        rate = sign * 1.0 if abs(angle) < 1.6 else 0.0
+        E = turned_by((Vec3(0.0, angle, 0.0), Vec3(0.0, rate, 0.0), Vec3(0.0, 0.0, 0.0)))
+        signals = swinging(i * DT, 0.5)
+        memory, _ = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
+        told = swinging((i + 1) * DT, 0.5)[8].derivative(0)
+        shares.append(float(memory.joints[4]) / (sign - told))
+    assert max(shares) < 0.82
+    assert shares[-100:] == pytest.approx([0.8] * 100, abs=0.02)
+
+
 def test_a_batch_equals_a_loop():
     rng = np.random.default_rng(2)
     offsets, rates, thetas = rng.normal(size=(6, 4)) * 0.1, rng.normal(size=(6, 4)) * 0.1, rng.normal(size=(3, 4)) * 0.4

@@ -17,6 +17,7 @@ from skyarm.control.blocks.virtual_tip import Compliance
 from skyarm.control.blocks.virtual_turn import RotationalCompliance
 from skyarm.control.controller import ControllerError
 from skyarm.files import Fields, shown
+from skyarm.records.coerce import concrete
 
 LEAST, MOST = 0.01, 1000.0
 """kg, of the virtual mass."""
@@ -25,7 +26,7 @@ LEAST_TURNED, MOST_TURNED = 0.001, 100.0
 """kg m^2, of the virtual inertia."""
 
 TORQUE = 0.05
-"""N m, above which a torque is heard where none is told."""
+"""N m, above which a torque is heard where none is told: noisy flights of docs/giving_way.md (Turning) have it."""
 
 FASTEST = 50.0
 """rad/s, of the virtual tip: no loop of an arm follows a faster one."""
@@ -71,6 +72,31 @@ def rotation_of(table: Any, at: str, lead: float, axes: tuple[Vec3, ...]) -> tup
     except ValueError as error:
         raise ControllerError(str(error)) from None
     return RotationalCompliance(inertia=first, damping=second, stiffness=third, lead=lead, axes=axes), threshold
+
+
+def require_moderate(at: str, inertia: str, held: Compliance | RotationalCompliance) -> None:
+    """Refuse plain numbers of a record that its table refuses: those that a sweep puts there.
+
+    Args:
+        at: name of the record.
+        inertia: name of its inertias, ``mass`` or ``inertia``.
+        held: record. An axis whose inertia is a structural 0 is held.
+
+    Raises:
+        ControllerError: one line with field, value and what is allowed.
+    """
+    limits = (LEAST, MOST) if inertia == "mass" else (LEAST_TURNED, MOST_TURNED)
+    rows: list[tuple[Any, ...]] = list(zip(getattr(held, inertia), held.damping, held.stiffness, strict=True))
+    for i, (own, damping, stiffness) in enumerate(rows):
+        if not concrete(own, damping, stiffness):
+            continue
+        if type(own) is float and own == 0.0:
+            allowed = f"must be from {limits[0]:g} to {limits[1]:g}: an axis that gives way is not held by 0"
+            raise ControllerError(f"{at}.{inertia}[{i}] = {shown(own)}: {allowed}")
+        try:
+            _axis(at, inertia, limits, i, own, damping, stiffness)
+        except ValueError as error:
+            raise ControllerError(str(error)) from None
 
 
 def _rows(

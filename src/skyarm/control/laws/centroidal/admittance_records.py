@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.compliance_table import compliance_of, rotation_of
+from skyarm.control.blocks.compliance_table import compliance_of, require_moderate, rotation_of
 from skyarm.control.blocks.outside_force import Hearing, HearingMemory, TorqueHearing, first_hearing
 from skyarm.control.blocks.virtual_tip import AT_REST, Compliance, VirtualTip
 from skyarm.control.blocks.virtual_turn import NOT_TURNED, RotationalCompliance, VirtualTurn
@@ -24,10 +24,16 @@ from skyarm.scalars import Scalar
 from skyarm.vehicle.vehicle_records import Vehicle
 
 BENT = 0.4
-"""rad or m, and its multiples: a posture in which no two joint axes of an arm are parallel unless they always are."""
+"""rad or m, and its multiples: a posture in which no two joint axes of an arm are parallel unless they always are.
+
+Any angles will do that are no multiples of pi / 2; only the number of directions is taken from it.
+"""
 
 ALONG = 1e-2
-"""1 and m: what is left of a column of the Jacobian, below which it says nothing new."""
+"""1 and m: what is left of a column of the Jacobian, below which it says nothing new.
+
+Far above rounding (1e-15), below the arms and sines of a vehicle whose joints do turn its tip.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,15 +46,19 @@ class ArmTurn:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TurnWeights:
-    """Weights of the arm's motion.
+    """Weights of the arm's motion; what they reach is in docs/giving_way.md, Measured.
 
     Attributes:
         length: m, of the tip's motion that counts as 1 rad of its turning: long, so that turning comes first.
         idle: weight of joints that rest on their references: singular values of J_w below it turn the tip late.
     """
 
-    length: Annotated[Scalar, Unit("m", "of the tip's motion that counts as 1 rad of its turning")] = 2.0
-    idle: Annotated[Scalar, Unit("", "weight of joints on their references against 1 rad of the tip's turning")] = 0.02
+    length: Annotated[
+        Scalar, Unit("m", "of the tip's motion that counts as 1 rad of its turning", low=1e-3, high=1e3)
+    ] = 2.0
+    idle: Annotated[
+        Scalar, Unit("", "weight of joints on their references against 1 rad of turning", low=1e-4, high=1e3)
+    ] = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,6 +69,9 @@ class RotationGains:
     threshold: Annotated[Scalar, Unit("N m", "about the tip, above which a torque is heard", low=0.0)]
     arm: TurnWeights = TurnWeights()
     ends: Ends = ()
+
+    def __post_init__(self) -> None:
+        require_moderate("controller.admittance.rotation.body", "inertia", self.body)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,6 +95,9 @@ class AdmittanceGains:
     rest: Annotated[Scalar, Unit("s", "after a force, from which on a law learns loads, friction and lag")] = 0.5
     sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
     rotation: RotationGains | None = None
+
+    def __post_init__(self) -> None:
+        require_moderate("controller.admittance.tip", "mass", self.tip)
 
     @property
     def senses(self) -> bool:

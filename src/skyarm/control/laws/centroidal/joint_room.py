@@ -60,19 +60,32 @@ def within_limits(
     """
     found = []
     for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
-        joint, told = vehicle.links[i].joint, references[i].derivative(0)
+        joint = vehicle.links[i].joint
         share = WITH_STOP if joint.has_stops else SHARE
         pole = maximum(mul(0.5, gains.damping[i]), sqrt(gains.stiffness[i]))
         square, twice = mul(pole, pole), mul(2.0, pole)
         gone = add(mul(square, state.joints[i]), mul(twice, state.joint_rates[i]))
-        # of the place where it may go, that moves with the reference, and of the limit, which does not
-        moved = mul(1.0 - share, add(references[i].derivative(2), mul(twice, references[i].derivative(1))))
         kept = wanted
         if high:
-            end = add(mul(square, add(told, mul(share, sub(joint.upper, told)))), moved)
+            end = towards(joint.upper, references[i], share, pole)
             kept = minimum(kept, sub(minimum(end, mul(square, joint.upper)), gone))
         if low:
-            end = add(mul(square, add(told, mul(share, sub(joint.lower, told)))), moved)
+            end = towards(joint.lower, references[i], share, pole)
             kept = maximum(kept, sub(maximum(end, mul(square, joint.lower)), gone))
         found.append(kept)
     return tuple(found)
+
+
+def towards(limit: Any, reference: Taylor, share: Any, pole: Any) -> Any:
+    """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint that is where it may go, and stays there.
+
+    Args:
+        limit: of the joint, rad or m.
+        reference: of the joint, to its second derivative at least.
+        share: of the way from the reference to the limit; a structural 0 for the reference itself.
+        pole: k, rad/s.
+    """
+    told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
+    # the place where it may go moves with the reference, the limit does not
+    moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))
+    return add(mul(square, add(told, mul(share, sub(limit, told)))), moved)

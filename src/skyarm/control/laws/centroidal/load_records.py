@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InertiaGains:
-    """Constants of the learned inertia of a load.
+    """Constants of the learned inertia of a load, chosen on other bars and seeds than docs/carrying.md reports.
 
     Attributes:
         spread: of what is believed of each moment beforehand, mass times its square.

@@ -23,7 +23,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.laws.centroidal.admittance_records import ArmTurn, RotationGains, TurnWeights
-from skyarm.control.laws.centroidal.joint_room import Ends
+from skyarm.control.laws.centroidal.joint_room import Ends, towards
 from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
 from skyarm.control.laws.centroidal.tip_tasks import Squares, orientation_error
 from skyarm.dynamics.kinematics import jacobian_columns
@@ -32,10 +32,16 @@ from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PACE = 0.2
-"""k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing."""
+"""k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing.
+
+Without anything else one pole of the step is negative from k dt = 2 - sqrt(2) = 0.59 on, and below -1 from 1 on.
+"""
 
 ROOM = 0.8
-"""Of the way from a joint's reference to its limit, that the tip's turning may take."""
+"""Of the way from a joint's reference to its limit, that the tip's turning may take: docs/giving_way.md, Turning.
+
+Chosen, not measured: the rest is left for the errors of the loop that follows.
+"""
 
 
 def turned_reference(
@@ -114,19 +120,19 @@ def _within(
 ) -> list[Any]:
     """Joint accelerations that bring no joint further than a share of the way from its reference to a limit.
 
-    With d the way that is left, d'' + 2 k d' + k^2 d >= 0, as in :mod:`skyarm.control.laws.centroidal.joint_room`.
+    The bound of :mod:`skyarm.control.laws.centroidal.joint_room`. A reference that comes nearer to a limit, or nears it
+    faster, is followed as it is: what the law does with it is the same as without turning.
     """
     k, found = divide(PACE, dt), []
     for link, (low, high), q, value, rate, wanted in zip(
         vehicle.links, ends, told, values, rates, accelerations, strict=True
     ):
-        kept, place = wanted, q.derivative(0)
-        gone = add(mul(mul(k, k), sub(value, place)), mul(mul(2.0, k), rate))
-        far = mul(ROOM, mul(k, k))
+        kept, (lower, upper) = wanted, (link.joint.lower, link.joint.upper)
+        gone = add(mul(mul(k, k), value), mul(mul(2.0, k), rate))
         if high:
-            kept = minimum(kept, sub(mul(far, sub(link.joint.upper, place)), gone))
+            kept = minimum(kept, sub(maximum(towards(upper, q, ROOM, k), towards(upper, q, 0, k)), gone))
         if low:
-            kept = maximum(kept, sub(mul(far, sub(link.joint.lower, place)), gone))
+            kept = maximum(kept, sub(minimum(towards(lower, q, ROOM, k), towards(lower, q, 0, k)), gone))
         found.append(kept)
     return found
 
