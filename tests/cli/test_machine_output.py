@@ -76,7 +76,18 @@ def documented() -> dict[str, set[str]]:
 
 def measured(**_options: Any) -> dict[str, Any]:
     """In place of a benchmark of a minute."""
-    names = ("schema", "machine", "scenario", "speed", "long_arm", "bare", "not_installed", "accuracy_m", "latency")
+    names = (
+        "schema",
+        "machine",
+        "scenario",
+        "speed",
+        "long_arm",
+        "bare",
+        "contact",
+        "not_installed",
+        "accuracy_m",
+        "latency",
+    )
     return dict.fromkeys((*names, "start_s", "operations", "growth"), 1)
 
 

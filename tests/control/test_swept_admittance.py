@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,3 +71,18 @@ def test_numbers_of_a_sweep_that_a_table_takes_are_taken_together():
     assert lanes.controller.par.admittance.rotation.body.inertia[0].shape == (2,)
     par = scenario.controller.par
     assert restore(plain(par)) == par
+
+
+def test_the_table_of_turning_that_the_page_shows_is_one():
+    page = (Path(__file__).parents[2] / "docs" / "giving_way.md").read_text("utf-8")
+    (shown,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    document = {
+        "name": "turned",
+        "duration": 1.0,
+        "plant": {"vehicle": "hexarotor_arm6"},
+        "reference": {"base": {"kind": "signals", "z": 1.5}, "joints": [0.0, -0.6, -0.97, 0.0, -0.8, 0.0]},
+    }
+    law = {"law": "centroidal", "mode": "tip", **tomllib.loads(shown)["controller"]}
+    gains = scenario_from({**document, "controller": law}).controller.par.admittance
+    assert [float(each) for each in gains.rotation.body.inertia] == [J] * 3
+    assert [float(each) for each in gains.rotation.body.stiffness] == [K] * 3

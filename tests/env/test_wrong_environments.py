@@ -140,8 +140,8 @@ def test_other_arguments_of_environments_are_refused():
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):
             VectorEnvironment(**bare(**given))
-    with pytest.raises(skyarm.ScenarioError, match="render_mode = 'human'"):
-        Environment(**bare(render_mode="human"))
+    with pytest.raises(skyarm.ScenarioError, match="render_mode = 'ansi'"):
+        Environment(**bare(render_mode="ansi"))
     with pytest.raises(skyarm.ScenarioError, match="foo = 1: unknown argument; there are actions, observation"):
         Environment(**bare(foo=1))
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):

@@ -121,8 +121,8 @@ class TipContact:
             )
 
         self.kernel = Kernel(trace_loop(step, first, (), row), Lanes(1), logging=True)
-        numbers: dict[str, Any] = {field.name: 0.0 for field in dataclasses.fields(Touch)}
-        numbers |= dict.fromkeys(("normal", "tip_force"), (0.0,) * 3)
+        scalars = ("asked", "touching", "rising", "share", "force", "damping", "shift", "shift_rate", "gap", "speed")
+        numbers: dict[str, Any] = dict.fromkeys(scalars, 0.0) | dict.fromkeys(("normal", "tip_force"), (0.0,) * 3)
         self.touch = Touch(**numbers | dict.fromkeys(("free", "pressed"), (0.0,) * (6 + vehicle.n)))
 
     def at(self, before: Array | None, estimate: Array, push: Sequence[Any], wanted: Array) -> tuple[Array, Touch]:
