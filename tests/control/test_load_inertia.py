@@ -101,6 +101,7 @@ def fly(true, seconds=6.0, gains=GAINS, memory=None, noise=0.0, bias=0.0, learns
     return memory
 
 
+@pytest.mark.thorough
 def test_the_moments_of_a_load_that_is_turned_about_every_axis_are_found():
     true = (2.2e-3, 1.5e-3, 0.9e-3)
     assert [*fly(true).moments] == pytest.approx(true, rel=0.03)
