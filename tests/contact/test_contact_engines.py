@@ -132,16 +132,30 @@ def test_a_ball_is_as_deep_as_its_radius_says_and_slips_with_its_lowest_point():
     assert [*turning.bristle_rate] == pytest.approx([-0.05, 0.0, 0.0], abs=1e-12)
     rolling = touch_of_ball(rate=Vec3(0.0, 0.5, 0.0), velocity=Vec3(0.05, 0.0, 0.0))
     assert [*rolling.bristle_rate] == pytest.approx([0.0] * 3, abs=1e-12)
-    assert float(touch_of_ball(velocity=Vec3(0.0, 0.0, -0.2)).rising) == pytest.approx(-0.2)
+    assert [*touch_of_ball(velocity=Vec3(0.1, 0.0, -0.2)).slip] == pytest.approx([0.1, 0.0, -0.2])
 
 
 @pytest.mark.parametrize(
-    ("height", "speed", "far"), [(0.0051, 0.0, True), (0.0049, 0.0, False), (0.0099, -1.0, False), (0.0101, -1.0, True)]
+    ("height", "speed", "period", "far"),
+    [
+        (0.0051, 0.0, 0.005, True),
+        (0.0049, 0.0, 0.005, False),
+        (0.0099, -1.0, 0.005, False),
+        (0.0101, -1.0, 0.005, True),
+        (-0.002, 3.0, 0.005, False),  # leaves, and is pressed until it has left
+        (0.005, 3.0, 0.005, False),
+        (0.0201, 3.0, 0.005, True),
+        (0.0051, 0.0, 0.001, True),  # shorter periods keep the distance
+        (0.0049, 0.0, 0.001, False),
+        (0.079, 0.0, 0.02, False),  # 400 m/s^2 for 20 ms
+        (0.081, 0.0, 0.02, True),
+    ],
 )
-def test_far_is_what_stays_five_millimetres_away_at_its_present_speed(height, speed, far):
+def test_far_is_what_stays_five_millimetres_away_at_its_present_speed(height, speed, period, far):
     ground = Contact(surfaces=(Surface(name="g"), Surface(name="deep", position=(0.0, 0.0, -1.0))), points=SPOT)
-    state = dataclasses.replace(START, position=Vec3(0.0, 0.0, height), velocity=Vec3(3.0, 0.0, speed))
-    assert bool(ground.far(ground.start(0.005, ()), PointMotion(BIRD, state), 0.005)) is far
+    for way in (Vec3(0.0, 0.0, speed), Vec3(0.6 * speed, 0.0, 0.8 * speed)):
+        state = dataclasses.replace(START, position=Vec3(0.0, 0.0, height), velocity=way)
+        assert bool(ground.far(ground.start(period, ()), PointMotion(BIRD, state), period)) is far
 
 
 def test_while_it_is_far_the_clock_goes_on_and_bristles_stand_up():

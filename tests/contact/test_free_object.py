@@ -366,7 +366,7 @@ def test_a_point_slips_against_what_turns_under_it(spinning):
     _, _, _, touches = spinning
     for touch, x in zip(touches, (0.03, -0.02), strict=True):
         assert [*touch.bristle_rate] == pytest.approx([2.0 * 0.02, -2.0 * x, 0.0], abs=1e-9)
-        assert float(touch.rising) == pytest.approx(-0.01)
+        assert float(touch.slip.z) == pytest.approx(-0.01)
         assert float(touch.depth) == pytest.approx(5e-4)
 
 

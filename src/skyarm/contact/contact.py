@@ -33,8 +33,9 @@ from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, exp, logical_and, maximum, neg, sqrt
 from skyarm.vehicle.vehicle_records import Vehicle
 
-NEAR = 0.005
-"""m that a point stays away from a surface while longer steps are taken: what it goes astray in 5 ms at 400 m/s^2."""
+NEAR, SWIFT = 0.005, 400.0
+"""m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
+meanwhile: both are the same in 5 ms, longer periods ask for more."""
 
 TIP = "tip"
 """Name of the point that a vehicle with a tip has where nothing is said of its points."""
@@ -256,15 +257,17 @@ class Contact(Force):
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+        """Whether no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
 
-        What a gripper holds is near.
+        Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
+        leaves, and in a hole another wall may be in its way. What a gripper holds is near.
         """
         found: Any = True
+        margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
         for grip in memory.grips:
             found = grip.taken < 0.5 if found is True else logical_and(found, grip.taken < 0.5)
         for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
-            away = touch.depth - touch.rising * seconds < -NEAR
+            away = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
             found = away if found is True else logical_and(found, away)
         return found
 

@@ -14,13 +14,13 @@ class Touch:
     """What a surface does to a point, world axes.
 
     Attributes:
-        depth: penetration, m; negative outside. rising: m/s, at which it falls.
+        depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
         normal: N, along ``axis``, the surface's outward normal.
         friction: N. bristle_rate: m/s. spot: where it acts, seen from the point, m.
     """
 
     depth: Any
-    rising: Any
+    slip: Vec3
     normal: Any
     axis: Vec3
     friction: Vec3
@@ -53,21 +53,18 @@ def touch_of(
         depth: penetration, m.
         axis: the surface's outward normal, world axes.
         spot: where they touch, seen from the point, m.
-        slip: velocity of the point less that of the surface at the spot, m/s.
+        slip: velocity of the point relative to the surface at the spot, m/s.
         held: the bristle's deflection as the memory has it, m.
         step: longest integration step of the whole contact, s.
         mass: kg that the pair moves at least.
         mean: s, in which a point makes the way that the depth is a mean over; the material's longest step of a contact
             with a vehicle if left out.
     """
-    rising = slip.dot(axis)
     bristle = _across(held, axis)  # a round surface's normal turns
     rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
-    normal = material.normal_force(depth, -rising, mean)
+    normal = material.normal_force(depth, -slip.dot(axis), mean)
     friction = material.friction_force(bristle, rate, normal, mass)
-    return Touch(
-        depth=depth, rising=rising, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis
-    )  # fmt: skip
+    return Touch(depth=depth, slip=slip, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis)
 
 
 def _across(vector: Vec3, n: Vec3) -> Vec3:
