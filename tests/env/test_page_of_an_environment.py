@@ -13,7 +13,7 @@ import pytest
 
 import skyarm.env  # noqa: F401 - registers the environments
 from skyarm.env import lane_page
-from skyarm.env.lane_page import OPTIONS, page_options
+from skyarm.env.lane_page import OPTIONS, options_of_modes
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.watched_episode import LONGEST_WAIT
 
@@ -93,7 +93,7 @@ def test_a_page_is_on_loopback_and_asks_for_its_token() -> None:
         made(port=address.port)
     env.close()
     env.close()
-    with pytest.raises(ValueError, match=r"page: must be open"):
+    with pytest.raises(ScenarioError, match=r"^reset: must come before close\(\)"):
         env.reset()
     with pytest.raises(ConnectionRefusedError):
         http.client.HTTPConnection("127.0.0.1", address.port, timeout=5.0).connect()
@@ -131,7 +131,8 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"width": 3}, "render_options: 'width': must be one of port, speed, plain, browser"),
+        ({"width": 3}, "render_options: width = 3: must be an even number"),
+        ({"prot": 1}, "render_options: 'prot': did you mean 'port'"),
         ({"port": -1}, "render_options: port = -1: must be from 0 to 65535"),
         ({"port": True}, "render_options: port = True: must be from 0"),
         ({"speed": 0}, "render_options: speed = 0: must be from 0.001 to 1e+06, or inf"),
@@ -145,9 +146,14 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
 )
 def test_options_that_cannot_be_are_one_line(given: Any, message: str) -> None:
     with pytest.raises(ScenarioError) as error:
-        page_options(given)
+        gymnasium.make("skyarm/Hover-v0", render_mode="human", render_options=given)
     assert str(error.value).startswith(message)
-    assert page_options(None) == OPTIONS
+    assert options_of_modes(None) == ({}, OPTIONS)
+
+
+def test_one_table_of_options_serves_pictures_and_a_page() -> None:
+    given = {"width": 96, "speed": 2.0, "height": 64}
+    assert options_of_modes(given) == ({"width": 96, "height": 64}, {**OPTIONS, "speed": 2.0})
 
 
 def test_many_environments_have_no_page() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import sys
+
 import numpy as np
 import pytest
 
@@ -12,7 +15,7 @@ from gymnasium.wrappers import RenderCollection
 
 import skyarm
 from film_flights import needs_display
-from skyarm.env import lane_pictures
+from skyarm.env import lane_pictures, single_environment
 from skyarm.env.named_tasks import make_single
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
@@ -82,15 +85,31 @@ def test_environments_draw_beside_one_another_and_after_a_reset():
     one.reset(seed=0)
     assert (one.render() == first).all()
     one.close()
-    assert (one.render() == first).all()
-    one.close()
+
+
+@needs_display
+@pytest.mark.parametrize("studio", [True, False])
+def test_gymnasiums_checks_pass_in_every_render_mode_with_and_without_the_studio(monkeypatch, studio):
+    if studio:
+        pytest.importorskip("viser", reason="needs the extra 'studio'")
+    else:
+        monkeypatch.setitem(sys.modules, "viser", None)
+        monkeypatch.setattr(single_environment, "has_viser", lambda: False)
+    options = {**SMALL, "browser": False, "speed": math.inf}
+    env = gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=options))
+    assert env.unwrapped.metadata["render_modes"] == (["rgb_array", "human"] if studio else ["rgb_array"])
+    check_env(env.unwrapped)
+    env.close()
+    if not studio:
+        with pytest.raises(ValueError, match=r"^studio: needs the extra 'studio'; .*pip install") as error:
+            gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="human", render_options=options))
+        assert "\n" not in str(error.value)
 
 
 @needs_display
 @pytest.mark.thorough
-def test_gymnasiums_checks_and_wrappers_take_pictures():
+def test_gymnasiums_wrappers_take_pictures():
     env = gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL))
-    check_env(env.unwrapped)
     pictures = RenderCollection(env)
     pictures.reset(seed=0)
     pictures.step(np.zeros(4, np.float32))
@@ -141,6 +160,8 @@ def test_without_a_mode_nothing_is_drawn_and_nothing_loaded(monkeypatch):
         ({"render_options": 3}, "render_options = 3: must be a table"),
         ({"render_options": {"widht": 96}}, "render_options: 'widht': did you mean 'width'"),
         ({"render_options": {"width": 5}}, "render_options: width = 5: must be an even number from 64"),
+        ({"render_options": {"prot": 1}}, "render_options: 'prot': did you mean 'port'"),
+        ({"render_options": {"port": -1}}, "render_options: port = -1: must be from 0 to 65535"),
         ({"render_options": {"camera": "mine"}}, "render_options: camera = 'mine': must be one of follow"),
     ],
 )
@@ -246,5 +267,5 @@ def test_lanes_are_drawn_once_begun_and_only_where_they_are_asked_for():
     with pytest.raises(skyarm.ScenarioError, match=r"render: must come after reset\(\)"):
         envs.render()
     # a single environment has no lanes to choose from
-    with pytest.raises(skyarm.ScenarioError, match="render_options: 'lanes': must be one of"):
+    with pytest.raises(skyarm.ScenarioError, match="render_options: 'lanes': .*must be one of"):
         Environment(**bare(render_mode="rgb_array", render_options={"lanes": [0]}))

@@ -259,3 +259,17 @@ def test_seeds_of_numpy_are_seeds_and_huge_actions_count_as_the_bound():
         assert np.array_equal(found[0], found[2])
     with pytest.raises(skyarm.ScenarioError, match="seed = True"):
         one.reset(seed=True)
+
+
+@pytest.mark.parametrize("make", [Environment, VectorEnvironment])
+def test_a_closed_environment_says_so_in_one_line_and_keeps_its_scenario(make):
+    env = make(**bare())
+    env.reset(seed=0)
+    still = np.zeros(env.action_space.shape, np.float32)
+    env.step(still)
+    env.close()
+    env.close()
+    for name, call in (("reset", env.reset), ("step", lambda: env.step(still)), ("render", env.render)):
+        with pytest.raises(skyarm.ScenarioError, match=rf"^{name}: must come before close\(\); .*closed[^\n]*$"):
+            call()
+    assert env.scenario == bare()["scenario"]

@@ -28,6 +28,16 @@ def require_lanes(given: Any) -> int:
     return count
 
 
+def require_open(call: str, *, closed: bool) -> None:
+    """Refuse a call of a closed environment.
+
+    Raises:
+        ScenarioError: one line with the call.
+    """
+    if closed:
+        raise ScenarioError(f"{call}: must come before close(); this environment is closed, make another")
+
+
 def require_actions(name: str, given: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
     """Refuse what are no numbers, or not as many.
 

@@ -9,10 +9,11 @@ from typing import Any
 
 from skyarm.compile import leaves, rebuild
 from skyarm.env.env_lanes import EnvLanes
-from skyarm.files import must_be_one_of, shown
+from skyarm.env.lane_pictures import picture_settings
+from skyarm.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop_state import LoopState
-from skyarm.studio.server import StudioError
+from skyarm.studio.server import StudioError, has_viser
 from skyarm.studio.watched_episode import EpisodePage
 
 HUMAN = "human"
@@ -29,23 +30,22 @@ class LanePage:
 
     Args:
         title: of the page.
-        options: port, speed, plain, browser.
+        options: port, speed, plain, browser; all of them.
 
     Attributes:
         address: with the token that a tab must bear.
 
     Raises:
-        ScenarioError: one line: an option that there is not, or a value that cannot be.
-        StudioError: one line: the extra is missing, or the port is taken.
+        ScenarioError: one line: the port is taken.
+        StudioError: one line: the extra is missing, or no port is free.
     """
 
-    def __init__(self, title: str, options: Any) -> None:
-        found = page_options(options)
+    def __init__(self, title: str, options: Mapping[str, Any]) -> None:
         try:
-            self._page = EpisodePage(title, **found)
+            self._page = EpisodePage(title, **options)
         except StudioError as error:
-            if found["port"]:
-                raise ScenarioError(f"render_options: port = {found['port']}: {error}") from None
+            if options["port"] and has_viser():
+                raise ScenarioError(f"render_options: port = {options['port']}: {error}") from None
             raise
         self.address = self._page.address
         print(f"skyarm: {self.address}", file=sys.stderr, flush=True)
@@ -74,18 +74,28 @@ def _state_of(lanes: EnvLanes) -> LoopState:
     return found
 
 
-def page_options(given: Any) -> dict[str, Any]:
-    """Options of a page.
+def options_of_modes(given: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of pictures and options of a page: one table serves every ``render_mode``, each takes its own.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise ScenarioError(f"render_options = {shown(given)}: must be a table, as {{'port': 8080}}")
-    found = OPTIONS | dict(given or {})
-    for name in found:
-        if name not in OPTIONS:
-            raise ScenarioError(f"render_options: {shown(name)}: {must_be_one_of(OPTIONS, name)}")
+        raise ScenarioError(f"render_options = {shown(given)}: must be a table, as {{'width': 320}}")
+    page = {name: value for name, value in (given or {}).items() if name in OPTIONS}
+    pictures = {name: value for name, value in (given or {}).items() if name not in OPTIONS}
+    if pictures:
+        picture_settings(pictures, also=OPTIONS)
+    return pictures, page_options(page)
+
+
+def page_options(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a page, with those that are left out.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+    """
+    found = OPTIONS | given
     port, speed = found["port"], found["speed"]
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
         raise ScenarioError(f"render_options: port = {shown(port)}: must be from 0 to 65535")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -34,11 +34,7 @@ class LanePictures:
     """
 
     def __init__(self, options: Mapping[str, Any], chosen: Sequence[int]) -> None:
-        drawing = import_module(PICTURES)
-        try:
-            settings = drawing.picture_settings(options)
-        except ValueError as error:
-            raise ScenarioError(f"render_options: {error}") from None
+        drawing, settings = import_module(PICTURES), picture_settings(options)
         self._pictures = {lane: drawing.EpisodePictures(settings) for lane in chosen}
         self._drawn: dict[int, tuple[int, int]] = {}
 
@@ -63,6 +59,22 @@ class LanePictures:
         for pictures in self._pictures.values():
             pictures.close()
         self._drawn.clear()
+
+
+def picture_settings(options: Mapping[str, Any], *, also: Iterable[str] = ()) -> Any:
+    """Settings of pictures.
+
+    Args:
+        options: width, height, camera, ghost, fine.
+        also: options that are allowed next to these, for the message.
+
+    Raises:
+        ScenarioError: one line: an option that there is not, or a value that cannot be.
+    """
+    try:
+        return import_module(PICTURES).picture_settings(options, also)
+    except ValueError as error:
+        raise ScenarioError(f"render_options: {error}") from None
 
 
 def lane_pictures(

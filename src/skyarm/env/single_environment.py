@@ -12,13 +12,14 @@ import numpy.typing as npt
 from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
-from skyarm.env.given_arguments import require_actions, require_arguments, require_options
-from skyarm.env.lane_page import HUMAN, LanePage
+from skyarm.env.given_arguments import require_actions, require_arguments, require_open, require_options
+from skyarm.env.lane_page import HUMAN, LanePage, options_of_modes
 from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by
+from skyarm.studio.server import has_viser
 
 Array = npt.NDArray[Any]
 
@@ -30,12 +31,13 @@ class Environment(gymnasium.Env[Array, Array]):
         scenario: record, name or path of a file.
         render_mode: None; "rgb_array": :meth:`render` gives a picture; "human": a page of the studio shows every step.
         render_options: of a picture: width, height, camera, ghost, fine, as a film has them; of a page: port, speed,
-            plain, browser.
+            plain, browser. Each mode takes its own of them.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
         lanes: the one lane that flies: state, numbers drawn.
         page: that shows it; None but with "human".
+        metadata: ``render_modes`` of this installation: "human" where the extra ``studio`` is installed.
     """
 
     metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES, HUMAN]}  # noqa: RUF012 - Gymnasium has it so
@@ -50,18 +52,27 @@ class Environment(gymnasium.Env[Array, Array]):
     ) -> None:
         self.render_mode = render_mode
         self.page: LanePage | None = None
-        self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, render_options, 1, also=(HUMAN,))
+        pictures, page = options_of_modes(render_options)
+        self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, pictures, 1, also=(HUMAN,))
         require_arguments(task, make_task)
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         if render_mode == HUMAN:
-            self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", render_options)
+            self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", page)
         self.observation_space, self.action_space = spaces(self.lanes)
-        self.metadata = {"render_modes": [*RENDER_MODES, HUMAN], "render_fps": self.lanes.task.scenario.rates.control}
+        # Gymnasium's check_env renders all of these; the class has every mode, so that make() does not replace one
+        modes = [*RENDER_MODES, *([HUMAN] if has_viser() else [])]
+        self.metadata = {"render_modes": modes, "render_fps": self.scenario.rates.control}
         self._only = np.zeros(1, dtype=np.intp)
-        self._begun = False
+        self._begun = self._closed = False
+
+    @property
+    def scenario(self) -> Scenario:
+        """Scenario of the task, before numbers are drawn for an episode."""
+        return self.lanes.task.scenario
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin episode 0 of a seed, or the next episode without one."""
+        require_open("reset", closed=self._closed)
         require_options(options, ())
         key = None if seed is None else seed_of(seed)
         super().reset(seed=None if seed is None else int(seed))
@@ -87,8 +98,9 @@ class Environment(gymnasium.Env[Array, Array]):
 
         Raises:
             ScenarioError: an action of another shape, no numbers, or numbers that are not finite; or the episode is
-                over.
+                over, or the environment closed.
         """
+        require_open("step", closed=self._closed)
         lanes = self.lanes
         if not self._begun or lanes.ended[0] or lanes.truncated[0]:
             raise ScenarioError("step: must come after reset(), and before the end of the episode")
@@ -128,9 +140,10 @@ class Environment(gymnasium.Env[Array, Array]):
             ``render_mode``.
 
         Raises:
-            ScenarioError: before the first ``reset()``.
+            ScenarioError: before the first ``reset()``, or after ``close()``.
             NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
         """
+        require_open("render", closed=self._closed)
         if self.page is not None:
             return None
         if self._pictures is None:
@@ -141,7 +154,8 @@ class Environment(gymnasium.Env[Array, Array]):
         return self._pictures.draw(self.lanes)[0]
 
     def close(self) -> None:
-        """End the threads, and give back what drawing holds."""
+        """End the threads, and give back what drawing holds; a second time does nothing."""
+        self._closed = True
         self.lanes.close()
         if self._pictures is not None:
             self._pictures.close()

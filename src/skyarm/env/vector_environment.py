@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_program import LARGEST
 from skyarm.env.env_task import Task, make_task
-from skyarm.env.given_arguments import require_arguments, require_lanes, require_options
+from skyarm.env.given_arguments import require_arguments, require_lanes, require_open, require_options
 from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures
 from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
@@ -77,6 +77,11 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self._begun = False
 
     @property
+    def scenario(self) -> Scenario:
+        """Scenario of the task, before numbers are drawn for an episode."""
+        return self.lanes.task.scenario
+
+    @property
     def observations(self) -> Array:
         """(num_envs, numbers) view on the observations, which every call writes anew."""
         return self._view
@@ -90,6 +95,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
             options: ``{"reset_mask": (num_envs,) True or False}``.
         """
+        require_open("reset", closed=self.closed)
         require_options(options, ("reset_mask",))
         mask = (options or {}).get("reset_mask")
         chosen = lane_mask(mask, self.num_envs)
@@ -126,6 +132,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         Raises:
             ScenarioError: actions of another shape, no numbers, or numbers that are not finite.
         """
+        require_open("step", closed=self.closed)
         lanes, over = self.lanes, self._over
         if not self._begun:
             raise ScenarioError("step: must come after reset()")
@@ -162,9 +169,10 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             (height, width, 3) bytes for each; None, with a warning, of environments made without ``render_mode``.
 
         Raises:
-            ScenarioError: before the first ``reset()``.
+            ScenarioError: before the first ``reset()``, or after ``close()``.
             NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
         """
+        require_open("render", closed=self.closed)
         if self._pictures is None:
             logger.warn('render: gives nothing; make the environments with render_mode="rgb_array"')
             return None

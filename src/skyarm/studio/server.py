@@ -14,6 +14,7 @@ import math
 import os
 import socket
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from typing import Any
 
 from skyarm.files.optional_extras import needs_extra
@@ -24,6 +25,11 @@ QUIET = "websockets.server"
 
 class StudioError(ValueError):
     """The studio cannot be opened: one line."""
+
+
+def has_viser() -> bool:
+    """Whether the optional library is installed; it is not loaded."""
+    return find_spec("viser") is not None
 
 
 def require_viser() -> None:
