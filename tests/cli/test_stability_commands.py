@@ -80,6 +80,26 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
     assert math.cos(joints["phase"]) == pytest.approx((1.0 + low * high) / (low + high), rel=1e-9)
 
 
+def test_margins_say_which_weather_of_ones_own_they_leave_out(folder: Path) -> None:
+    air = '[[environment.air]]\nkind = "gusty"\nsigma = 2.0\n'
+    wind = '[environment.wind]\nmode = "moving_air"\nvelocity = [2.0, 0.0, 0.0]\n'
+    wind += "turbulence = { altitude = 6.0, wind_20ft = 7.7 }\n"
+    (folder / "gusty.toml").write_text(SHORT + air + wind)
+    plugin = ("--plugin", str(Path(__file__).parents[2] / "examples" / "own_wind.py"))
+    options = ("--instants", "0", "--out", "m.json", "--html", "m.html")
+    ended = skyarm("margins", "gusty.toml", *plugin, *options)
+    assert ended.code == 0, ended.err
+    named = ["environment.wind.turbulence", "environment.air[0] = Gusty"]
+    said = f"disturbances are left out: {', '.join(named)}"
+    assert said in ended.out.splitlines()
+    assert said in (folder / "m.html").read_text()
+    found = json.loads((folder / "m.json").read_text())
+    assert found["left_out"] == named
+    calm = skyarm("margins", "short.toml", *options)
+    assert "disturbances" not in calm.out
+    assert json.loads((folder / "m.json").read_text())["instants"] == found["instants"], "both hover in calm air"
+
+
 def test_every_loop_is_listed_where_asked(folder: Path) -> None:
     assert folder.exists()
     ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "0", "--loops")

@@ -1,4 +1,4 @@
-"""Margins are of a loop in which only the law and joint drives remember; what else does is named by its field."""
+"""Margins are of a loop in which only the law and joint drives remember: disturbances are left out and named."""
 
 from __future__ import annotations
 
@@ -7,17 +7,42 @@ import dataclasses
 import pytest
 
 import added_components as own
+import skyarm
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.stability.hover_delay import hover_delay
 from skyarm.stability.open_loop import Differentiator
 
-CASE3 = load_scenario("case3")
+CASE3 = load_scenario("case3", controller="paper_ct", duration=0.2)
+GUSTY = dataclasses.replace(
+    CASE3,
+    air=(own.Shear(), own.Turbulence(sigma=0.5)),
+    forces=(own.RandomPush(), own.Tether(anchor=skyarm.Vec3(0.0, 0.0, 0.0))),
+)
+
+
+def test_weather_with_a_memory_is_left_out_and_named() -> None:
+    """The margins along the flight are those of the same scenario without it; hover is in calm air."""
+    calm = dataclasses.replace(GUSTY, air=GUSTY.air[:1], forces=GUSTY.forces[1:])
+    found, wanted = skyarm.margins(GUSTY, 1), skyarm.margins(calm, 1)
+    assert found.left_out == ("environment.air[1] = Turbulence", "environment.forces[0] = RandomPush")
+    assert wanted.left_out == ()
+    assert [each.radius for each in found.instants] == [each.radius for each in wanted.instants]
+    assert [each.swings for each in found.instants] == [each.swings for each in wanted.instants]
+    assert hover_delay(GUSTY).margin == hover_delay(dataclasses.replace(calm, air=())).margin > 0.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Swing(own.RandomPush):
+    """Its memory moves with the plant."""
+
+    coupled = True
 
 
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"air": (own.Turbulence(sigma=0.5),)}, r"environment.air\[0\] = Turbulence: "),
+        ({"forces": (own.RandomPush(), Swing())}, r"environment.forces\[1\] = Swing: "),
         ({"instruments": (NamedSensor(name="gps", sensor=own.Fix()),)}, "sensors.gps = Fix: "),
         ({"estimator": own.Blend(), "instruments": ()}, "estimator = Blend: "),
     ],

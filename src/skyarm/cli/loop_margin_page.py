@@ -53,4 +53,6 @@ def margins_page(found: Any, loci: Any) -> str:
         delay, swings = (min(getattr(each, name) for each in found.instants) for name in ("delay", "swings"))
         facts = f"delay margin {1e3 * delay:.3g} ms; small swings grow from {1e3 * swings:.3g} ms on"
         facts += f"; instants: {len(found.instants)}"
+    if found.left_out:
+        facts += f"; disturbances are left out: {', '.join(found.left_out)}"
     return page(f"Margins of {found.controller} in {found.scenario}", facts, body)

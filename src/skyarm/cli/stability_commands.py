@@ -146,6 +146,8 @@ def margins(
     console.print(LOOP_NOTE, soft_wrap=True)
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
+    if found.left_out:
+        console.print(f"disturbances are left out: {', '.join(found.left_out)}", soft_wrap=True)
     if scenario.changes:
         console.print(
             "changes in flight are left out: these are the margins of the scenario as it begins", soft_wrap=True
@@ -198,6 +200,7 @@ def _plain(found: Any) -> dict[str, Any]:
         "controller": found.controller,
         "scenario": found.scenario,
         "completed": found.completed,
+        "left_out": list(found.left_out),
         "instants": [
             {
                 "hover": each.hover,

@@ -18,7 +18,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState
-from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
+from skyarm.stability.frozen_scenario import LAGS, disturbances, nominal, without_adaptation
 from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.margins import Margins, delay_margin
 from skyarm.stability.margins import margins as margins_of_loop
@@ -61,12 +61,18 @@ class Instant:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """Instants of one controller and scenario; ``completed`` is False where the nominal flight ended early."""
+    """Margins of one controller and scenario.
+
+    Attributes:
+        completed: False where the nominal flight ended early.
+        left_out: fields of the disturbances without which the loop was flown and linearised.
+    """
 
     controller: str
     scenario: str
     instants: tuple[Instant, ...]
     completed: bool
+    left_out: tuple[str, ...] = ()
 
 
 def hovering(scenario: Scenario) -> Scenario:
@@ -90,6 +96,7 @@ def hovering(scenario: Scenario) -> Scenario:
         pause=None,
         duration=SETTLING,
         wind=NO_WIND,
+        air=(),
         faults=(),
         initial=None,
         ground=False,
@@ -114,8 +121,9 @@ def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int]
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
-    Noise, turbulence and changes in flight are left out, on the rigid-body plant. Along a flight each instant is
-    linearised as if time stood still: that every one is stable is no proof that the flight, which varies with time, is.
+    Noise, disturbances that remember, as turbulence, and changes in flight are left out, on the rigid-body plant.
+    Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that the
+    flight, which varies with time, is.
 
     Raises:
         ScenarioError: fewer than 0 instants.
@@ -139,7 +147,11 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
         found += some
         completed = completed and whole
     return Evidence(
-        controller=scenario.controller.name, scenario=scenario.name, instants=tuple(found), completed=completed
+        controller=scenario.controller.name,
+        scenario=scenario.name,
+        instants=tuple(found),
+        completed=completed,
+        left_out=disturbances(scenario),
     )
 
 

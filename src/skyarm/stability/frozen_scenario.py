@@ -1,4 +1,4 @@
-"""What of a scenario has a place in a linearisation: no noise, no turbulence, one time constant of each rotor."""
+"""The scenario that is linearised: no noise, no disturbances that remember, one time constant of each rotor."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 
 
 def nominal(scenario: Scenario) -> Scenario:
-    """The scenario without noise, turbulence and changes in flight, which have no place in a linearisation.
+    """The scenario without noise, :func:`disturbances` and changes in flight, which have no place in a linearisation.
 
     Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
     Rotors that tilt stay at rest under a law that does not turn them.
 
     Raises:
-        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned.
+        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or a force whose
+            memory moves with the plant.
     """
     scenario = _without_tilts(scenario)
     calm: Wind = scenario.wind
@@ -44,7 +45,37 @@ def nominal(scenario: Scenario) -> Scenario:
         else each
         for each in scenario.joint_drives
     )
-    return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm, changes=(), drives=drives)
+    (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
+    return dataclasses.replace(
+        scenario, sensors=PERFECT_SENSORS, wind=calm, air=air, forces=forces, changes=(), drives=drives
+    )
+
+
+def disturbances(scenario: Scenario) -> tuple[str, ...]:
+    """Fields of the disturbances that :func:`nominal` leaves out: turbulence, and air and forces with a memory.
+
+    Air and forces without a memory, as ground effect, are kept.
+    """
+    turbulence = ["environment.wind.turbulence"] if getattr(scenario.wind, "turbulence", None) is not None else []
+    return (*turbulence, *_split(scenario, "air")[1], *_split(scenario, "forces")[1])
+
+
+def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
+    """Air or forces without a memory, and the fields of the others, whose memory has its own clock.
+
+    Raises:
+        ScenarioError: a force whose memory moves with the plant: the loop without it is another.
+    """
+    kept, left_out = list[Any](), list[str]()
+    for i, part in enumerate(getattr(scenario, field)):
+        name = f"environment.{field}[{i}]"
+        remembers = leaves(part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms)))
+        if not remembers:
+            kept.append(part)
+        else:
+            _require_none(part.coupled, name, part)
+            left_out.append(f"{name} = {type(part).__name__}")
+    return tuple(kept), left_out
 
 
 def _without_tilts(scenario: Scenario) -> Scenario:
@@ -98,18 +129,15 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:
-    """Refuse a loop whose linearisation would have to know more memories than those of the law and of joint drives.
+    """Refuse a nominal loop with more memories than those of the law and of joint drives.
 
     Raises:
-        ScenarioError: air, a force, a sensor or an estimator remembers something, or there is a sensor beside the full
+        ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full
             state; names the first of them by its field.
     """
-    fields = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
-    fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
-    fields += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
-    # the battery comes last, after all of these
-    for field, component, memory in zip(fields, scenario.components, first.components, strict=False):
-        _require_none(leaves(memory), field, component)
+    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the battery comes last
+    for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
+        _require_none(leaves(memory), f"payloads[{i}]", payload)
     for named in scenario.instruments:
         _require_none(True, f"sensors.{named.name}", named.sensor)
     _require_none(leaves(first.estimate), "estimator", scenario.estimator)
