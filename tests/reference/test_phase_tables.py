@@ -60,6 +60,41 @@ def test_a_force_holds_on_until_the_tip_is_in_free_flight_again():
         read(PRESS, {"kind": "hold", "duration": 1.0}, slide)
 
 
+def test_a_retreat_leaves_along_the_normal():
+    """By 5 cm in 1 s, of where it stands; without a normal, or with a clearance of 0, it stays."""
+    there, turning = (
+        [0.2, 0.1, 0.8],
+        {"kind": "open", "angle": 0.5, "duration": 2.0, "center": [0.2, 0.3, 0.8], "axis": [0.0, 0.0, 1.0]},
+    )
+    slide = {"kind": "slide", "position": there, "duration": 2.0}
+    for phase, length, seconds in (
+        ({}, 0.05, 1.0),
+        ({"clearance": 0.2, "duration": 3.0}, 0.2, 3.0),
+        ({"clearance": 0.0}, 0.0, 1.0),
+        ({"clearance": 0.0, "duration": 0.5}, 0.0, 0.5),
+    ):
+        trajectory, _ = read(PRESS | {"normal": [-3.0, 0.0, 4.0]}, slide, {"kind": "retreat", **phase})
+        begin, end = (each.end for each in trajectory.phases[1:])
+        assert end - begin == pytest.approx(seconds)
+        away = place_at(trajectory, end) - there
+        np.testing.assert_allclose(away, [-0.6 * length, 0.0, 0.8 * length], atol=1e-12)
+        middle = place_at(trajectory, 0.5 * (begin + end)) - there
+        np.testing.assert_allclose(middle, 0.5 * away, atol=1e-12)
+        assert force_at(trajectory, end - 0.01) == 0.0
+    trajectory, _ = read(turning, {"kind": "retreat"})
+    np.testing.assert_array_equal(place_at(trajectory, 2.0), place_at(trajectory, 3.0))
+    for wrong in ({"clearance": 0.1}, {"clearance": -0.1}):
+        with pytest.raises(ValueError, match=r"phases\[1\]\.clearance = "):
+            read(turning, {"kind": "retreat", **wrong})
+
+
+def test_a_retreat_keeps_the_offset_of_a_search_so_that_it_pulls_straight_out():
+    trajectory, _ = read(
+        PRESS, SPIRAL, {"kind": "insert", "distance": 0.01}, {"kind": "retreat"}, {"kind": "go_to", "position": START}
+    )
+    assert [phase.back is None for phase in trajectory.phases] == [True, True, True, True, False]
+
+
 def test_a_force_holds_on_while_the_tip_rests_between_two_phases():
     slide = {"kind": "slide", "position": [0.2, 0.1, 0.8], "duration": 2.0, "start": 20.0, "force": 3.0}
     trajectory, _ = read(PRESS, slide, {"kind": "hold", "duration": 1.0, "start": 30.0}, PRESS | {"start": 40.0})

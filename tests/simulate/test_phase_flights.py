@@ -65,6 +65,20 @@ def test_each_phase_begins_when_the_flight_has_shown_what_the_one_before_asks(lo
     assert (log.contact_force[log.time > ends[2] + 0.3, 0] == 0.0).all()
 
 
+def test_a_tip_that_touches_on_its_path_leaves_the_wall_by_a_retreat():
+    """Its path begins 2 mm in front of the wall, so that without a force alone it would lean there."""
+    document = copy.deepcopy(DOCUMENT) | {"duration": 5.0}
+    document["world"]["surfaces"][0]["position"][0] = 0.252
+    phases = document["reference"]["tip"]["path"]["phases"]
+    document["reference"]["tip"]["path"]["phases"] = [*phases[:2], phases[3]]
+    log = skyarm.run(skyarm.scenario_from(document))
+    ends = dict(log.phase_ends)
+    assert log.status == "completed"
+    assert ends["retreat"] - ends["press"] == pytest.approx(1.2, abs=0.1)
+    assert (log.contact_force[log.time > ends["press"] + 0.5, 0] == 0.0).all()
+    assert log.tip[-1, 0] == pytest.approx(0.15, abs=2e-3)
+
+
 def test_the_log_says_where_the_reference_s_clock_stands(scenario, log):
     assert (np.diff(log.path_time) >= 0.0).all()
     waits = np.diff(log.path_time) == 0.0

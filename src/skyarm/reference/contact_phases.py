@@ -24,6 +24,9 @@ from skyarm.reference.turning import Turning
 EASE = 0.05
 """s of the plan between asking for a force and waiting for it."""
 
+CLEARANCE = 0.05
+"""m in front of a surface from which a tip comes and to which it leaves, where a phase says nothing else."""
+
 TOUCHED = 0.5
 """Share of the wanted force from which on a tip counts as touching, where a phase says nothing else."""
 
@@ -38,13 +41,7 @@ def approach(task: Task, phase: Fields) -> None:
     """Go in front of a place on the surface."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position", phase.at("position"))
-    usual = 0.05 if "normal" in phase.table else 0.0
-    clearance = within(phase.number("clearance", usual, low=0.0), phase.at("clearance"))
-    if clearance and task.normal is None:
-        raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
-    if task.normal is not None:
-        goal = _along(goal, task.normal, clearance)
-    _go(task, phase, goal, touches=False)
+    _go(task, phase, _in_front(task, phase, goal, near="normal" in phase.table), touches=False)
 
 
 def press(task: Task, phase: Fields) -> None:
@@ -86,13 +83,18 @@ def write(task: Task, phase: Fields) -> None:
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Ask for no force; go to a place, or stay for a while."""
+    """Ask for no force; leave along the normal, or go to a place."""
     task.force = None
-    if phase.take("position", None) is None:
-        task.rest(seconds(phase, "duration", 1.0))
-        task.wait(guard_from(phase, task.normal))
+    if phase.take("position", None) is not None:
+        _go(task, phase, place_of(phase, "position", phase.at("position")), touches=False)
         return
-    _go(task, phase, place_of(phase, "position", phase.at("position")), touches=False)
+    goal = _in_front(task, phase, task.at, near=task.normal is not None)
+    duration = seconds(phase, "duration", 1.0)
+    if goal == task.at:
+        task.rest(duration)
+    else:  # straight out, as of a hole: an offset of the reference stays
+        task.go([task.at, goal], duration)
+    task.wait(guard_from(phase, task.normal))
 
 
 def search(task: Task, phase: Fields) -> None:
@@ -161,6 +163,14 @@ TOUCHING: Mapping[str, Callable[[Task, Fields], None]] = {
 
 ABOUT_AN_AXIS = ("turn", "open")
 """Those that go about an axis."""
+
+
+def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
+    """A place that is so far out along the normal as the phase's clearance says, by default ``CLEARANCE`` if near."""
+    clearance = within(phase.number("clearance", CLEARANCE if near else 0.0, low=0.0), phase.at("clearance"))
+    if clearance and task.normal is None:
+        raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
+    return place if task.normal is None else _along(place, task.normal, clearance)
 
 
 def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:
