@@ -95,7 +95,7 @@ def page_options(given: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ScenarioError: one line with field, value and what is allowed.
     """
-    found = OPTIONS | given
+    found: dict[str, Any] = OPTIONS | dict(given)
     port, speed = found["port"], found["speed"]
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
         raise ScenarioError(f"render_options: port = {shown(port)}: must be from 0 to 65535")
