@@ -75,7 +75,8 @@ def test_readings_are_taken_at_the_sensors_instants_held_and_as_late_as_its_late
         assert count == taken // every
         assert dt == pytest.approx(every / 200, rel=1e-15)
         assert position == list(samples[taken].state.position)
-        assert readings["state"] == samples[k].reading
+        assert readings["state"] == samples[k].measurement
+        assert dict(samples[k].readings) == {"fix": readings["fix"]}
 
 
 def test_a_rate_equal_to_the_loops_is_no_rate():
@@ -149,7 +150,8 @@ def test_a_delay_of_the_full_state_is_not_the_named_sensors():
         dataclasses.replace(with_sensors(fix=Fix(delay=0.005)), delays=Delays(measurement=0.015)), 8
     )
     for k, (readings, _, _) in enumerate(heard):
-        assert readings["state"] == samples[max(0, k - 3)].reading
+        assert readings["state"] == samples[k].measurement
+        assert readings["state"].position == samples[max(0, k - 3)].state.position
         assert readings["fix"][0] == max(0, k - 1) / 200
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -174,6 +174,21 @@ KINDS: Mapping[str, Callable[[FlightFacts], list[FlightPanel]]] = {
 }
 
 ALL, PATH = "all", "path"
+
+MEASURED, ESTIMATED = "measured", "estimated"
+
+RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
+"""Arrays of a log that panels show and that sensors read or an estimator estimates."""
+
+
+def as_received(log: Log) -> Iterator[tuple[str, Log]]:
+    """The flight as each sensor read it and as it was estimated; what one of them does not tell is the truth."""
+    full = {"position": log.measured_position, "joints": log.measured_joints}
+    sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
+    for word, fields in sources:
+        shown = {name: fields[name] for name in RECEIVED if name in fields and fields[name].shape == log[name].shape}
+        if shown:
+            yield word, replace(log, **shown)
 
 
 def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:

@@ -33,12 +33,8 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
     """
     absent = ["info", "received", *(name for name in IF_ANY if name not in content)]
     wanted = [name for name in field_names(Log) or () if name not in absent]
-    if not isinstance(info, dict) or info.get("schema") != SCHEMA:
-        raise ValueError(schema_words)
-    axes = {
-        f"{source}.{name}": each.axes for source, of in sources_of(info).items() for name, each in of.fields.items()
-    }
-    if sorted(content) != sorted([*wanted, *axes]):
+    axes = _axes(info) if isinstance(info, dict) and info.get("schema") == SCHEMA else None
+    if axes is None or sorted(content) != sorted([*wanted, *axes]):
         raise ValueError(schema_words)
     count = np.shape(content["time"])
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
@@ -58,6 +54,15 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
             raise ValueError(schema_words)
         arrays[name] = array
     return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
+
+
+def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
+    """Array of readings and estimate -> endings of its columns, None for a number an instant; None if damaged."""
+    try:
+        sources = sources_of(info)
+    except ValueError:
+        return None
+    return {f"{source}.{name}": each.axes for source, of in sources.items() for name, each in of.fields.items()}
 
 
 def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any) -> dict[str, Any]:
