@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import Blend, Fix, same_logs, telling, with_law
+from added_components import Blend, Fix, telling, with_law
 from skyarm.actuation import Command
 from skyarm.estimate.estimator import Estimator
 from skyarm.scalars.philox import normals, uniforms
@@ -168,12 +168,15 @@ def test_another_sensor_changes_no_others_draws():
     """The full flight is the same to the bit, whichever other sensors tick beside, before and after."""
     alone = run(with_sensors(NOISY, fix=FIX))
     other = Fix(sigma=1.0)
-    assert same_logs(alone, run(with_sensors(NOISY, fix=FIX, other=other)))
-    assert same_logs(alone, run(with_sensors(NOISY, other=other, fix=FIX)))
+    for both in ({"fix": FIX, "other": other}, {"other": other, "fix": FIX}):
+        log = run(with_sensors(NOISY, **both))
+        assert log.readings["other"]["value"].std() > 0.5
+        assert all(array.tobytes() == log[name].tobytes() for name, array in alone.arrays().items())
     # and they are draws: another name draws other numbers, another deviation flies otherwise
     renamed = dataclasses.replace(with_sensors(NOISY, mast=FIX), estimator=Blend(sensor="mast"))
-    assert not same_logs(alone, run(renamed))
-    assert not same_logs(alone, run(with_sensors(NOISY, fix=dataclasses.replace(FIX, sigma=0.04))))
+    weaker = with_sensors(NOISY, fix=dataclasses.replace(FIX, sigma=0.04))
+    for scenario in (renamed, weaker):
+        assert not np.array_equal(alone.position, run(scenario).position)
 
 
 def test_sensors_of_two_names_draw_independent_numbers():
