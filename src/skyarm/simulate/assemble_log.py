@@ -86,7 +86,8 @@ def joined(
     for i, piece in enumerate(pieces):
         received, described = _received(piece)
         tables[i] |= received
-        sources |= described
+        for name, source in described.items():
+            sources.setdefault(name, source)["fields"] |= source["fields"]
     if any("path_time" in each for each in tables):
         tables = [{"path_time": each["time"], **each} for each in tables]
     if len(tables) > 1:
@@ -191,8 +192,8 @@ def _received(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:
         measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
-        arrays |= {"measured_position": measured["position"]}
-        arrays |= {"measured_joints": measured["joints"]} if "joints" in measured else {}
+        arrays["measured_position"] = measured["position"]
+        arrays["measured_joints"] = measured.get("joints", np.zeros((count, 0)))
     return arrays, described
 
 
