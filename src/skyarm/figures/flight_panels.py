@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -186,7 +187,8 @@ def as_received(log: Log) -> Iterator[tuple[str, Log]]:
     full = {"position": log.measured_position, "joints": log.measured_joints}
     sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
     for word, fields in sources:
-        shown = {name: fields[name] for name in RECEIVED if name in fields and fields[name].shape == log[name].shape}
+        fitting = (name for name in RECEIVED if name in fields and fields[name].shape == log[name].shape)
+        shown: dict[str, Any] = {name: fields[name] for name in fitting}
         if shown:
             yield word, replace(log, **shown)
 

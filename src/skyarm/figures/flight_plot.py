@@ -147,8 +147,8 @@ def _draw(
         if log.status != "completed" and log.time.size:
             at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
             ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
-    for (word, values), look in _received(panel, named, style):
-        (handles[word],) = ax.plot(next(iter(named.values())).time, values, label=word, **look)
+    for word, values, received in _received(panel, named, style):
+        (handles[word],) = ax.plot(next(iter(named.values())).time, values, label=word, **received)
     for log in _of_different_references(panel, named):
         desired = panel.desired(log) if panel.desired else None
         if desired is not None:
@@ -159,25 +159,19 @@ def _draw(
 
 def _received(
     panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle
-) -> Iterator[tuple[tuple[str, Array], dict[str, Any]]]:
+) -> Iterator[tuple[str, Array, dict[str, Any]]]:
     """Words, curve and look of a panel's quantity as it was measured and estimated; of a flight that is drawn alone."""
     if len(named) > 1:
         return
     (log,) = named.values()
-    looks = {
-        MEASURED: {
-            "color": style.look(0).tint,
-            "linewidth": style.look(0).width,
-            "zorder": 2.5,
-            "drawstyle": "steps-post",
-        },
-        ESTIMATED: style.look(1).line,
-    }
-    truth = panel.of(log)
+    first = style.look(0)
+    held: dict[str, Any] = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    looks = {MEASURED: held, ESTIMATED: style.look(1).line}
+    truth: Any = panel.of(log)
     for word, received in as_received(log):
         values = panel.of(received)
         if values is not None and not np.array_equal(values, truth, equal_nan=True):
-            yield (word, values), looks[word]
+            yield word, values, looks[word]
 
 
 def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> list[Log]:
@@ -208,7 +202,7 @@ def _ends(
     for log in named.values():
         inside = (log.time >= span[0]) & (log.time <= span[1])
         curves = [read(log) if read else None for read in (panel.of, panel.desired)]
-        curves += [values for (_, values), _ in _received(panel, named, style)]
+        curves += [values for _, values, _ in _received(panel, named, style)]
         (kept if log.status == "completed" else lost).extend(each[inside] for each in curves if each is not None)
     ends = _range(panel, kept) if any(each.size for each in kept) else None
     both = _range(panel, kept + lost)

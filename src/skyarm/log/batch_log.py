@@ -64,7 +64,8 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
         time: (samples,), s.
     """
     parts = [_by_lane(example, rows) for example, rows in legs]
-    shapes = [each.alive.shape for each in parts]
+    alive: list[Any] = [each.alive for each in parts]
+    shapes = [each.shape for each in alive]
     kept = {
         name: _joined([getattr(each, name) for each in parts], shapes) for name in ("state", "command", "reference")
     }
@@ -72,7 +73,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
     received = {name: _joined([dict(each.received).get(name) for each in parts], shapes) for name in names}
     return BatchLog(
         time=time,
-        alive=np.concatenate([each.alive for each in parts], axis=1),
+        alive=np.concatenate(alive, axis=1),
         **kept,
         estimate=received.pop(ESTIMATE, None),
         readings={name.partition(".")[2]: record for name, record in received.items()},

@@ -139,8 +139,9 @@ class StagedFlight:
         rows = self._rows(start - self.begun, stop - self.begun)
         led = rows.shape[1] - self._stages.led_count
         states, commands, *parts, found, led_by = np.split(rows, [*ends.tolist(), led], axis=1)
-        records = [rebuild(each, iter(part.T)) for each, part in zip(self._examples[2:], parts, strict=True)]
-        return Samples(states, commands, *records, found, led_by)
+        records = (rebuild(each, iter(part.T)) for each, part in zip(self._examples[2:], parts, strict=True))
+        measurement, readings, wind = records
+        return Samples(states, commands, measurement, readings, wind, found, led_by)
 
     @property
     def _examples(self) -> tuple[Any, ...]:
