@@ -11,7 +11,7 @@ import skyarm
 from planted_lags import lagging_drives, with_slower_motors
 from skyarm.identify.loop_lags import loop_lags
 from skyarm.log.flight_log import rows_of
-from skyarm.log.received import fields_of
+from skyarm.log.sensor_data import fields_of
 from skyarm.simulate import compiled_flight
 from skyarm.simulate.assemble_log import assemble
 from skyarm.simulate.inputs import episode_inputs

@@ -182,8 +182,8 @@ RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
 """Arrays of a log that panels show and that sensors read or an estimator estimates."""
 
 
-def as_received(log: Log) -> Iterator[tuple[str, Log]]:
-    """The flight as each sensor read it and as it was estimated; what one of them does not tell is the truth."""
+def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
+    """The flight as each sensor measured it and as it was estimated; other quantities are the truth."""
     full = {"position": log.measured_position, "joints": log.measured_joints}
     sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
     for word, fields in sources:

@@ -15,7 +15,7 @@ from skyarm.figures import picture_styles
 from skyarm.figures.flight_events import Event
 from skyarm.figures.flight_facts import FlightFacts, flight_facts
 from skyarm.figures.flight_labels import ending_of, flights_by_label
-from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, FlightPanel, as_received, panels_of
+from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, FlightPanel, measured_flights, panels_of
 from skyarm.figures.path_views import path_figure
 from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
@@ -147,7 +147,7 @@ def _draw(
         if log.status != "completed" and log.time.size:
             at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
             ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
-    for word, values, received in _received(panel, named, style):
+    for word, values, received in _beside_truth(panel, named, style):
         (handles[word],) = ax.plot(next(iter(named.values())).time, values, label=word, **received)
     for log in _of_different_references(panel, named):
         desired = panel.desired(log) if panel.desired else None
@@ -157,10 +157,10 @@ def _draw(
     return handles
 
 
-def _received(
+def _beside_truth(
     panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle
 ) -> Iterator[tuple[str, Array, dict[str, Any]]]:
-    """Words, curve and look of a panel's quantity as it was measured and estimated; of a flight that is drawn alone."""
+    """Word, curve and look of a panel's quantity as measured and as estimated, of a flight that is drawn alone."""
     if len(named) > 1:
         return
     (log,) = named.values()
@@ -168,7 +168,7 @@ def _received(
     held: dict[str, Any] = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: style.look(1).line}
     truth: Any = panel.of(log)
-    for word, received in as_received(log):
+    for word, received in measured_flights(log):
         values = panel.of(received)
         if values is not None and not np.array_equal(values, truth, equal_nan=True):
             yield word, values, looks[word]
@@ -202,7 +202,7 @@ def _ends(
     for log in named.values():
         inside = (log.time >= span[0]) & (log.time <= span[1])
         curves = [read(log) if read else None for read in (panel.of, panel.desired)]
-        curves += [values for _, values, _ in _received(panel, named, style)]
+        curves += [values for _, values, _ in _beside_truth(panel, named, style)]
         (kept if log.status == "completed" else lost).extend(each[inside] for each in curves if each is not None)
     ends = _range(panel, kept) if any(each.size for each in kept) else None
     both = _range(panel, kept + lost)

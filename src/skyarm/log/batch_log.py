@@ -12,7 +12,7 @@ import numpy.typing as npt
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
-from skyarm.log.received import ESTIMATE
+from skyarm.log.sensor_data import ESTIMATE
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar
@@ -26,7 +26,7 @@ class Logged:
     """What a batch keeps of a control instant; the command is the one issued then, the reference the held one.
 
     ``received`` are the sensors' readings and the estimate, name and record of each, as in
-    :mod:`skyarm.log.received`; empty without sensors beside the full state.
+    :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
     """
 
     alive: Scalar

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
-from skyarm.log.received import ESTIMATE, READINGS, sources_of
+from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 

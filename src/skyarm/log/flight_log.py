@@ -15,7 +15,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics.state import State
-from skyarm.log.received import ESTIMATE, sources_of
+from skyarm.log.sensor_data import ESTIMATE, sources_of
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit, units
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.contact.mechanism_kinds import KINDS
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.joint_setpoints import setpoints_of
-from skyarm.log.received import sources_of
+from skyarm.log.sensor_data import sources_of
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -187,14 +187,14 @@ def columns(log: Log) -> tuple[Column, ...]:
             told = names.setpoints[index] if array == "efforts" else None
             own = unit_of_kind(unit, kind) if told is None else told
             found.append(Column(ending, own, unit.meaning, array, place))
-    found += _received(log, names)
+    found += _sensor_columns(log, names)
     unique = distinct([each.name for each in found])
     return tuple(
         Column(name, each.unit, each.meaning, each.array, each.index) for name, each in zip(unique, found, strict=True)
     )
 
 
-def _received(log: Log, names: Names) -> Iterator[Column]:
+def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
     """Columns of readings and estimate: the source's name, then as the log's own arrays are called."""
     for source, described in sources_of(log.info).items():
         begin = word(source.rpartition(".")[2])

@@ -172,7 +172,7 @@ class Scenario:
     @property
     def estimates(self) -> bool:
         """Whether an estimator stands between the sensors and the law."""
-        return not isinstance(self.estimator, PassThrough)
+        return type(self.estimator) is not PassThrough
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:

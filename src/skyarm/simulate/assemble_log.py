@@ -14,7 +14,7 @@ from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.phase_timeouts import waits_of
-from skyarm.log.received import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
+from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -84,7 +84,7 @@ def joined(
     tables = [_tables(piece) for piece in pieces]
     sources: dict[str, Any] = {}
     for i, piece in enumerate(pieces):
-        received, described = _received(piece)
+        received, described = _sensor_data(piece)
         tables[i] |= received
         for name, source in described.items():
             sources.setdefault(name, source)["fields"] |= source["fields"]
@@ -171,8 +171,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
 
 
-def _received(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
-    """What estimator and law received over the periods of a piece: arrays, and what they are as plain data."""
+def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Readings and measurement over the periods of a piece: arrays, and the description of their sources."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
     sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
     arrays: dict[str, Array] = {}

@@ -15,7 +15,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.log.batch_log import Logged
-from skyarm.log.received import ESTIMATE, READINGS
+from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.metrics.accumulate import Total, first_totals
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import lanes_step

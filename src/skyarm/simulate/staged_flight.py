@@ -145,7 +145,7 @@ class StagedFlight:
 
     @property
     def _examples(self) -> tuple[Any, ...]:
-        """What is logged of a period but for what law and reference's clock add, as examples."""
+        """Records that are logged of a period, as examples; numbers of law and clock follow them."""
         stages = self._stages
         return self.first.state, self.first.queue[0], stages.told, stages.readings, stages.wind
 

@@ -19,7 +19,6 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
-from skyarm.log.received import ESTIMATE, Source, sources_of
 from skyarm.log.ros.cdr import Bytes, encode
 from skyarm.log.ros.frame_transforms import (
     BASE_LINK,
@@ -34,6 +33,7 @@ from skyarm.log.ros.instants import METRICS, Part
 from skyarm.log.ros.markers import markers
 from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
 from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
+from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -92,7 +92,7 @@ class FlightTopics:
             + self._state(fast)
             + self._rest(slow, vehicle_of(log))
             + _world(slow, log)
-            + _received(log, fast, self._names)
+            + _sensor_topics(log, fast, self._names)
         )
 
     def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
@@ -160,7 +160,7 @@ class FlightTopics:
         ]
 
     def _measured(self, every: int) -> list[Topic]:
-        """What the law received of the full state; nothing in a flight on an estimator."""
+        """The law's measurement of the full state; nothing in a flight on an estimator."""
         if not any(each.array == "measured_position" for each in self._columns):
             return []
         joints = _joints("/measured/joints", every, self._names.joints, position="measured_joints")
@@ -274,9 +274,9 @@ ODOMETRY = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
 """The same of what a nav_msgs/Odometry is written from, whatever else there is."""
 
 
-def _received(log: Log, fast: int, names: Names) -> list[Topic]:
+def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
     """A topic for each sensor, at the instants at which its readings arrive, and the estimate; none without them."""
-    sources = {name: each for name, each in sources_of(log.info).items() if each.fields}
+    sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
     found: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
         kind, values = _reading(source, each, names)

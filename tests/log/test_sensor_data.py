@@ -19,6 +19,7 @@ from skyarm.log.log_columns import columns
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.sensors.noise import SensorNoise
 from skyarm.sensors.sensor import Sensor
+from skyarm.sensors.sensor_kinds import Encoders
 from skyarm.simulate import Delays
 from skyarm.simulate.loop import run_in_python
 
@@ -284,6 +285,19 @@ def test_messages_are_those_of_ros_at_the_instants_at_which_readings_arrive(tmp_
         assert np.abs(np.array([[v.x, v.y, v.z] for v in linear]) - wanted).max() < 1e-12
         joints = found["/estimate/joints"][2]
         assert np.array_equal([each.position for each in joints], log.estimate["joints"])
+
+
+def test_a_sensor_that_reads_nothing_of_a_vehicle_has_no_messages(tmp_path):
+    """Encoders without joints."""
+    vehicle, base = {"vehicle": "hummingbird"}, {"kind": "hover", "position": [0.0, 0.0, 1.0]}
+    made = {"schema": 1, "name": "bare", "duration": 0.05, "plant": vehicle, "reference": {"base": base}}
+    scenario = skyarm.scenario_from(made | {"controller": {"preset": "centroidal_joint"}})
+    named = NamedSensor(name="encoders", sensor=Encoders())
+    log = skyarm.run(dataclasses.replace(scenario, instruments=(named,)))
+    assert list(log.readings["encoders"]) == ["time"]
+    assert log.measured_joints.shape == (10, 0)
+    for suffix in ("mcap", "npz"):
+        assert same(skyarm.load_log(skyarm.save_log(log, tmp_path / f"jointless.{suffix}")), log)
 
 
 def test_a_journal_of_slow_sensors_is_whole(tmp_path):
