@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import shlex
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 import skyarm
+from estimated_flight import COMPASS, GPS, estimated
 from logged_flights import flown
 from skyarm.cli.main import main
 from skyarm.log.ros.message_types import full_name
@@ -59,10 +61,32 @@ def test_the_topics_shown_are_those_that_are_written():
     words = {0: "once", 1: "200", 4: "50"}
     written = {
         each.name: (full_name(each.kind), "control" if each.name == "/skyarm/flight" else words[each.every])
-        for log in (flown(), touching())
+        for log in (flown(), touching(), on_a_filter())
         for each in FlightTopics(log).topics
+        if not each.name.startswith("/sensors/")
     }
     assert {name: (kind, rate) for name, kind, rate, _ in rows} == written
+
+
+@cache
+def on_a_filter() -> skyarm.Log:
+    wrist = {"kind": "force_torque"}
+    sensors = {"sensors__gps": GPS, "sensors__compass": COMPASS, "sensors__wrist": wrist}
+    return skyarm.run(estimated(duration=0.1, **sensors))
+
+
+def test_the_messages_of_readings_shown_are_those_that_are_written():
+    (table,) = re.findall(r"<!-- readings; .*?-->\n(.*?)<!-- /readings -->", PAGE, re.DOTALL)
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    log = on_a_filter()
+    written = {each.name: full_name(each.kind) for each in FlightTopics(log).topics}
+    seen = set()
+    for name, fields in log.readings.items():
+        words = ", ".join(f"`{field}`" for field in fields if field != "time")
+        row = next((row for row in rows if row[0] == words), rows[-1])
+        assert row[1].partition(":")[0] == f"`{written[f'/sensors/{name}']}`", name
+        seen.add(row[0])
+    assert seen == {row[0] for row in rows}
 
 
 def test_the_formats_shown_are_those_there_are():

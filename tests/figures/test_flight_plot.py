@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 import skyarm
+from estimated_flight import estimated
 from logs_synthetic import synthetic_log
 from skyarm.figures.flight_facts import flight_facts
 from skyarm.figures.flight_labels import LONGEST, flight_labels
@@ -88,6 +89,25 @@ def test_every_line_is_the_log_s(kind: str) -> None:
             assert ("desired" in drawn) == (desired is not None)
             if desired is not None:
                 np.testing.assert_allclose(drawn["desired"].get_ydata(), desired, rtol=1e-12)
+
+
+def test_what_was_measured_and_estimated_stands_beside_the_truth_of_one_flight() -> None:
+    log = skyarm.run(estimated(duration=0.3))
+    drawn = {" ".join(ax.get_ylabel().split()): curves(ax) for ax in plot(log).axes}
+    base, roll = drawn["Base z [m]"], drawn["Roll [deg]"]
+    np.testing.assert_array_equal(base["measured"].get_ydata(), log.readings["mocap"]["position"][:, 2])
+    np.testing.assert_array_equal(base["estimated"].get_ydata(), log.estimate["position"][:, 2])
+    np.testing.assert_array_equal(base["centroidal_tip"].get_ydata(), log.position[:, 2])
+    turned = dataclasses.replace(log, quaternion=log.estimate["quaternion"])
+    np.testing.assert_allclose(roll["estimated"].get_ydata(), np.degrees(turned.euler[:, 0]), rtol=1e-12)
+    np.testing.assert_array_equal(
+        drawn["Joint1 [rad]"]["measured"].get_ydata(), log.readings["encoders"]["joints"][:, 0]
+    )
+    assert "estimated" not in drawn["Tip x [m]"], "no sensor reads it"
+    several = [curves(ax) for ax in plot({"one": log, "two": flights()["paper_ct"]}, kind="tracking").axes]
+    assert not any({"measured", "estimated"} & set(each) for each in several)
+    perfect = skyarm.run(skyarm.load_scenario("case1", duration=0.1))
+    assert not any({"measured", "estimated"} & set(curves(ax)) for ax in plot(perfect, kind="tracking").axes)
 
 
 def test_a_yaw_that_turns_on_follows_its_reference_without_a_jump() -> None:

@@ -10,6 +10,8 @@ import pytest
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
 from skyarm.identify.loop_lags import loop_lags
+from skyarm.log.flight_log import rows_of
+from skyarm.log.sensor_data import fields_of
 from skyarm.simulate import compiled_flight
 from skyarm.simulate.assemble_log import assemble
 from skyarm.simulate.inputs import episode_inputs
@@ -23,10 +25,13 @@ def as_measured(scenario):
     inputs = episode_inputs(scenario)
     flown = compiled_flight.fly(scenario, inputs)
     found = compiled_flight.samples(flown)
-    log, m, n = assemble(scenario, inputs, found, None), found.readings, scenario.world.vehicle.n
-    quaternion = m[:, 4:8] / np.linalg.norm(m[:, 4:8], axis=1, keepdims=True)
-    parts = {"position": m[:, 1:4], "quaternion": quaternion, "velocity": m[:, 8:11], "rate": m[:, 11:14]}
-    return dataclasses.replace(log, **parts, joints=m[:, 17 : 17 + n], joint_rates=m[:, 17 + n : 17 + 2 * n])
+    log = assemble(scenario, inputs, found, None)
+    # the log has what the law received; a reading stands at the instant at which it was taken
+    late = round(scenario.delays.measurement * scenario.rates.control)
+    measured = {name: array[late:] for name, _, array in fields_of(found.measurement, len(log.time))}
+    measured["quaternion"] /= np.linalg.norm(measured["quaternion"], axis=1, keepdims=True)
+    parts = {name: measured[name] for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates")}
+    return dataclasses.replace(rows_of(log, slice(0, len(log.time) - late)), **parts)
 
 
 @pytest.mark.thorough

@@ -11,7 +11,7 @@ import pytest
 from added_components import RandomPush, Turbulence, same_logs
 from shared_programs import shared_programs
 from simulate_flights import document
-from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
+from skyarm import BatchSession, Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.scenario.changes import Change
 from skyarm.scenario.in_flight import is_traceable
@@ -426,7 +426,7 @@ def test_lanes_that_are_stepped_have_no_changes() -> None:
 
 
 def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
-    quiet = dataclasses.replace(BASE, sensors=SensorNoise())
+    quiet = dataclasses.replace(BASE, sensors=SensorNoise(), delays=Delays())
     log = run(changing(Change(at=0.1, path="sensors.position", value=0.01), base=quiet))
     noise = np.abs(log.measured_position - log.position).max(axis=1)
     assert not noise[:20].any()

@@ -60,10 +60,12 @@ def test_until_the_first_measurement_has_arrived_the_law_sees_that_one(old):
     for k in range(7):
         carry, sample = period(carry, Row(time=0.005 * k, reference=scenario.trajectory.at(0.0)), ())
         assert sample.alive == 1.0
-        taken.append(sample.reading)
+        assert sample.measurement == seen[k]
+        taken.append(sample.state)
     assert taken[0].position == first_state(scenario).position
-    assert len({reading.position for reading in taken}) == 7
-    assert seen == [taken[max(0, k - old)] for k in range(7)]
+    assert len({state.position for state in taken}) == 7
+    assert [each.position for each in seen] == [taken[max(0, k - old)].position for k in range(7)]
+    assert [each.time for each in seen] == [0.005 * max(0, k - old) for k in range(7)]
 
 
 def telling(memory, measurement, reference, dt, *, par):

@@ -143,7 +143,7 @@ class EnvProgram:
         around = stages.surroundings(loop.components, loop.drives, row.time)
         begun = Begun(loop.alive, loop.components, around, stages.acting(loop.queue), None)
         nothing: Any = None
-        read = Readings(sensors=loop.sensors, estimate=loop.estimate, reading=nothing, measurement=nothing)
+        read = Readings(sensors=loop.sensors, estimate=loop.estimate, readings=(), measurement=nothing)
         found = issue(stages, loop, begun, read, memory, command, loop.clock)
         plant = RigidBodySteps(stages, self._plant.substeps)
         moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -174,6 +175,22 @@ KINDS: Mapping[str, Callable[[FlightFacts], list[FlightPanel]]] = {
 }
 
 ALL, PATH = "all", "path"
+
+MEASURED, ESTIMATED = "measured", "estimated"
+
+RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
+"""Arrays of a log that panels show and that sensors read or an estimator estimates."""
+
+
+def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
+    """The flight as each sensor measured it and as it was estimated; other quantities are the truth."""
+    full = {"position": log.measured_position, "joints": log.measured_joints}
+    sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
+    for word, fields in sources:
+        fitting = (name for name in RECEIVED if name in fields and fields[name].shape == log[name].shape)
+        shown: dict[str, Any] = {name: fields[name] for name in fitting}
+        if shown:
+            yield word, replace(log, **shown)
 
 
 def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:

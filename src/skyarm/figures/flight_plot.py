@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from skyarm.figures import picture_styles
 from skyarm.figures.flight_events import Event
 from skyarm.figures.flight_facts import FlightFacts, flight_facts
 from skyarm.figures.flight_labels import ending_of, flights_by_label
-from skyarm.figures.flight_panels import ALL, PATH, FlightPanel, panels_of
+from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, FlightPanel, measured_flights, panels_of
 from skyarm.figures.path_views import path_figure
 from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
@@ -56,7 +56,7 @@ def plot(
         file: written there too, as PNG, SVG or PDF by its suffix.
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
             with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from
-            above and from the right, with the world).
+            above and from the right, with the world). Of one flight also what was measured and estimated of these.
         style: "paper" (a column, or two; readable in grey) or "talk" (a slide).
         dark: of a talk, light on dark.
         window: (start, stop), s; the whole of the longest flight if left out.
@@ -95,7 +95,11 @@ def plot(
     title = _title(named)
     if style == "talk" and title:
         figure.suptitle(title, **chosen.words)
-    order = [label for label in (*_legend_names(named), "desired", "limit", *TOUCH_WORDS) if label in handles]
+    order = [
+        label
+        for label in (*_legend_names(named), MEASURED, ESTIMATED, "desired", "limit", *TOUCH_WORDS)
+        if label in handles
+    ]
     handles = {label: handles[label] for label in order} | shading
     picture_styles.legend(figure, chosen, list(handles.values()), list(handles))
     if file is not None:
@@ -143,12 +147,31 @@ def _draw(
         if log.status != "completed" and log.time.size:
             at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
             ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
+    for word, values, received in _beside_truth(panel, named, style):
+        (handles[word],) = ax.plot(next(iter(named.values())).time, values, label=word, **received)
     for log in _of_different_references(panel, named):
         desired = panel.desired(log) if panel.desired else None
         if desired is not None:
             (handles["desired"],) = ax.plot(log.time, desired, label="desired", **style.desired.line)
-    ax.set_ylim(*_ends(panel, named, span))
+    ax.set_ylim(*_ends(panel, named, style, span))
     return handles
+
+
+def _beside_truth(
+    panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle
+) -> Iterator[tuple[str, Array, dict[str, Any]]]:
+    """Word, curve and look of a panel's quantity as measured and as estimated, of a flight that is drawn alone."""
+    if len(named) > 1:
+        return
+    (log,) = named.values()
+    first = style.look(0)
+    held: dict[str, Any] = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    looks = {MEASURED: held, ESTIMATED: style.look(1).line}
+    truth: Any = panel.of(log)
+    for word, received in measured_flights(log):
+        values = panel.of(received)
+        if values is not None and not np.array_equal(values, truth, equal_nan=True):
+            yield word, values, looks[word]
 
 
 def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> list[Log]:
@@ -167,7 +190,9 @@ def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> li
     return found
 
 
-def _ends(panel: FlightPanel, named: Mapping[str, Log], span: tuple[float, float]) -> tuple[float, float]:
+def _ends(
+    panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
+) -> tuple[float, float]:
     """Ends of the value axis: of the flights that were completed, if there are any, and of their references.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
@@ -176,10 +201,9 @@ def _ends(panel: FlightPanel, named: Mapping[str, Log], span: tuple[float, float
     lost: list[Array] = []
     for log in named.values():
         inside = (log.time >= span[0]) & (log.time <= span[1])
-        for read in (panel.of, panel.desired):
-            values = read(log) if read else None
-            if values is not None:
-                (kept if log.status == "completed" else lost).append(values[inside])
+        curves = [read(log) if read else None for read in (panel.of, panel.desired)]
+        curves += [values for _, values, _ in _beside_truth(panel, named, style)]
+        (kept if log.status == "completed" else lost).extend(each[inside] for each in curves if each is not None)
     ends = _range(panel, kept) if any(each.size for each in kept) else None
     both = _range(panel, kept + lost)
     if ends is None:

@@ -74,7 +74,7 @@ def picture_settings(given: Mapping[str, Any], also: Iterable[str] = ()) -> Film
 
 
 def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample) -> InstantLog:
-    """What a log holds of some control instants; commands and measurements, which no picture shows, are zero.
+    """What a log holds of some control instants; of commands and measurements, which no picture shows, it has none.
 
     Args:
         inputs: of the episode.
@@ -82,8 +82,8 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
         states: (N, numbers) leaves of the plant's state.
         wind: of all these instants.
     """
-    empty, zeros = np.zeros((len(states), 0)), np.zeros((len(states), 17 + states.shape[1]))
-    samples = Samples(states=states, commands=zeros, readings=zeros, wind=wind, found=empty, led=empty)
+    empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
+    samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
     log = joined(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info={"status": "completed"})
     return InstantLog(**vars(log), flown=inputs.scenario)
 

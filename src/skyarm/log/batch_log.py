@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,20 +12,28 @@ import numpy.typing as npt
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
+from skyarm.log.sensor_data import ESTIMATE
+from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar
+from skyarm.sensors.measurement import Measurement
 
 Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Logged:
-    """What a batch keeps of a control instant; the command is the one issued then, the reference the held one."""
+    """What a batch keeps of a control instant; the command is the one issued then, the reference the held one.
+
+    ``received`` are the sensors' readings and the estimate, name and record of each, as in
+    :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
+    """
 
     alive: Scalar
     state: State
     command: Command
     reference: Reference
+    received: tuple[tuple[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -34,6 +43,8 @@ class BatchLog:
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
         state, command, reference: records whose scalars are (lanes, samples); what is structure in them stays so.
+        readings: sensor -> record of its newest reading that has arrived. estimate: that the law received from an
+            estimator; None without one. NaN where a leg of the flight has none of it.
     """
 
     time: Array
@@ -41,19 +52,49 @@ class BatchLog:
     state: State
     command: Command
     reference: Reference
+    readings: Mapping[str, Any] = field(default_factory=dict)
+    estimate: Measurement | None = None
 
 
-def batch_log(example: Logged, rows: Array, time: Array) -> BatchLog:
-    """Sort what a kernel logged.
+def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
+    """Sort what kernels logged.
 
     Args:
-        example: the record that was logged.
-        rows: (samples, leaves, lanes).
+        legs: record that was logged and its rows, (samples, leaves, lanes), of each part of the flight.
         time: (samples,), s.
     """
+    parts = [_by_lane(example, rows) for example, rows in legs]
+    alive: list[Any] = [each.alive for each in parts]
+    shapes = [each.shape for each in alive]
+    kept = {
+        name: _joined([getattr(each, name) for each in parts], shapes) for name in ("state", "command", "reference")
+    }
+    names = dict.fromkeys(name for each in parts for name, _ in each.received)
+    received = {name: _joined([dict(each.received).get(name) for each in parts], shapes) for name in names}
+    return BatchLog(
+        time=time,
+        alive=np.concatenate(alive, axis=1),
+        **kept,
+        estimate=received.pop(ESTIMATE, None),
+        readings={name.partition(".")[2]: record for name, record in received.items()},
+    )
+
+
+def _by_lane(example: Logged, rows: Array) -> Logged:
+    """The record with (lanes, samples) for scalars."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
-    count = len(leaves(example))
-    whole: Logged = rebuild(example, iter(columns[:count]))
+    whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
     columns[:, ~alive] = np.nan
-    return BatchLog(time=time, alive=alive, state=whole.state, command=whole.command, reference=whole.reference)
+    return replace(whole, alive=alive)
+
+
+def _joined(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
+    """One record of several one after the other: NaN, of these shapes, for those of another structure than the last."""
+    example = next(each for each in reversed(records) if each is not None)
+    count, columns = len(leaves(example)), []
+    for each, shape in zip(records, shapes, strict=True):
+        fits = each is not None and mismatch(example, each, "record") is None
+        columns.append(leaves(each) if fits else [np.full(shape, np.nan)] * count)
+    joined = (np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0] for parts in zip(*columns, strict=True))
+    return rebuild(example, joined)

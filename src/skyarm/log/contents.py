@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.flight_log import IF_ANY, Log
+from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
+from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 
@@ -30,9 +31,10 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
     Raises:
         ValueError: ``schema_words``: arrays are missing or of other shapes, or the description is none.
     """
-    absent = ["info", *(name for name in IF_ANY if name not in content)]
+    absent = ["info", "received", *(name for name in IF_ANY if name not in content)]
     wanted = [name for name in field_names(Log) or () if name not in absent]
-    if not isinstance(info, dict) or info.get("schema") != SCHEMA or sorted(content) != sorted(wanted):
+    axes = _axes(info) if isinstance(info, dict) and info.get("schema") == SCHEMA else None
+    if axes is None or sorted(content) != sorted([*wanted, *axes]):
         raise ValueError(schema_words)
     count = np.shape(content["time"])
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
@@ -43,7 +45,24 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
         width = array.shape[1:2] if name in IF_ANY and name not in SCALARS else width
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
             raise ValueError(schema_words)
-    return Log(**content, info={name: value for name, value in info.items() if name != LAYOUT})
+    arrays = dict(content)
+    for name, several in axes.items():
+        array = np.asarray(content[name])
+        if several is None and array.shape[1:] == (1,):  # files of columns do not tell a number from a list of one
+            array = np.ascontiguousarray(array[:, 0])
+        if array.shape != (*count, *([len(several)] if several else [])) or array.dtype != np.float64:
+            raise ValueError(schema_words)
+        arrays[name] = array
+    return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
+
+
+def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
+    """Array of readings and estimate -> endings of its columns, None for a number an instant; None if damaged."""
+    try:
+        sources = sources_of(info)
+    except ValueError:
+        return None
+    return {f"{source}.{name}": each.axes for source, of in sources.items() for name, each in of.fields.items()}
 
 
 def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any) -> dict[str, Any]:
@@ -68,4 +87,5 @@ def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any)
             continue
         array = np.ascontiguousarray(table[:, chosen])
         found[name] = array[:, 0].copy() if name in SCALARS and chosen else array
-    return found
+    received = (name for name in given if name.startswith((f"{READINGS}.", f"{ESTIMATE}.")))
+    return found | {name: np.ascontiguousarray(table[:, given[name]]) for name in received}

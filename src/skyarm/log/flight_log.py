@@ -15,6 +15,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics.state import State
+from skyarm.log.sensor_data import ESTIMATE, sources_of
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit, units
 
@@ -29,6 +30,8 @@ CONTINUOUS = "continuous reference"
 
 
 IF_ANY = (
+    "measured_position",
+    "measured_joints",
     "payload_mass",
     "lag_found",
     "load_mass_found",
@@ -93,13 +96,15 @@ class Log:
             and 0 for none; the force of the grasp, N; how often it has given way. gripper_pull: (N, 3 grippers) N, the
             force of each on what it holds, world axes.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
-        measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
+        measured_position, measured_joints: what the law received, noise and delay of the full state's sensor in it;
+            without columns in a flight on an estimator, which has ``estimate`` in their place.
+        received: arrays of ``readings`` and ``estimate`` by name, ``readings.imu.rate`` or ``estimate.position``.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
             and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
             ``code`` are the files of someone's own code that flew, by name and SHA-256, which are part of the digest.
-            ``phases`` are the kinds of the phases of a task that waits.
+            ``phases`` are the kinds of the phases of a task that waits; ``received`` describes readings and estimate.
     """
 
     time: Annotated[Array, Unit("s")]
@@ -125,8 +130,8 @@ class Log:
     tool_reference: Annotated[Array, Unit("m", f"the tip of a level base, {CONTINUOUS}, world axes")]
     wind_force: Annotated[Array, Unit("N", "world axes")]
     air_velocity: Annotated[Array, Unit("m/s", "world axes")]
-    measured_position: Annotated[Array, Unit("m", "measured, world axes")]
-    measured_joints: Annotated[Array, Unit("rad or m", "measured")]
+    measured_position: Annotated[Array, Unit("m", "measured, world axes")] = field(default_factory=_nothing)
+    measured_joints: Annotated[Array, Unit("rad or m", "measured")] = field(default_factory=_nothing)
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
     load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = field(default_factory=_nothing)
@@ -167,7 +172,29 @@ class Log:
     gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
+    received: Mapping[str, Array] = field(default_factory=dict)
     info: dict[str, Any]
+
+    def __getitem__(self, array: str) -> Array:
+        """An array by its name."""
+        found: Array = self.received[array] if array in self.received else getattr(self, array)
+        return found
+
+    @property
+    def readings(self) -> dict[str, dict[str, Array]]:
+        """Sensor -> field -> (N,) or (N, k): the newest reading that has arrived, held until the next one."""
+        found: dict[str, dict[str, Array]] = {}
+        for name, array in self.received.items():
+            source, _, last = name.rpartition(".")
+            if source != ESTIMATE:
+                found.setdefault(source.partition(".")[2], {})[last] = array
+        return found
+
+    @property
+    def estimate(self) -> dict[str, Array]:
+        """Field -> (N,) or (N, k): the measurement that the law received from an estimator; empty without one."""
+        names = (name.rpartition(".") for name in self.received)
+        return {last: self.received[f"{ESTIMATE}.{last}"] for source, _, last in names if source == ESTIMATE}
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
@@ -257,7 +284,8 @@ class Log:
     def arrays(self) -> dict[str, Array]:
         """Every array by name."""
         absent = [name for name in IF_ANY if not getattr(self, name).size]
-        return {name: array for name, array in parts(self).items() if name != "info" and name not in absent}
+        own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
+        return own | dict(self.received)
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
         """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
@@ -269,7 +297,13 @@ class Log:
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array by name: ``log.units["rate"].words``."""
         held = self.arrays()
-        return {name: unit for name, unit in units(Log).items() if name in held}
+        own = {name: unit for name, unit in units(Log).items() if name in held}
+        described = (
+            (f"{source}.{name}", each)
+            for source, of in sources_of(self.info).items()
+            for name, each in of.fields.items()
+        )
+        return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
 
     def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
         """Write one CSV: a column per component, a row per control instant; numbers round-trip.
@@ -297,4 +331,10 @@ class Log:
 
 def rows_of(log: Log, chosen: slice) -> Log:
     """Some control instants of a log, as a log that says the same of itself."""
-    return Log(**{name: array[chosen] for name, array in log.arrays().items()}, info=log.info)
+    return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
+
+
+def log_of_arrays(arrays: Mapping[str, Array], info: dict[str, Any]) -> Log:
+    """A log of :meth:`Log.arrays`."""
+    own = {name: array for name, array in arrays.items() if "." not in name}
+    return Log(**own, received={name: arrays[name] for name in arrays if name not in own}, info=info)

@@ -8,7 +8,7 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from skyarm.contact.mechanism_kinds import KINDS
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.joint_setpoints import setpoints_of
+from skyarm.log.sensor_data import sources_of
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -42,10 +43,13 @@ ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"
 TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
 """Array of a number for each rotor that tilts -> beginning of its columns."""
 
+BY_NAME = (*JOINT_ARRAYS, *ROTOR_ARRAYS, *TILT_ARRAYS)
+"""Arrays, of a log or of a reading, whose columns bear the names of joints and rotors."""
+
 LOOPS = {"lag_found": ("rotors", "joints")}
 """Array of a number for each group of loops -> endings of its columns."""
 
-PLACES = ("load_place_found", "load_inertia_found")
+PLACES = ("measured_position", "load_place_found", "load_inertia_found")
 """Arrays of three axes that not every flight has."""
 
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
@@ -83,7 +87,7 @@ class Column:
 
     def of(self, log: Log) -> Array:
         """Its numbers (N,)."""
-        array: Array = getattr(log, self.array)
+        array = log[self.array]
         return array if self.index is None else array[:, self.index]
 
 
@@ -183,10 +187,31 @@ def columns(log: Log) -> tuple[Column, ...]:
             told = names.setpoints[index] if array == "efforts" else None
             own = unit_of_kind(unit, kind) if told is None else told
             found.append(Column(ending, own, unit.meaning, array, place))
+    found += _sensor_columns(log, names)
     unique = distinct([each.name for each in found])
     return tuple(
         Column(name, each.unit, each.meaning, each.array, each.index) for name, each in zip(unique, found, strict=True)
     )
+
+
+def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
+    """Columns of readings and estimate: the source's name, then as the log's own arrays are called."""
+    for source, described in sources_of(log.info).items():
+        begin = word(source.rpartition(".")[2])
+        for name, each in described.fields.items():
+            array, axes = f"{source}.{name}", each.axes
+            if array not in log.received:
+                continue
+            if axes is None:
+                yield Column(f"{begin}_{word(name)}", each.unit, each.meaning, array, None)
+                continue
+            endings = _endings(name, len(axes), names) if name in BY_NAME else []
+            by_name = len(endings) == len(axes)
+            for index, axis in enumerate(axes):
+                ending = endings[index] if by_name else f"{word(name)}_{word(axis)}"
+                kind = names.kinds[index] if by_name and name in JOINT_ARRAYS else ""
+                unit = unit_of_kind(Unit(each.unit), kind)
+                yield Column(f"{begin}_{ending}", unit, each.meaning, array, index)
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
@@ -198,7 +223,7 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         begins = [JOINT_ARRAYS[array] if told is None else SETPOINT for told in names.setpoints]
         return [f"{first}_{word(each, 'joint')}" for first, each in zip(begins, names.joints, strict=True)]
     if array in JOINT_ARRAYS:
-        return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
+        return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints[:width]]
     if array in ROTOR_ARRAYS:
         return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
     if array in TILT_ARRAYS and len(names.tilting) == width:

@@ -27,9 +27,9 @@ FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"
 COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 
 PLOTS = {
-    "position, m": ("position", "position_reference"),
+    "position, m": ("position", "position_reference", "estimate.position"),
     "tip, m": ("tool", "tool_reference"),
-    "joints, rad or m": ("joints", "joints_reference"),
+    "joints, rad or m": ("joints", "joints_reference", "estimate.joints"),
     "joint efforts, N m or N": ("efforts",),
     "rotor speeds, rad/s": ("rotor_speeds",),
     "wind, N": ("wind_force",),

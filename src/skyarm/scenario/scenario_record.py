@@ -16,7 +16,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
 from skyarm.environment.battery_drain import BatteryDrain
-from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator
+from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.result_name import ALLOWED, is_result_name
 from skyarm.metrics.windows import Windows
@@ -168,6 +168,11 @@ class Scenario:
         """The load on the true vehicle's battery, if it has one."""
         vehicle = self.world.vehicle
         return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
+
+    @property
+    def estimates(self) -> bool:
+        """Whether an estimator stands between the sensors and the law."""
+        return type(self.estimator) is not PassThrough
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:

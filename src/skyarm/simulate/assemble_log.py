@@ -12,8 +12,9 @@ from skyarm.compile import leaves
 from skyarm.control.found_by_law import found_by_law
 from skyarm.environment import WindSample
 from skyarm.files import versions
-from skyarm.log.flight_log import IF_ANY, Array, Log
+from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.phase_timeouts import waits_of
+from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -23,16 +24,19 @@ from skyarm.reference import Reference
 from skyarm.reference.phase_words import phase_numbers
 from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.world_columns import logged_in_contact
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """What a flight left, one row an instant: leaves of State, Command and Measurement, and the wind.
+    """What a flight left, one row an instant: leaves of State and Command, and records of columns.
 
     Attributes:
+        measurement: that the law received; None where nobody asks for it. readings: name and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) what the law found out, or without columns.
         led: of a reference that waits (``Sample.led``), likewise.
@@ -40,7 +44,8 @@ class Samples:
 
     states: Array
     commands: Array
-    readings: Array
+    measurement: Measurement | None
+    readings: tuple[tuple[str, Any], ...]
     wind: WindSample
     found: Array
     led: Array
@@ -77,20 +82,28 @@ def joined(
         info: what the log says of itself, where that is known already.
     """
     tables = [_tables(piece) for piece in pieces]
+    sources: dict[str, Any] = {}
+    for i, piece in enumerate(pieces):
+        received, described = _sensor_data(piece)
+        tables[i] |= received
+        for name, source in described.items():
+            sources.setdefault(name, source)["fields"] |= source["fields"]
     if any("path_time" in each for each in tables):
         tables = [{"path_time": each["time"], **each} for each in tables]
     if len(tables) > 1:
         _fill(tables)
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
-    return Log(**tables[0], info=describe(scenario, ending) if info is None else info)
+    said = describe(scenario, ending) if info is None else info
+    return log_of_arrays(tables[0], said | ({DESCRIPTION: sources} if sources else {}))
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Give each table the arrays that only others have: zeros, in periods of a law that finds nothing of it."""
-    widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY}
+    """Give each table the arrays that only others have: zeros where a law finds nothing, NaN where nothing is read."""
+    widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():
-            table.setdefault(name, np.zeros((len(table["time"]), *width)))
+            none = np.nan if "." in name or name.startswith("measured_") else 0.0
+            table.setdefault(name, np.full((len(table["time"]), *width), none))
 
 
 def _tables(piece: Piece) -> dict[str, Array]:
@@ -98,7 +111,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
-    x, u, m = flown.states, flown.commands, flown.readings
+    x, u = flown.states, flown.commands
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
@@ -154,10 +167,34 @@ def _tables(piece: Piece) -> dict[str, Array]:
         "rotor_commands": u[:, :rotors],
         "efforts": u[:, rotors:][:, :n],
         "tool": tip(vehicle, position, quaternion, joints),
-        "measured_position": m[:, 1:4],
-        "measured_joints": m[:, 17 : 17 + n],
         **tables,
     }
+
+
+def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Readings and measurement over the periods of a piece: arrays, and the description of their sources."""
+    scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
+    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
+    arrays: dict[str, Array] = {}
+    described: dict[str, Any] = {}
+
+    def keep(source: str, record: Any, **clock: Any) -> None:
+        fields = {name: (field, array) for name, field, array in fields_of(record, count)}
+        arrays.update({f"{source}.{name}": array for name, (_, array) in fields.items()})
+        described[source] = Source({name: field for name, (field, _) in fields.items()}, **clock).plain
+
+    for name, reading in flown.readings:
+        i, sensor = sensors[name]
+        every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
+        frame = None if sensor.feels is None else scenario.world.vehicle.frame(sensor.feels or None).name
+        keep(f"{READINGS}.{name}", reading, every=every, late=readings_waiting(scenario, i), frame=frame)
+    if flown.measurement is not None and scenario.estimates:
+        keep(ESTIMATE, flown.measurement)
+    elif flown.measurement is not None:
+        measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
+        arrays["measured_position"] = measured["position"]
+        arrays["measured_joints"] = measured.get("joints", np.zeros((count, 0)))
+    return arrays, described
 
 
 def _references(

@@ -163,19 +163,21 @@ class Batch:
             end_time=ticks / self.scenario.rates.control,
             status=status,
             state=ended[0].state,
-            log=batch_log(self._legs[-1].logged, log, self._times[:: self._log_every]) if self._log_every else None,
+            log=batch_log(log, self._times[:: self._log_every]) if self._log_every else None,
         )
 
-    def _flown(self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int) -> tuple[Array, Array]:
-        """Carry after the last leg, and what was logged: (samples, leaves, lanes)."""
+    def _flown(
+        self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
+    ) -> tuple[Array, list[tuple[Any, Array]]]:
+        """Carry after the last leg; of each leg the record that was logged, and its rows (samples, leaves, lanes)."""
         last: tuple[Leg, Array] | None = None
-        log: list[Array] = []
+        log: list[tuple[Any, Array]] = []
         for leg in self._legs:
             parameters = leg.parameters(columns, count)
             carry = leg.begin(parameters, keys["seed"], keys["episodes"], last)
             carry, kept = leg.fly(carry, parameters, keys, threads)
-            last, log = (leg, carry), [*log, *kept]
-        return carry, log[0] if len(log) == 1 else np.concatenate(log)
+            last, log = (leg, carry), [*log, *((leg.logged, rows) for rows in kept)]
+        return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Status of each lane, by the scenario of the leg that it was left in."""

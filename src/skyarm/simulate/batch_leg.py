@@ -15,6 +15,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.log.batch_log import Logged
+from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.metrics.accumulate import Total, first_totals
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import lanes_step
@@ -153,7 +154,11 @@ class Leg:
             period = make_counting_period(varied, substeps, options.wanted)
             following, sample = period(both, row, goals, inside, uniforms)
             wanted = row.reference.dense() if options.changing else row.reference
-            kept = Logged(alive=sample.alive, state=sample.state, command=sample.command, reference=wanted)
+            received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
+            received += ((ESTIMATE, sample.measurement),) if varied.estimates else ()
+            kept = Logged(
+                alive=sample.alive, state=sample.state, command=sample.command, reference=wanted, received=received
+            )
             return following, kept if options.every else ()
 
         numbers = (*self.base, *self._set.values())

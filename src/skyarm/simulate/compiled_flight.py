@@ -195,12 +195,12 @@ def samples(flown: Flown) -> Samples:
     """An episode's rows as the tables of a log: views, no copies."""
     columns: Sample = rebuild(flown.sample, iter(flown.rows.T))
     marks = np.cumsum([len(leaves(part)) for part in (flown.sample.alive, columns.state, columns.command)])
-    first, command, reading = marks.tolist()
-    wind = reading + len(leaves(columns.reading))
+    first, command, measured = marks.tolist()
     rows = flown.rows
     end = rows.shape[1] - len(columns.led)
     found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
-    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, found, led)
+    states, commands = rows[:, first:command], rows[:, command:measured]
+    return Samples(states, commands, columns.measurement, columns.readings, columns.wind, found, led)
 
 
 def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:

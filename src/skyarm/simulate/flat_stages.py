@@ -122,7 +122,7 @@ class FlatStages:
     def _sense(self) -> FlatFunction:
         def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any, p: Any) -> tuple[Any, ...]:
             read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms, p)
-            return read.sensors, read.estimate, read.reading, read.measurement
+            return read.sensors, read.estimate, read.readings, read.measurement
 
         x, force = self._first, self._first.state.velocity
         given = x.state, force, x.queue[0], ONE, self._uniforms, self._pushes
@@ -133,7 +133,7 @@ class FlatStages:
         def program(alive: Any, k: Any, x: Any, queue: Any, d: Any, command: Any) -> tuple[Any, ...]:
             now = replace(self._first, ticks=k[0], state=x, queue=queue, drives=d)
             nothing: Any = ()
-            read = Readings(sensors=(), estimate=(), reading=nothing, measurement=nothing)
+            read = Readings(sensors=(), estimate=(), readings=(), measurement=nothing)
             begun = Begun(alive[0], (), self._around, self._stages.acting(queue), ())
             return issue(self._stages, now, begun, read, (), command, ())[:-1]
 
@@ -154,14 +154,14 @@ class FlatStages:
         return self._begin.example(Begun._fields.index("wind"))
 
     @cached_property
-    def reading(self) -> Any:
-        """What the full state's sensor reads, as an example."""
-        return self._respond.example(Response._fields.index("reading")) if self._traced else self._sense.example(2)
+    def readings(self) -> Any:
+        """The readings that the log keeps, as an example."""
+        return self._respond.example(Response._fields.index("readings")) if self._traced else self._sense.example(2)
 
     @cached_property
     def told(self) -> Any:
         """What the law is told, as an example."""
-        return self._sense.example(3)
+        return self._respond.example(Response._fields.index("measurement")) if self._traced else self._sense.example(3)
 
     def surround(self, now: Any, row: Any, uniforms: Flat) -> Begun:
         """What stands before the plant is first called."""
@@ -191,13 +191,13 @@ class FlatStages:
         return found._replace(around=(*begun.around[: -len(found.drives)], *found.drives))
 
     def sense(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> list[Flat]:
-        """Memories of the sensors and of the estimator, the full state's reading, and what the law is told."""
+        """Memories of the sensors and of the estimator, the readings for the log, and what the law is told."""
         loop = now.sensors, now.estimate, now.ticks, now.state
         return self._sense(*loop, force, begun.acting, row.time, uniforms, begun.pushes)
 
     def _in_pieces(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
         """A response whose command is made outside of any program."""
-        sensors, estimate, reading, told = self.sense(now, row, begun, force, uniforms)
+        sensors, estimate, readings, told = self.sense(now, row, begun, force, uniforms)
         memory, command = now.memory, self.given
         if command is None:
             # a law that cannot be traced is called with records of floats; its memory is its own
@@ -211,8 +211,9 @@ class FlatStages:
             held = memory if self._traced else tuple(leaves(PushAlone.of(memory)))
             (clock,) = self._wait(now.clock, now.ticks, told, (*row.time, *row.reference), held, command)
         return found._replace(
-            memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command, clock=clock
-        )
+            memory=memory, sensors=sensors, estimate=estimate, measurement=told, readings=readings, command=command,
+            clock=clock,
+        )  # fmt: skip
 
     @cached_property
     def found_places(self) -> tuple[int, ...]:

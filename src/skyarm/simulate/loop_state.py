@@ -76,7 +76,8 @@ class Row:
 class Sample:
     """What may be logged of a control instant.
 
-    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out, of most laws nothing
+    ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
+    each, as they had arrived; ``found`` is what the law found out, of most laws nothing
     (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a
     reference that waits.
     """
@@ -84,7 +85,8 @@ class Sample:
     alive: Scalar
     state: State
     command: Command
-    reading: Measurement
+    measurement: Measurement
+    readings: tuple[tuple[str, Any], ...]
     wind: WindSample
     found: tuple[Scalar, ...] = ()
     led: tuple[Scalar, ...] = ()

@@ -42,7 +42,8 @@ class Response(NamedTuple):
 
     Attributes:
         alive: 1 while the command is finite, too. ticks, memory, queue, sensors, estimate, drives: of the loop state.
-        command: of the law. reading: of the full state's sensor. acting: the command that acts now.
+        command: of the law. measurement: that the law received. readings: that the log keeps beside it.
+        acting: the command that acts now.
         clock: of a reference that waits. around: surroundings, the drives having heard their setpoints.
     """
 
@@ -54,7 +55,8 @@ class Response(NamedTuple):
     estimate: Any
     drives: Any
     command: Any
-    reading: Any
+    measurement: Any
+    readings: Any
     acting: Any
     clock: Any
     around: Any
@@ -94,7 +96,8 @@ def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, com
         estimate=read.estimate,
         drives=drives,
         command=command,
-        reading=read.reading,
+        measurement=read.measurement,
+        readings=read.readings,
         acting=acting,
         clock=clock,
         around=stages.with_drives(begun.around, drives),
@@ -142,7 +145,8 @@ def make_period(
             alive=found.alive,
             state=now.state,
             command=found.command,
-            reading=found.reading,
+            measurement=found.measurement,
+            readings=found.readings,
             wind=begun.wind,
             found=stages.found(found.memory),
             led=stages.path_times(now),

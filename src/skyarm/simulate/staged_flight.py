@@ -94,7 +94,8 @@ class StagedFlight:
         except EpisodeEndedError as error:
             self.ended = self._why(k, error.command)
             return False
-        self._logged.append((sample.state, sample.command, sample.reading, sample.wind, sample.found, sample.led))
+        numbers = sample.state, sample.command, sample.measurement, sample.readings
+        self._logged.append((*numbers, sample.wind, sample.found, sample.led))
         if self.tick == self.scenario.steps:
             self.ended = self._why(self.tick, None)
         return self.ended is None and self.tick < self.scenario.steps
@@ -134,17 +135,23 @@ class StagedFlight:
 
     def samples(self, start: int, stop: int) -> Samples:
         """What some of the periods left that this engine flew."""
-        examples = self.first.state, self.first.queue[0], self._stages.reading
-        ends = np.cumsum([len(leaves(each)) for each in examples])
+        ends = np.cumsum([len(leaves(each)) for each in self._examples])
         rows = self._rows(start - self.begun, stop - self.begun)
         led = rows.shape[1] - self._stages.led_count
-        first = led - len(self._stages.found_places)
-        states, commands, readings, wind, found, led_by = np.split(rows, [*ends.tolist(), first, led], axis=1)
-        return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)), found, led_by)
+        states, commands, *parts, found, led_by = np.split(rows, [*ends.tolist(), led], axis=1)
+        records = (rebuild(each, iter(part.T)) for each, part in zip(self._examples[2:], parts, strict=True))
+        measurement, readings, wind = records
+        return Samples(states, commands, measurement, readings, wind, found, led_by)
+
+    @property
+    def _examples(self) -> tuple[Any, ...]:
+        """Records that are logged of a period, as examples; numbers of law and clock follow them."""
+        stages = self._stages
+        return self.first.state, self.first.queue[0], stages.told, stages.readings, stages.wind
 
     def _rows(self, start: int, stop: int) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
-        width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
+        width = len(leaves(self._examples))
         width += len(self._stages.found_places) + self._stages.led_count
         numbers = chain.from_iterable(chain.from_iterable(self._logged[start:stop]))
         return np.fromiter(numbers, dtype=float, count=width * (stop - start)).reshape(-1, width)

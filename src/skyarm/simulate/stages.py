@@ -21,9 +21,11 @@ from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
+from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.coupled_memory import Memories
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
+from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, logical_and, where
 from skyarm.scenario.scenario_record import Scenario
@@ -50,11 +52,11 @@ from skyarm.simulate.path_clock import Waits
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Readings:
-    """What the sensing stage leaves: sensors and estimator as they go on, the full state read now, the measurement."""
+    """Sensors and estimator after a period, readings for the log (name, record), the law's measurement."""
 
     sensors: tuple[SensorState, ...]
     estimate: Any
-    reading: Measurement
+    readings: tuple[tuple[str, Any], ...]
     measurement: Measurement
 
 
@@ -80,6 +82,9 @@ class Stages:
         self.tip_sensor = tip_sensor(self.sensors, scenario.world.vehicle)
         asked = self.tip_sensor is not None and senses_torque(scenario.controller.par)
         self.twist_at = sensor_offset(self.sensors, scenario.world.vehicle) if asked else None
+        # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
+        full = [FULL_STATE] if scenario.estimates and leaves(scenario.sensors) else []
+        self.logged = (*full, *(each.name for each in scenario.instruments))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
@@ -191,7 +196,7 @@ class Stages:
 
         What a force sensor on the link of the tip reads goes to the law beside the estimate.
         """
-        going, arrived, first = [], {}, None
+        going, arrived = [], dict[str, Any]()
         feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
         felt = dict(zip(feeling, pushes, strict=True))
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
@@ -208,7 +213,6 @@ class Stages:
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
             going.append(SensorState(memory=memory, held=held, waiting=seen[1:]))
             arrived[name] = seen[0]
-            first = reading if first is None else first
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
@@ -217,11 +221,11 @@ class Stages:
             if self.twist_at is not None:
                 torque = turned.apply(arrived[name].torque) + self.twist_at.cross(told_force)
                 measurement = dataclasses.replace(measurement, tip_torque=tuple(torque))
-        full: Any = first
         if self.waits.switches:
             told = tuple(arrived[name].closed for name in self.waits.switches)
             measurement = dataclasses.replace(measurement, switches=told)
-        return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
+        kept = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
+        return Readings(sensors=tuple(going), estimate=memory, readings=kept, measurement=measurement)
 
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()

@@ -47,7 +47,7 @@ class Messages:
 
     Attributes:
         channel: its number. first: number of the first of these messages in the channel.
-        every: instants from one to the next; 0 for messages before the first instant.
+        every: instants from one to the next; 0 for messages before the first instant. offset: instant of the first.
         stamps: (N,) ns. data: (N, size).
     """
 
@@ -56,6 +56,7 @@ class Messages:
     every: int
     stamps: Stamps
     data: Bytes
+    offset: int = 0
 
     def records(self) -> Bytes:
         """The messages with what their records begin with, (N, size)."""
@@ -205,7 +206,8 @@ def _interleaved(messages: Sequence[Messages], period: int) -> tuple[bytes, list
             places[k].append(at + size * np.arange(count))
             pieces.append(records[k].tobytes())
             at += count * size
-    instants = max(((each.stamps.size - 1) * each.every + 1 for each in messages if each.every), default=0)
+    ends = ((each.stamps.size - 1) * each.every + each.offset + 1 for each in messages if each.every)
+    instants = max(ends, default=0)
     left = instants % period
     for rows, start, length in ((instants // period, 0, period), (1, instants - left, left)):
         if not rows or not length:
@@ -213,7 +215,7 @@ def _interleaved(messages: Sequence[Messages], period: int) -> tuple[bytes, list
         row: list[tuple[int, Bytes]] = []
         for j in range(length):
             for k, each in enumerate(messages):
-                if each.every and j % each.every == 0:
+                if each.every and j % each.every == each.offset:
                     row.append((k, records[k][(start + j) // each.every :: period // each.every][:rows]))
         begins = np.cumsum([0, *(part.shape[1] for _, part in row)])
         for k in range(len(messages)):

@@ -17,7 +17,7 @@ from skyarm.log.log_columns import layout
 from skyarm.log.mcap.container import McapWriter, Messages
 from skyarm.log.mcap.scan import McapError, numbers, scan
 from skyarm.log.ros.message_types import definition, full_name
-from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics, control_rate, every_of
+from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics, control_rate, period_of
 
 CHUNK = 1.0
 """s of flight in a chunk, about: what is lost at most where a file is cut off."""
@@ -74,7 +74,7 @@ class FlightWriter:
                 if topic.every or not instant:
                     stamps, data = self._topics.encoded(topic, piece)
                     before = instant // topic.every if topic.every else 0
-                    messages.append(Messages(channel, before, topic.every, stamps, data))
+                    messages.append(Messages(channel, before, topic.every, stamps, data, topic.offset))
             self._file.chunk(messages, self._topics.period)
 
     def end(self) -> None:
@@ -84,7 +84,7 @@ class FlightWriter:
 
 def chunk_of(log: Log) -> int:
     """Control instants of a chunk."""
-    rate, (_, period) = control_rate(log), every_of(log)
+    rate, period = control_rate(log), period_of(log)
     return period * max(1, round(CHUNK * rate / period))
 
 

@@ -14,8 +14,8 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.ros.message_types import FLIGHT, full_name
 from skyarm.log.ros.topics import FlightTopics, Topic
 
-UNKNOWN = ("tf2_msgs/TFMessage", FLIGHT)
-"""Types that rosbags does not know of ROS 1; both are the same there."""
+UNKNOWN = ("tf2_msgs/TFMessage", FLIGHT, "skyarm_msgs/Reading")
+"""Types that rosbags does not know of ROS 1; all are the same there."""
 
 PIECE = 10_000
 """Control instants that are made into messages at a time, about."""

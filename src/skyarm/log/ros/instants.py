@@ -24,21 +24,21 @@ class Part:
 
     def __getitem__(self, array: str) -> Array:
         """The instants' rows of one of the log's arrays."""
-        found: Array = getattr(self.log, array)[self._chosen]
-        return found
+        return self.log[array][self._chosen]
 
-    def header(self, frame: str) -> dict[str, Any]:
-        """A std_msgs/Header."""
-        return {"stamp": self.stamps, "frame_id": frame}
+    def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
+        """A std_msgs/Header; its stamps are ``time`` (s), or the instants of the log."""
+        stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
+        return {"stamp": stamps, "frame_id": frame}
 
-    def unit(self) -> Array:
+    def unit(self, array: str = "quaternion") -> Array:
         """Attitudes wxyz of length 1."""
-        found: Array = self["quaternion"] / np.linalg.norm(self["quaternion"], axis=1, keepdims=True)
+        found: Array = self[array] / np.linalg.norm(self[array], axis=1, keepdims=True)
         return found
 
-    def in_base(self, vectors: Array) -> Array:
+    def in_base(self, vectors: Array, array: str = "quaternion") -> Array:
         """World vectors (N, 3) in base axes."""
-        R = Quaternion(*self.unit().T).rotation()
+        R = Quaternion(*self.unit(array).T).rotation()
         return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
 
 

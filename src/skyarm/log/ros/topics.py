@@ -6,6 +6,7 @@ instant in ``/skyarm/flight``, from which a log is read back to the bit. The res
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ from skyarm.actuation import rotor_forces
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import Names, columns, names_of
+from skyarm.log.log_columns import Names, columns, distinct, names_of, word
 from skyarm.log.ros.cdr import Bytes, encode
 from skyarm.log.ros.frame_transforms import (
     BASE_LINK,
@@ -32,6 +33,7 @@ from skyarm.log.ros.instants import METRICS, Part
 from skyarm.log.ros.markers import markers
 from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
 from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
+from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -57,12 +59,14 @@ class Topic:
         name, kind: of the topic and of its messages.
         every: control instants from one message to the next; 0 for one message at the beginning.
         values: part of a log -> fields of its messages.
+        offset: instant of the first message, below ``every``.
     """
 
     name: str
     kind: str
     every: int
     values: Callable[[Part], Mapping[str, Any]]
+    offset: int = 0
 
 
 class FlightTopics:
@@ -81,9 +85,14 @@ class FlightTopics:
         self._columns = columns(log)
         self._names = names_of(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(self._columns)}
-        fast, self.period = every_of(log)
+        fast, slow = every_of(log)
+        self.period = period_of(log)
         self.topics = tuple(
-            self._flight() + self._state(fast) + self._rest(self.period, vehicle_of(log)) + _world(self.period, log)
+            self._flight()
+            + self._state(fast)
+            + self._rest(slow, vehicle_of(log))
+            + _world(slow, log)
+            + _sensor_topics(log, fast, self._names)
         )
 
     def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
@@ -94,7 +103,7 @@ class FlightTopics:
             log: the part, which begins at a multiple of :attr:`period`.
             ros1: as ROS 1 has them, by the definitions of :data:`ROS1`.
         """
-        chosen = slice(0, None, topic.every) if topic.every else slice(0, 1)
+        chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
         part = Part(log, chosen)
         with np.errstate(all="ignore"):
             values = topic.values(part)
@@ -143,13 +152,19 @@ class FlightTopics:
             *_joints("/held/joints", every, names.joints, **held),
             _point("/held/tip", every, "tool_held"),
             _point("/tip", every, "tool"),
-            _point("/measured/base", every, "measured_position"),
-            *_joints("/measured/joints", every, names.joints, position="measured_joints"),
+            *self._measured(every),
             Topic("/wind", "geometry_msgs/WrenchStamped", every, _wind),
             Topic("/air_velocity", "geometry_msgs/Vector3Stamped", every, _air),
             *_thrust(every, vehicle),
             *(Topic(f"/metrics/{name}", "std_msgs/Float64", every, metric) for name, metric in METRICS.items()),
         ]
+
+    def _measured(self, every: int) -> list[Topic]:
+        """The law's measurement of the full state; nothing in a flight on an estimator."""
+        if not any(each.array == "measured_position" for each in self._columns):
+            return []
+        joints = _joints("/measured/joints", every, self._names.joints, position="measured_joints")
+        return [_point("/measured/base", every, "measured_position"), *joints]
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
@@ -167,6 +182,11 @@ def every_of(log: Log) -> tuple[int, int]:
     rate = control_rate(log)
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
+
+
+def period_of(log: Log) -> int:
+    """Control instants after which the pattern of messages begins again."""
+    return math.lcm(every_of(log)[1], *(each.every for each in sources_of(log.info).values()))
 
 
 def control_rate(log: Log) -> float:
@@ -240,6 +260,80 @@ def _world(every: int, log: Log) -> list[Topic]:
     if markers_of_world.moves:
         found.append(Topic(MOVING_TOPIC, MARKERS, every, markers_of_world.moving))
     return found
+
+
+READING = {
+    "sensor_msgs/Imu": {"rate": 3, "specific_force": 3},
+    "geometry_msgs/PoseStamped": {"position": 3, "quaternion": 4},
+    "geometry_msgs/PointStamped": {"position": 3},
+    "geometry_msgs/WrenchStamped": {"force": 3, "torque": 3},
+}
+"""Message -> how many numbers each field of a reading has that is written as it; the instant of reading apart."""
+
+ODOMETRY = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
+"""The same of what a nav_msgs/Odometry is written from, whatever else there is."""
+
+
+def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
+    """A topic for each sensor, at the instants at which its readings arrive, and the estimate; none without them."""
+    sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
+    found: list[Topic] = []
+    for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
+        kind, values = _reading(source, each, names)
+        if source == ESTIMATE:
+            joints = {"position": "joints", "velocity": "joint_rates"}
+            columns_of = {field: f"{source}.{array}" for field, array in joints.items() if array in each.fields}
+            found.append(Topic("/estimate/base", kind, fast, values))
+            found += _joints("/estimate/joints", fast, names.joints, **columns_of) if columns_of else []
+        else:
+            found.append(Topic(f"/sensors/{name}", kind, each.every, values, each.late % each.every))
+    return found
+
+
+def _reading(source: str, described: Source, names: Names) -> tuple[str, Callable[[Part], dict[str, Any]]]:
+    """Type of a source's messages, and their fields: the message of ROS that fits its numbers, else one of our own."""
+    sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
+    stamped = sizes.pop("time", 1) == 0
+    joints = {"joints": len(names.joints), "joint_rates": len(names.joints)}
+    kind = next((kind for kind, of in READING.items() if of == sizes), "skyarm_msgs/Reading")
+    kind = "sensor_msgs/JointState" if sizes == joints else kind
+    kind = "nav_msgs/Odometry" if sizes.items() >= ODOMETRY.items() else kind
+    frame = {"sensor_msgs/Imu": BASE_LINK, "sensor_msgs/JointState": "", "skyarm_msgs/Reading": ""}.get(kind, WORLD)
+    frame = frame if described.frame is None else described.frame
+    endings = [f"{field}_{axis}".rstrip("_") for field in sizes for axis in described.fields[field].axes or [""]]
+
+    def values(part: Part) -> dict[str, Any]:
+        given = {field: part[f"{source}.{field}"] for field in sizes}
+        header = {"header": part.header(frame, part[f"{source}.time"] if stamped else None)}
+        if kind == "nav_msgs/Odometry":
+            velocity = part.in_base(given["velocity"], f"{source}.quaternion")
+            return header | {
+                "child_frame_id": f"base_{last_of(source)}",
+                "pose": {"pose": _pose(given["position"], part.unit(f"{source}.quaternion"))},
+                "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(given["rate"])}},
+            }
+        if kind == "sensor_msgs/Imu":
+            unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
+            rate, force = xyz(given["rate"]), xyz(given["specific_force"])
+            return header | {
+                "orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force
+            }  # fmt: skip
+        if kind == "geometry_msgs/PoseStamped":
+            return header | {"pose": _pose(given["position"], given["quaternion"])}
+        if kind == "geometry_msgs/PointStamped":
+            return header | {"point": xyz(given["position"])}
+        if kind == "geometry_msgs/WrenchStamped":
+            return header | {"wrench": {field: xyz(array) for field, array in given.items()}}
+        if kind == "sensor_msgs/JointState":
+            return header | {"name": names.joints, "position": given["joints"], "velocity": given["joint_rates"]}
+        return header | {"name": endings, "value": np.column_stack(list(given.values()))}
+
+    return kind, values
+
+
+def last_of(source: str) -> str:
+    """The name of a sensor, or ``estimate``."""
+    return source.rpartition(".")[2]
 
 
 def _pose(position: Array, wxyz: Array) -> dict[str, Any]:

@@ -1,0 +1,118 @@
+"""Readings of the sensors and the estimate as arrays of a log, with the description that a log's files keep of them.
+
+``readings.imu.rate`` is the field ``rate`` of the reading of sensor ``imu``, ``estimate.position`` a field of the
+measurement that an estimator gave the law. Names, units and axes come from the records themselves: a sensor of a user
+needs no line here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.records.leaves import is_record, parts, walk
+from skyarm.records.units import Unit, units
+
+Array = npt.NDArray[np.float64]
+
+READINGS, ESTIMATE = "readings", "estimate"
+
+DESCRIPTION = "received"
+"""Key of a log's description under which its sources stand."""
+
+BARE = "value"
+"""Field of a reading that is a number or a tuple of numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a reading.
+
+    Attributes:
+        unit: SI; empty for pure numbers. meaning: in words.
+        axes: endings of its columns; None for one number an instant.
+    """
+
+    unit: str
+    meaning: str
+    axes: list[str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A sensor, or the estimator.
+
+    Attributes:
+        fields: of its record, by name.
+        every: control periods from one reading to the next. late: from taking a reading to its arrival.
+        frame: of the vehicle at which a force is read, in its axes; None for any other sensor.
+    """
+
+    fields: dict[str, Field]
+    every: int = 1
+    late: int = 0
+    frame: str | None = None
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """As plain data."""
+        return asdict(self)
+
+
+def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
+    """Name, description and numbers, (N,) or (N, k), of each field of a record that has some.
+
+    Args:
+        record: whose scalars are columns (N,), or numbers that stand for every instant.
+        count: of instants, N.
+    """
+    whole = is_record(record) and not isinstance(record, (Vec3, Quaternion))
+    said = units(type(record)) if whole else {}
+    for name, value in (parts(record) if whole else {BARE: record}).items():
+        found = [(place, each) for place, each in walk(value) if not isinstance(each, (str, bool, type(None)))]
+        if not found:
+            continue
+        table = np.stack([np.broadcast_to(np.asarray(each, dtype=float), (count,)) for _, each in found], axis=1)
+        single = found[0][0] == ()
+        unit = said.get(name, Unit())
+        axes = None if single else ["_".join(place) for place, _ in found]
+        yield name, Field(unit.unit, unit.meaning, axes), table[:, 0] if single else table
+
+
+def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
+    """Sources by name, ``readings.imu`` or ``estimate``, of what a log says of itself.
+
+    Raises:
+        ValueError: one line: a damaged description.
+    """
+    try:
+        found = {
+            name: Source(
+                {key: Field(**field) for key, field in each["fields"].items()},
+                each["every"],
+                each["late"],
+                each["frame"],
+            )
+            for name, each in info.get(DESCRIPTION, {}).items()
+        }
+        sound = all(map(_is_sound, found.values()))
+    except (AttributeError, KeyError, TypeError):
+        sound = False
+    if not sound:
+        raise ValueError(f"{DESCRIPTION}: must be what skyarm writes of sensors and estimate")
+    return found
+
+
+def _is_sound(source: Source) -> bool:
+    """Whether a description that was read from a file is of the kinds that are written."""
+    counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
+    texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
+    axes = [each.axes for each in source.fields.values() if each.axes is not None]
+    lists = all(isinstance(each, list) and each for each in axes)
+    texts += [axis for each in axes for axis in each] + ([] if source.frame is None else [source.frame])
+    return counts and lists and all(isinstance(each, str) for each in texts)
