@@ -69,7 +69,7 @@ class _Expansion:
         self.kept: list[tuple[ET.Element, float]] = []
         self._defaults: dict[str, float] = {}
         self._models: set[tuple[str | None, str]] = set()
-        self._folders = [path.parent]
+        self._folders, self._inside = {path.parent: None}, {"": None}
         self._elements, self._copies, self._data = 0.0, 0.0, 0
         self._roots = {path.resolve(): root}
         self._text = path.stat().st_size
@@ -100,6 +100,8 @@ class _Expansion:
             if default:
                 for name, value in element.attrib.items():
                     self._defaults[name] = max(self._defaults.get(name, 0.0), _product(value))
+            if element.tag == "compiler":
+                self._inside |= {element.get(name, ""): None for name in FOLDERS}
             if element.tag == "model":
                 self._models.add((element.get("name"), element.get("file", "")))
             elif element.tag == "attach":
@@ -126,7 +128,7 @@ class _Expansion:
                 self._text += file.stat().st_size
                 if self._text > MOST_TEXT:
                     _refuse("include", f"{self._text} bytes of XML", MOST_TEXT)
-                self._folders.append(file.parent)
+                self._folders[file.parent] = None
                 try:
                     self._roots[file.resolve()] = ET.fromstring(file.read_bytes().lstrip())
                 except (ET.ParseError, LookupError, ValueError, OSError):
@@ -143,10 +145,9 @@ class _Expansion:
 
     def _files(self, name: str) -> list[Path]:
         """Files that a name may mean: beside those that were read, in their folders of meshes and textures."""
-        inside = [each.get(folder, "") for each, _ in self.kept if each.tag == "compiler" for folder in FOLDERS]
         found = []
-        for folder in dict.fromkeys(self._folders):
-            for middle in dict.fromkeys(["", *inside]):
+        for folder in self._folders:
+            for middle in self._inside:
                 for each in dict.fromkeys([Path(name), Path(Path(name).name)]):
                     try:
                         if (folder / middle / each).is_file():
