@@ -262,3 +262,15 @@ def test_the_frequency_of_a_servo_is_that_of_its_joint_let_go_on_its_spring():
         assert frequencies[f"joints[{name}] servo"] < 2.0 * math.sqrt(acceleration)
     velocity = VelocityServo(gain=3.0, inertia=1e-3)
     assert frequency(velocity, 0.01) == pytest.approx(300.0)
+
+
+@pytest.mark.parametrize("undefined", [0.0, np.nan, np.inf])
+def test_a_servo_is_judged_where_its_joint_can_be_moved_and_a_joint_without_one_is_not(undefined, monkeypatch):
+    from skyarm.assess import servo_stiffness as module
+
+    vehicle = with_servo(0.0, 600.0)
+    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([undefined, 1e4]), np.diag([undefined, 1e3])])
+    assert {each.field for each in servo_stiffness(vehicle)} == {"joints[pitch].armature"}
+    one = dataclasses.replace(vehicle, drives=vehicle.drives[:1])
+    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([1e4, 1e4])])
+    assert {each.field for each in servo_stiffness(one)} == {"joints[roll].armature"}

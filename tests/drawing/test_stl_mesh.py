@@ -174,3 +174,18 @@ def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     off, wrong = (np.abs(pictures[0] - each).max(axis=2) > 30 for each in pictures[1:])
     assert off.mean() < 0.005, "but for pixels on its edges"
     assert wrong.mean() > 0.05
+
+
+def test_a_text_of_too_many_triangles_is_refused_before_its_numbers_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "many.stl"
+    file.write_bytes(b"solid\n" + (b"vertex " * 3 * (MOST + 1)) + b"\nendsolid\n")
+    with pytest.raises(ValueError, match=f"^has {MOST + 1} triangles, must have from 1 to {MOST}$"):
+        read_stl(file)
+
+
+@pytest.mark.parametrize("line", ["vertex 1 2", "vertex 1 2 x", "vertex 1 2 " + 70 * "3", "vertex"])
+def test_a_corner_without_three_numbers_is_no_stl(line: str, tmp_path: Path) -> None:
+    file = tmp_path / "wrong.stl"
+    file.write_text(f"solid\nvertex 0 0 0\nvertex 1 0 0\n{line}\nendsolid\n")
+    with pytest.raises(ValueError, match="^must be an STL file, binary or text$"):
+        read_stl(file)

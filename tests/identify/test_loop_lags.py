@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -205,3 +206,31 @@ def test_an_attitude_that_is_older_than_the_rates_is_seen(flown, late):
 def test_a_log_that_does_not_fit_is_refused_in_a_line(flown, changed, message):
     with pytest.raises(ValueError, match=message):
         loop_lags(dataclasses.replace(flown, **changed(flown)), VEHICLE)
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01])
+@pytest.mark.parametrize("late", [0.12, -0.12])
+def test_the_age_of_an_attitude_is_found_from_rates_within_the_log_alone(late, period, monkeypatch):
+    from skyarm.identify import attitude_age as module
+
+    time = period * np.arange(round(3.0 / period))
+    yaw = 0.3 * np.sin(4.0 * (time - late))
+    zero = np.zeros_like(time)
+    log = SimpleNamespace(
+        time=time,
+        quaternion=np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1),
+        rate=np.stack([zero, zero, 1.2 * np.cos(4.0 * time)], axis=1),
+    )
+    asked, hermite = [], module.hermite
+
+    def recorded(*given):
+        between = hermite(*given)
+        return lambda when: asked.append((np.min(when), np.max(when))) or between(when)
+
+    monkeypatch.setattr(module, "hermite", recorded)
+    assert np.isnan(module.attitude_age(log)).all(), "beyond the ages that are looked for"
+    first, last = min(low for low, _ in asked), max(high for _, high in asked)
+    if late > 0.0:
+        assert time[0] <= first <= time[0] + 3.0 * period
+    else:
+        assert time[-1] - 3.0 * period <= last <= time[-1]

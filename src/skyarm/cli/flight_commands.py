@@ -63,7 +63,7 @@ def replay(
     equal = flown_again(before, log)
     give(replay_document(before, log, file) if is_document_wanted() else None)
     if not is_document_wanted():
-        labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
+        labels = ("log", "again") if again else (str(before.info.get("controller", "log")), str(log.info["controller"]))
         tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
         if again and equal:
             tell(f"equal to the bit: {before.time.size} control periods")

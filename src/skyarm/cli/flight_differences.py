@@ -145,4 +145,4 @@ def replay_document(a: Log, b: Log, file: Path) -> dict[str, Any]:
 
 
 def _law(log: Log) -> str:
-    return str(log.info["controller"])
+    return str(log.info.get("controller", ""))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,9 @@ LARGEST = 100e6
 
 FARTHEST = 1e3
 """m from the middle of the body: what is farther was written in other units."""
+
+VERTEX, CORNER = re.compile(rb"(?<!\S)vertex(?!\S)"), re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)")
+"""The word before a corner of a file of text, and that with the corner's numbers."""
 
 HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Of a binary file: bytes before the triangles, and one of these."""
@@ -81,10 +85,14 @@ def _text(content: bytes) -> Array:
     allowed = "must be an STL file, binary or text"
     if not content.lstrip().startswith(b"solid") or b"endsolid" not in content:
         raise ValueError(allowed)
-    words = content.split()
-    rows = [words[i + 1 : i + 4] for i, word in enumerate(words) if word == b"vertex"]
+    # counted first: the numbers take more memory than their text
+    count = sum(1 for _ in VERTEX.finditer(content))
+    if count > 3 * MOST:
+        raise ValueError(f"has {count // 3} triangles, must have from 1 to {MOST}")
     try:
-        found = np.array([[float(each) for each in row] for row in rows])
+        found = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
+        if len(found) != count:
+            raise ValueError
         return found.reshape(-1, 3, 3)
     except ValueError:
         raise ValueError(allowed) from None

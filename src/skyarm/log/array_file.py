@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.files import shown, write_atomically
+from skyarm.files.unpacked import TooLargeError, npz_arrays
 from skyarm.log.contents import LAYOUT, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import layout
@@ -36,9 +37,13 @@ def read_npz(path: str | os.PathLike[str]) -> Log:
     """
     name, content_of_file = f"log = {shown(os.fspath(path))}", Path(path).read_bytes()
     try:
-        with np.load(io.BytesIO(content_of_file), allow_pickle=False) as data:
-            content = {name: data[name] for name in data.files}
+        content = npz_arrays(content_of_file)
         info = json.loads(str(content.pop("info")))
+    except TooLargeError as error:
+        raise ValueError(f"{name}: {error}") from None
     except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
         raise ValueError(f"{name}: must be a log that save_npz wrote") from None
-    return log_of(content, info, f"{name}: must be a log of schema 1")
+    try:
+        return log_of(content, info)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None

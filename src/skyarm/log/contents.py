@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
 from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
@@ -15,6 +16,8 @@ from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 
 SCHEMA = 1
+
+WORDS = "must be a log of schema 1"
 
 SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", "phase")
 """Arrays of a number an instant."""
@@ -25,17 +28,45 @@ LAYOUT = "columns"
 """Key of a file's description that says the names and units of the arrays' columns."""
 
 
-def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
+TEXTS = ("scenario", "status", "cause")
+"""Texts that every description has."""
+
+OTHERS: Mapping[str, type] = {
+    "title": str,
+    "controller": str,
+    "plant": str,
+    "integrator": str,
+    "plant_vehicle": str,
+    "model_vehicle": str,
+    "scenario_record": dict,
+    "windows": dict,
+    "plugins": dict,
+    "code": dict,
+    "versions": dict,
+    "phases": list,
+    "waits": list,
+    "digest": str,
+}
+"""What a description may have besides, and of which type."""
+
+OF_TEXTS = ("plugins", "code", "versions", "phases")
+"""Tables and lists of texts alone."""
+
+KINDS = {dict: "table", list: "list", str: "text"}
+
+
+def log_of(content: Mapping[str, Any], info: Any) -> Log:
     """The log that a file's arrays and description make.
 
     Raises:
-        ValueError: ``schema_words``: arrays are missing or of other shapes, or the description is none.
+        ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
+            one of a flight.
     """
     absent = ["info", "received", *(name for name in IF_ANY if name not in content)]
     wanted = [name for name in field_names(Log) or () if name not in absent]
     axes = _axes(info) if isinstance(info, dict) and info.get("schema") == SCHEMA else None
     if axes is None or sorted(content) != sorted([*wanted, *axes]):
-        raise ValueError(schema_words)
+        raise ValueError(WORDS)
     count = np.shape(content["time"])
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
     for name in wanted:
@@ -44,15 +75,16 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
         array = np.asarray(content[name])
         width = array.shape[1:2] if name in IF_ANY and name not in SCALARS else width
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
-            raise ValueError(schema_words)
+            raise ValueError(WORDS)
     arrays = dict(content)
     for name, several in axes.items():
         array = np.asarray(content[name])
         if several is None and array.shape[1:] == (1,):  # files of columns do not tell a number from a list of one
             array = np.ascontiguousarray(array[:, 0])
         if array.shape != (*count, *([len(several)] if several else [])) or array.dtype != np.float64:
-            raise ValueError(schema_words)
+            raise ValueError(WORDS)
         arrays[name] = array
+    _require_description(info)
     return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
 
 
@@ -65,22 +97,64 @@ def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
     return {f"{source}.{name}": each.axes for source, of in sources.items() for name, each in of.fields.items()}
 
 
-def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any) -> dict[str, Any]:
+def _require_description(info: dict[str, Any]) -> None:
+    """Check the fields of a description, which may come from anyone, by their types.
+
+    Raises:
+        ValueError: one line: field, value, what is allowed.
+    """
+    fields = Fields(info, "info")
+    for name in TEXTS:
+        if not isinstance(fields.take(name), str):
+            raise ValueError(f"info.{name} = {shown(info[name])}: must be a text")
+    for name in ("duration", "end_time"):
+        fields.number(name, low=0.0)
+    rates = Fields(fields.take("rates_hz"), "info.rates_hz")
+    for name in ("physics", "control", "reference"):
+        rates.number(name, low=0.0, strict=True)
+    for name, kind in OTHERS.items():
+        if info.get(name) is not None and not isinstance(info[name], kind):
+            raise ValueError(f"info.{name} = {shown(info[name])}: must be a {KINDS[kind]}")
+    for name in OF_TEXTS:
+        held = info.get(name) or []
+        if not all(isinstance(each, str) for each in (held.values() if isinstance(held, dict) else held)):
+            raise ValueError(f"info.{name} = {shown(held)}: must hold texts only")
+    for k, wait in enumerate(info.get("waits") or ()):
+        fields = Fields(wait, f"info.waits[{k}]")
+        for name in ("phase", "at", "timeout"):
+            fields.number(name)
+
+
+def columns_in(info: Any) -> list[str]:
+    """Names of the columns of all arrays that a description states, each once.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        names = [name for each in info[LAYOUT].values() for name in each["columns"]]
+        if len(set(names)) == len(names):
+            return names
+    except (AttributeError, KeyError, TypeError):
+        pass
+    raise ValueError("columns: must be those that the file says it has")
+
+
+def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], info: Any) -> dict[str, Any]:
     """The arrays whose columns stand side by side in a table.
 
     Args:
         table: (N, columns).
         names: of its columns.
-        layout: array -> its columns, as :func:`skyarm.log.log_columns.layout` writes it.
+        info: description, with the columns of each array as :func:`skyarm.log.log_columns.layout` writes them.
 
     Raises:
         ValueError: a column is missing, or the layout is none.
     """
     place, found = {name: k for k, name in enumerate(names)}, {}
-    try:
-        given = {name: [place[each] for each in layout[name]["columns"]] for name in layout}
-    except (KeyError, TypeError):
-        raise ValueError("columns: must be those that the file says it has") from None
+    if not place.keys() >= set(columns_in(info)):
+        raise ValueError("columns: must be those that the file says it has")
+    given = {name: [place[each] for each in told["columns"]] for name, told in info[LAYOUT].items()}
     for name in units(Log):
         chosen = given.get(name, [])
         if name in IF_ANY and not chosen:

@@ -12,6 +12,7 @@ import numpy as np
 
 from skyarm.files import needs_extra, shown
 from skyarm.files.atomic import writing_atomically
+from skyarm.files.unpacked import TooLargeError, parquet_file
 from skyarm.log.contents import LAYOUT, arrays_of, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns, layout
@@ -62,22 +63,26 @@ def read_parquet(path: Path) -> Log:
     Raises:
         OSError: the file cannot be read. ValueError: one line: it is no such file, or pyarrow is missing.
     """
-    pa, pq = _parquet()
+    pa, _ = _parquet()
     name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
     try:
-        table = pq.read_table(pa.BufferReader(content), page_checksum_verification=True)
-        said = table.schema.metadata or {}
+        file = parquet_file(content)
+        if any(each != pa.float64() for each in file.schema_arrow.types):
+            raise TypeError
+        said = file.schema_arrow.metadata or {}
         info = json.loads(said[KEY])
+        table = file.read()
         rows = np.stack([np.asarray(each, dtype=float) for each in table.columns], axis=1)
+    except TooLargeError as error:
+        raise ValueError(f"{name}: {error}") from None
     except Exception:  # file, pages, compression, columns and JSON have readers of their own, each with its own errors
         raise ValueError(f"{name}: must be a log that skyarm wrote as Parquet") from None
     if said.get(SUM, _sum(said[KEY])) != _sum(said[KEY]):
         raise ValueError(f"{name}: must have the checksum that it was written with; the file is damaged")
-    words = "must be a log of schema 1"
     try:
-        return log_of(arrays_of(rows, table.column_names, info.get(LAYOUT)), info, words)
-    except (ValueError, AttributeError):
-        raise ValueError(f"{name}: {words}") from None
+        return log_of(arrays_of(rows, table.column_names, info), info)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 def _sum(info: bytes) -> bytes:

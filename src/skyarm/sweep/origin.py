@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.files.unpacked import parquet_file
 from skyarm.scenario.endings import STATUSES
 from skyarm.sweep.seal import PLACE, SEAL, is_whole
 
@@ -141,12 +142,11 @@ def _fits(field: Any) -> bool:
 
 
 def parquet(content: bytes) -> Any:
-    """A Parquet file that was read; None for anything else."""
+    """A Parquet file; None for anything else, and for one that would unpack to too much."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        return pq.ParquetFile(pa.BufferReader(content))
+        return parquet_file(content)
     except (pa.ArrowException, OSError, ValueError):
         return None
 

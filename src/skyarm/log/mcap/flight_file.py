@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.files import shown, versions
 from skyarm.files.atomic import writing_atomically
-from skyarm.log.contents import LAYOUT, arrays_of, log_of
+from skyarm.log.contents import LAYOUT, arrays_of, columns_in, log_of
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.log_columns import layout
 from skyarm.log.mcap.container import McapWriter, Messages
@@ -131,10 +131,9 @@ def _log(attachments: dict[str, bytes], messages: list[bytes]) -> Log:
             info["scenario_record"] = json.loads(attachments[SCENARIO])
         elif "digest" in info:
             raise McapError(f"must hold the attachment {SCENARIO}, before which it was cut off")
-        names = [name for each in info[LAYOUT].values() for name in each["columns"]]
     except McapError:
         raise
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (ValueError, TypeError, RecursionError):
         raise McapError(f"{INFO}: must be what skyarm writes of a flight") from None
-    arrays = arrays_of(numbers(messages, len(names)), names, info[LAYOUT])
-    return log_of(arrays, info, "must be a log of schema 1")
+    names = columns_in(info)
+    return log_of(arrays_of(numbers(messages, len(names)), names, info), info)

@@ -1,0 +1,64 @@
+"""Compressed files, whose sizes are checked before they are unpacked: a small file may stand for gigabytes."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import Any
+
+import numpy as np
+
+LARGEST = 1e9
+"""Bytes that a file may unpack to, whatever its own size."""
+
+RATIO = 20
+"""Beyond that it may take so many times its own size: numbers of a flight shrink to a half or a tenth."""
+
+
+class TooLargeError(ValueError):
+    """A file that would unpack to more than is allowed; says how much that is."""
+
+
+def require_size(unpacked: float, content: bytes) -> None:
+    """Refuse what a file would unpack to.
+
+    Args:
+        unpacked: bytes.
+        content: of the file.
+
+    Raises:
+        TooLargeError: one line, without the file's name.
+    """
+    most = max(LARGEST, RATIO * len(content))
+    if not unpacked <= most:
+        raise TooLargeError(f"must unpack to at most {most / 1e6:.0f} MB, and would to {unpacked / 1e6:.3g} MB")
+
+
+def npz_arrays(content: bytes) -> dict[str, Any]:
+    """Arrays of an npz file, by name; none of Python's objects.
+
+    Raises:
+        TooLargeError: it unpacks to too much. Any other error of NumPy's and zipfile's: it is no such file.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        # a member yields no more than its entry says; entries may overlap in the file
+        require_size(sum(each.file_size for each in archive.infolist()), content)
+    with np.load(io.BytesIO(content), allow_pickle=False) as data:
+        return {name: data[name] for name in data.files}
+
+
+def parquet_file(content: bytes) -> Any:
+    """A Parquet file of which nothing is unpacked yet.
+
+    Raises:
+        TooLargeError: it unpacks to too much. Any other error of pyarrow's: it is no such file.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    found = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+    said = found.metadata
+    pages = sum(said.row_group(k).total_byte_size for k in range(said.num_row_groups))
+    # equal numbers in a row take no bytes in a page
+    require_size(max(pages, 8.0 * said.num_rows * said.num_columns), content)
+    return found

@@ -1,0 +1,33 @@
+"""Remedies of a loop that is short of margin: of the groups of gains with which a hover settles, and of no other."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from skyarm.tune.explain import ALL, _Probe
+from skyarm.tune.law_knobs import Knob
+
+KNOBS = tuple(
+    Knob(path=f"gains.{name}", unit=unit, numbers=((("k",), 2.0),)) for name, unit in (("a", "1/s^2"), ("b", "1/s"))
+)
+
+
+def remedies(settles):
+    """Remedies of a loop three times short, whose margins are met where a hover settles."""
+    probe = _Probe.__new__(_Probe)
+    probe._knobs, probe._required = KNOBS, None
+    probe._edges = lambda gains: SimpleNamespace(shortness=lambda _: 0.5) if settles(gains) else None
+    return probe._remedies(SimpleNamespace(shortness=lambda _: 3.0))
+
+
+def test_gains_with_which_no_hover_settles_are_no_remedy():
+    assert remedies(lambda _: False) == []
+
+
+def test_every_group_of_gains_with_which_one_settles_is_a_remedy():
+    found = remedies(lambda _: True)
+    assert found[-1].part == ALL
+    assert all(each.meets and each.share in (0.8, 1.25) for each in found), "the least change that is enough"
+    slower = remedies(lambda gains: all(value < 2.0 for value in gains.values()))
+    assert slower
+    assert all(each.share == 0.8 for each in slower)
