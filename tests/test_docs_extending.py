@@ -13,7 +13,7 @@ import pytest
 import skyarm
 from added_components import registry_kept
 from skyarm.registry import KINDS
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from wrong_laws import EVERYTHING, MAKERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,7 +34,7 @@ def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
     file = tmp_path / "wandering.py"
     file.write_text(plugin, "utf-8")
     with registry_kept():
-        load_file(file)
+        load_plugin(file)
         _fly_it(tmp_path)
 
 
