@@ -138,6 +138,16 @@ def test_while_the_tip_presses_its_place_along_the_normal_is_open(press):
     assert "position" not in [each.reference for each in changed(press, position=away).shortfall.unreached]
 
 
+def test_what_is_gripped_is_not_pressed(press, monkeypatch):
+    count = press.time.size
+    gripped = (np.ones(count), *np.zeros((4, count)), (press.time > 1.0).astype(float))
+    monkeypatch.setattr("skyarm.metrics.shortfall.wanted_push", lambda _: gripped)
+    away = press.position_reference + np.outer(press.time > 1.0, [9.0, 0.0, 0.0])
+    force, phases = changed(press, position=away).shortfall.unreached
+    assert (force.start, force.stop) == (0.0, 1.0)
+    assert phases.reference == "phase"
+
+
 def test_a_flight_with_a_governor_is_judged_by_its_distance_to_the_path():
     scenario = skyarm.load_scenario("examples/fast_circle.toml", duration=7.0)
     log = skyarm.run(scenario)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,7 +111,7 @@ def shortfall(log: Log) -> Shortfall:
 
 def _saturation(log: Log) -> Saturation | None:
     """None, too, where a log keeps no vehicle."""
-    beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, Saturation]]()
+    beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _limited(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(over))
@@ -119,11 +119,11 @@ def _saturation(log: Log) -> Saturation | None:
         at_limit = (over >= -ROUNDING * abs(limit)) & math.isfinite(limit)
         beyond |= at_limit
         if at_limit.any():
-            numbers = {"command": float(sent[worst]), "limit": limit, "unit": unit}
-            found.append((over[worst] / (abs(limit) or 1.0), Saturation(share=0.0, actuator=actuator, **numbers)))
+            found.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
     if not found:
         return None
-    return replace(max(found, key=lambda each: each[0])[1], share=float(beyond.mean()))
+    _, actuator, command, limit, unit = max(found, key=lambda each: each[0])
+    return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
 
 
 def _limited(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
