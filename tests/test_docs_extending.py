@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import re
+import sys
 import timeit
+import tomllib
+import types
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +17,10 @@ import pytest
 
 import skyarm
 from added_components import registry_kept
-from skyarm.registry import KINDS
-from skyarm.registry.plugins import load_file
+from skyarm import scalars
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.registry import KINDS, plugins
+from skyarm.registry.plugins import load_plugin
 from wrong_laws import EVERYTHING, MAKERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,7 +33,7 @@ def blocks(text: str, language: str) -> list[str]:
 
 
 def test_every_kind_that_can_be_registered_is_on_the_page() -> None:
-    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == list(KINDS)
+    assert [row.strip("`") for row in rows_of("What can be added")] == list(KINDS)
 
 
 def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
@@ -34,7 +41,7 @@ def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
     file = tmp_path / "wandering.py"
     file.write_text(plugin, "utf-8")
     with registry_kept():
-        load_file(file)
+        load_plugin(file)
         _fly_it(tmp_path)
 
 
@@ -54,6 +61,93 @@ def test_the_largest_step_shown_is_a_drives() -> None:
     exec(f"class Stiff(skyarm.Drive):\n    stiffness, damping, inertia = 8.0, 0.1, 8e-5\n{property_}", names)
     # 0.1 / 8e-5 = 1250 /s is faster than the square root of 8 / 8e-5, 316 rad/s
     assert names["Stiff"]().largest_step == pytest.approx(1.0 / 1250.0)
+
+
+def files(language: str) -> dict[str, str]:
+    """Files of the page by their titles."""
+    return dict(re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', PAGE, re.DOTALL))
+
+
+def rows_of(heading: str) -> list[str]:
+    """First cells of the table under a heading."""
+    section = PAGE[PAGE.index(f"## {heading}\n") :].partition("\n## ")[0]
+    return re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+
+
+def test_the_functions_for_any_scalar_are_all_that_a_part_may_use() -> None:
+    listed = [word for row in rows_of("Functions for any scalar") for word in re.findall(r"`(\w+)`", row)]
+    of_the_library = {"PYTHON_NUMBERS", "Scalar", "register", "same", "structural"}
+    assert sorted(listed) == sorted(set(scalars.__all__) - of_the_library)
+
+
+def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
+    motion = PointMotion(skyarm.load_vehicle("hummingbird_arm2"), None)
+    known = {name for name in dir(motion) if not name.startswith("_")}
+    shown = [word for row in rows_of("Where the vehicle's points are") for word in re.findall(r"`([^`]+)`", row)]
+    assert {word.partition("(")[0] for word in shown} == known
+    for name, _, arguments in (word.rstrip(")").partition("(") for word in shown):
+        if arguments:
+            taken = inspect.signature(getattr(PointMotion, name)).parameters
+            assert [*taken][1:] == arguments.split(", "), name
+
+
+def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
+    file = tmp_path / "ball.py"
+    file.write_text(files("python")["ball.py"], "utf-8")
+    with registry_kept():
+        ball = skyarm.load_plugin(file).Ball()
+        planned = skyarm.load_scenario("case3", duration=0.05)
+        vehicle, still = planned.world.vehicle, skyarm.Session(planned).state
+        motion = PointMotion(vehicle, still, lambda _: skyarm.Vec3(2.0, 0.0, 0.0))
+        (wrench,) = ball.wrenches((), 0.0, motion, ())
+        drag = 0.5 * 1.2 * 0.47 * 3.14159 * 0.05**2 * 2.0**2
+        assert tuple(wrench.force_W) == pytest.approx((drag, 0.0, 0.0))
+        assert (wrench.point, wrench.body) == motion.frame()
+        assert skyarm.run(dataclasses.replace(planned, forces=(ball,))).status == "completed"
+
+
+@pytest.fixture
+def corridor_files(tmp_path: Path) -> Path:
+    """A folder with the plugin and the scenario of the section on endings."""
+    case = (Path(skyarm.__file__).parent / "scenario" / "library" / "case3.toml").read_text("utf-8")
+    (tmp_path / "corridor.py").write_text(files("python")["corridor.py"], "utf-8")
+    (tmp_path / "narrow.toml").write_text(f"{case}\n{files('toml')['narrow.toml']}", "utf-8")
+    return tmp_path
+
+
+def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(corridor_files: Path) -> None:
+    with registry_kept():
+        with pytest.raises(ValueError, match=r"skyarm\.load_plugin\('corridor\.py'\)"):
+            skyarm.load_scenario(corridor_files / "narrow.toml")
+        skyarm.load_plugin(corridor_files / "corridor.py")
+        log = skyarm.run(skyarm.load_scenario(corridor_files / "narrow.toml", duration=12.0))
+    assert log.status == "left_corridor"
+    assert abs(log.position[-1, 1]) == pytest.approx(0.2, abs=0.01)
+    assert re.fullmatch(r"y = -?0\.2\d\d m is outside of 0\.2 m", log.info["cause"])
+
+
+def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = tomllib.loads(files("toml")["pyproject.toml"])
+    ((name, module),) = table["project"]["entry-points"][plugins.GROUP].items()
+    (folder,) = table["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    package = corridor_files / folder
+    package.mkdir(parents=True)
+    tree = re.findall(rf"^{folder}/(\S+)", PAGE, re.MULTILINE)
+    assert tree == ["__init__.py", "corridor.py"]
+    (package / tree[0]).write_text("", "utf-8")
+    (package / tree[1]).write_text(files("python")["corridor.py"], "utf-8")
+    monkeypatch.syspath_prepend(package.parent)
+    entry = metadata.EntryPoint(name, module, plugins.GROUP)
+    made = types.SimpleNamespace(name=table["project"]["name"], version=table["project"]["version"])
+    monkeypatch.setattr(plugins.metadata, "entry_points", lambda *, group: [entry._for(made)])  # type: ignore[attr-defined]
+    with registry_kept():
+        plugins.load_installed()
+        assert plugins.identities()[made.name] == f"version {made.version}"
+        flight = skyarm.load_scenario(corridor_files / "narrow.toml", duration=0.1)
+        assert type(flight.endings[0]).__module__ == module
+        assert skyarm.run(flight).status == "completed"
+    for each in (module, package.name):
+        sys.modules.pop(each)
 
 
 SECTION = PAGE[PAGE.index("## When your law is wrong") :].partition("\n## ")[0]

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from skyarm.paper.reproduce import reproduce
     from skyarm.plant.interface import Truth
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
-    from skyarm.registry import register
+    from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
     from skyarm.scenario.changes import Change
     from skyarm.scenario.endings import Ending
@@ -120,7 +120,7 @@ _ROOMS = {
     "skyarm.paper.reproduce": ("reproduce",),
     "skyarm.plant.interface": ("Truth",),
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
-    "skyarm.registry": ("register",),
+    "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
     "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
@@ -224,6 +224,7 @@ __all__ = [
     "list_vehicles",
     "load_controller",
     "load_log",
+    "load_plugin",
     "load_scenario",
     "load_study",
     "load_vehicle",

@@ -47,6 +47,8 @@ def test_a_flight_that_does_all_of_it_succeeds(task):
         ("press_and_hold", "force", {"contact_held": np.nan}),
         ("press_and_hold", "phases", {"phases_done": 2.0}),
         ("press_and_hold", "lost", {"tilt_max": 1.4}),
+        ("pick_and_carry", "lost", {"ee_error_last_mean_continuous": 0.501}),
+        ("pick_and_carry", "lost", {"ee_error_last_mean_continuous": np.nan}),
         ("open_door", "opening", {"mechanism_furthest": 0.95}),
         ("pull_door", "opening", {"mechanism_furthest": 0.95}),
         ("turn_valve", "opening", {"mechanism_furthest": 1.39}),

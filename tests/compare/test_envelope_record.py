@@ -68,19 +68,20 @@ def test_a_law_is_good_up_to_the_first_value_where_it_is_not():
     assert lost_at([point(0.1), LOST, point(0.1), LOST]) == [1, 3]
 
 
-def test_lost_is_what_ended_early_or_tilted_over_or_has_no_number():
+def test_lost_is_what_ended_early_or_tilted_over_or_was_far_away_or_has_no_number():
     found = {
-        TIP: np.array([0.01, 0.01, 0.01, np.nan]),
-        TIP_MAX: np.array([0.02, 0.02, 0.02, np.nan]),
-        OUTSIDE: np.array([0.0, 2.5, 0.0, np.nan]),
-        "tilt_max": np.radians([79.9, 80.1, 5.0, 5.0]),
+        TIP: np.array([0.01, 0.01, 0.01, np.nan, 0.4, 0.4]),
+        TIP_MAX: np.array([0.02, 0.02, 0.02, np.nan, 0.6, 0.6]),
+        OUTSIDE: np.array([0.0, 2.5, 0.0, np.nan, 9.0, 9.0]),
+        "tilt_max": np.radians([79.9, 80.1, 5.0, 5.0, 5.0, 5.0]),
+        "ee_error_last_mean_continuous": np.array([0.01, 0.01, 0.01, np.nan, 0.5, 0.501]),
     }
-    cell = Cell(found, np.array(["completed", "completed", "ground", "completed"]))
+    cell = Cell(found, np.array(["completed", "completed", "ground", *["completed"] * 3]))
     points = points_of(cell, AXES["circle"])
-    assert [each["lost"] for each in points] == [False, True, True, True]
-    assert [each["tip_mean"] for each in points] == [0.01, 0.01, 0.01, None]
-    overshoot = Cell({**found, OVERSHOOT: np.array([0.3] * 4)}, cell.status)
-    assert [each["judged"] for each in points_of(overshoot, AXES["step"])] == [0.3] * 4
+    assert [each["lost"] for each in points] == [False, True, True, True, False, True]
+    assert [each["tip_mean"] for each in points] == [0.01, 0.01, 0.01, None, 0.4, 0.4]
+    overshoot = Cell({**found, OVERSHOOT: np.array([0.3] * 6)}, cell.status)
+    assert [each["judged"] for each in points_of(overshoot, AXES["step"])] == [0.3] * 6
 
 
 def test_violations_are_a_loss_that_another_law_survives_and_ten_per_cent_over_the_paper():
@@ -207,6 +208,7 @@ def test_a_value_of_wrong_plants_is_judged_by_the_worst_that_flies_and_lost_wher
 
 def test_lanes_are_grouped_value_by_value():
     columns = {TIP: np.arange(6) * 1e-3, TIP_MAX: np.arange(6) * 1e-2, OUTSIDE: np.zeros(6), "tilt_max": np.zeros(6)}
+    columns["ee_error_last_mean_continuous"] = np.zeros(6)
     found = points_of(Cell(columns, np.array(["completed"] * 6)), AXES["wrong_plants"], 2)
     assert [each["judged"] for each in found] == [2e-3, 5e-3]
     assert [each["plants"]["held"] for each in found] == [3, 0]

@@ -21,6 +21,21 @@ from skyarm.onboard.export_c import export_c
 SOURCE = Path(__file__).resolve().parents[2] / "examples" / "ppo_residual.py"
 
 
+def test_the_plain_integral_keeps_the_tip_where_the_law_alone_loses_plants(monkeypatch):
+    monkeypatch.syspath_prepend(SOURCE.parent)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    example: Any = importlib.import_module("ppo_residual")
+    flight = skyarm.load_scenario("case3_wind")
+    own, wrong = example.tip_errors(flight.controller, plants=4)
+    assert own == pytest.approx(672.0, abs=0.1)
+    # a plant whose tip is over 0.5 m off at the end is lost, wherever its flight ended
+    assert np.isinf(wrong).any()
+    assert (wrong[np.isfinite(wrong)] < 500.0).all()
+    own, wrong = example.tip_errors(example.with_integral(flight), plants=4)
+    assert own == pytest.approx(18.6, abs=0.1)
+    assert (wrong < 42.0).all()
+
+
 @pytest.mark.thorough
 def test_a_seed_learns_the_same_bits_and_its_policy_is_a_law(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(SOURCE.parent)

@@ -14,7 +14,7 @@ from skyarm.algebra import Vec3
 from skyarm.control.laws.paper.computed_torque import decoupled_pd
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.files.code_place import failure, own_code, place_of, place_of_error
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
 from skyarm.sensors.noise import SensorNoise
 
@@ -46,8 +46,8 @@ def closing(inner: object) -> object:
 
 @pytest.mark.parametrize(
     "thing",
-    [load_file, Vec3, ForceWind, MovingAir, SensorNoise, Divergence, functools.partial(load_file, 1), json.dumps,
-     len, 3.0, functools.lru_cache(load_file), Bare, Inherits],
+    [load_plugin, Vec3, ForceWind, MovingAir, SensorNoise, Divergence, functools.partial(load_plugin, 1), json.dumps,
+     len, 3.0, functools.lru_cache(load_plugin), Bare, Inherits],
 )  # fmt: skip
 def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
     assert own_code(thing) is None
@@ -55,7 +55,7 @@ def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
 
 @pytest.mark.parametrize(
     "thing",
-    [mine, Mine, Mine(), Mine().method, functools.partial(mine, 1.0), functools.partial(load_file, mine),
+    [mine, Mine, Mine(), Mine().method, functools.partial(mine, 1.0), functools.partial(load_plugin, mine),
      functools.lru_cache(mine), lambda: 0],
 )  # fmt: skip
 def test_what_stands_elsewhere_is_someones_own(thing):

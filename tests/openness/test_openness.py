@@ -20,7 +20,7 @@ from added_flight import DOCUMENT, EXAMPLES, HERE, PLUGINS, VARIED
 import skyarm
 from added_components import registry_kept
 from commanded import skyarm as typed
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.simulate.loop import run_in_python
 
 
@@ -28,7 +28,7 @@ from skyarm.simulate.loop import run_in_python
 def _loaded() -> Iterator[None]:
     with registry_kept():
         for plugin in PLUGINS:
-            load_file(plugin)
+            load_plugin(plugin)
         yield
 
 
@@ -119,7 +119,7 @@ def test_every_added_thing_names_where_it_came_from() -> None:
 
 
 def test_a_metric_of_ones_own_is_counted_in_flight_and_over_a_log_alike() -> None:
-    load_file(EXAMPLES / "own_metric.py")
+    load_plugin(EXAMPLES / "own_metric.py")
     scenario = _scenario()
     batch = skyarm.Batch(
         scenario, ["plant.payload.mass"], metrics=("rotor_energy", "position_error_max"), bit_exact=True

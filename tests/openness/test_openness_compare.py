@@ -16,7 +16,7 @@ import skyarm
 from added_components import registry_kept
 from commanded import Outcome
 from commanded import skyarm as typed
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from thorough import sampled
 
 EVERY = (*PLUGINS, EXAMPLES / "own_metric.py")
@@ -46,7 +46,7 @@ def test_it_is_compared_on_every_plant_and_each_flight_is_one_of_its_own(tmp_pat
     assert list(summary) == ["own", "paper_pd"]
     with registry_kept():
         for plugin in EVERY:
-            load_file(tmp_path / plugin.name)
+            load_plugin(tmp_path / plugin.name)
         planned = skyarm.load_scenario(tmp_path / "added.toml", plant=plant)
         wanted = ("position_error_mean_continuous", "rotor_energy")
         each = [skyarm.score(skyarm.run(dataclasses.replace(planned, seed=0, episode=k)), wanted) for k in range(2)]

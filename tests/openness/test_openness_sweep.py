@@ -17,7 +17,7 @@ from added_flight import EXAMPLES, PLUGINS, toml
 
 import skyarm
 from added_components import registry_kept
-from skyarm.registry.plugins import identities, load_file
+from skyarm.registry.plugins import identities, load_plugin
 from skyarm.sweep import Study, run_sweep
 from skyarm.sweep.plan import at_episode
 from skyarm.sweep.stats import Rows, statistics
@@ -43,7 +43,7 @@ METRICS = ["position_error_mean", "iae_joint", "rotor_energy"]
 def _loaded() -> Iterator[None]:
     with registry_kept():
         for plugin in EVERY:
-            load_file(plugin)
+            load_plugin(plugin)
         yield
 
 
@@ -172,12 +172,12 @@ RAY = """
 import sys
 from pathlib import Path
 import ray
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.sweep import load_study, run_sweep
 
 folder = Path(sys.argv[1])
 for plugin in sys.argv[2:]:
-    load_file(plugin)
+    load_plugin(plugin)
 study = load_study(folder / "study.toml")
 run_sweep(study, folder / "here")
 ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="error")

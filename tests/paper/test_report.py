@@ -466,6 +466,16 @@ def test_an_episode_that_ended_early_is_named() -> None:
     assert "joint_limit at 3 s, joint 2 < limit" in read.text
 
 
+def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> None:
+    log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
+    away = dataclasses.replace(log, position=log.position + 7.0)
+    logs = {"rigid_body": {"case1": {"PD": away, "CT": log}}}
+    read = Page(report_pages(some_results(), {}, logs, {})[MAIN])
+    assert "All 2 episodes flew to their end." in read.text
+    assert "PD: not reached: reference of the base, 12.1 m off in the mean from 1 s on" in read.text
+    assert "CT: not reached" not in read.text
+
+
 def claim_results(claim: Any, value: float) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for case, controller in claim.cells:

@@ -19,7 +19,7 @@ from added_components import registry_kept, same_logs
 from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import digest
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.scenario_record import ScenarioError
 from thorough import sampled
 
@@ -93,7 +93,7 @@ class Tank(RigidBodyPlant):
 def of_plugin(folder: Path) -> tuple[skyarm.Log, Path, Path]:
     file = folder / "breath.py"
     file.write_text(PLUGIN)
-    force = load_file(file).Breath(size=0.7)
+    force = load_plugin(file).Breath(size=0.7)
     return *logged(dataclasses.replace(skyarm.load_scenario("case1", duration=0.1), forces=(force,)), folder), file
 
 
@@ -114,17 +114,17 @@ def test_elsewhere_it_names_the_plugin(tmp_path: Path) -> None:
     with registry_kept():
         _, path, file = of_plugin(tmp_path)
     refused(path, "plugin breath.py (sha256:")
-    refused(path, "is not loaded: give it as --plugin breath.py")
+    refused(path, "is not loaded: load it by --plugin breath.py")
     file.write_text(PLUGIN.replace("0.3", "0.4"))
-    load_file(file)
+    load_plugin(file)
     refused(path, "has changed, it is sha256:")
-    refused(path, "now: give the file of then as --plugin breath.py")
+    refused(path, "now: load the file of then by --plugin breath.py")
 
 
 def test_a_plant_that_only_a_plugin_has_names_the_plugin(tmp_path: Path) -> None:
     (tmp_path / "breath.py").write_text(PLUGIN)
     with registry_kept():
-        load_file(tmp_path / "breath.py")
+        load_plugin(tmp_path / "breath.py")
         _, path = logged(dataclasses.replace(skyarm.load_scenario("case1", duration=0.05), plant="tank"), tmp_path)
     refused(path, "plant.kind = 'tank'")
     refused(path, "it was flown with the plugins breath.py")
@@ -150,7 +150,7 @@ class Soon(skyarm.Ending):
 def of_two_plugins(folder: Path, **fields: Any) -> tuple[skyarm.Log, Path]:
     (folder / "breath.py").write_text(PLUGIN)
     (folder / "soon.py").write_text(SECOND)
-    force, ending = load_file(folder / "breath.py").Breath(), load_file(folder / "soon.py").Soon()
+    force, ending = load_plugin(folder / "breath.py").Breath(), load_plugin(folder / "soon.py").Soon()
     scenario = skyarm.load_scenario("case1", duration=0.05)
     return logged(dataclasses.replace(scenario, forces=(force,), endings=(ending,), **fields), folder)
 
@@ -158,11 +158,11 @@ def of_two_plugins(folder: Path, **fields: Any) -> tuple[skyarm.Log, Path]:
 def test_all_plugins_that_are_missing_are_named_at_once(tmp_path: Path) -> None:
     with registry_kept():
         _, path = of_two_plugins(tmp_path)
-    refused(path, "give it as --plugin breath.py; plugin soon.py (sha256:")
-    refused(path, "is not loaded: give it as --plugin soon.py")
-    load_file(tmp_path / "soon.py")
+    refused(path, "load it by --plugin breath.py or skyarm.load_plugin('breath.py'); plugin soon.py (sha256:")
+    refused(path, "is not loaded: load it by --plugin soon.py")
+    load_plugin(tmp_path / "soon.py")
     refused(path, "scenario_record: plugin breath.py (sha256:")
-    load_file(tmp_path / "breath.py")
+    load_plugin(tmp_path / "breath.py")
     assert skyarm.load_scenario(path).duration == 0.05
 
 
@@ -189,7 +189,7 @@ def test_the_law_that_is_replaced_is_not_asked_for(tmp_path: Path) -> None:
     planned = skyarm.load_scenario("case1", duration=0.05)
     believed = dataclasses.replace(planned.controller.par.model, gravity=9.7)
     with registry_kept():
-        law = load_file(file).make(believed)
+        law = load_plugin(file).make(believed)
         _, path = logged(dataclasses.replace(planned, controller=law), tmp_path)
     refused(path, "plugin push.py (sha256:")
     for named in ("paper_pd", "indi"):
@@ -197,11 +197,11 @@ def test_the_law_that_is_replaced_is_not_asked_for(tmp_path: Path) -> None:
         assert again.controller.par.model == believed
         assert again.world == planned.world
     file.write_text(OWN_LAW.replace("470.0", "480.0"))
-    load_file(file)
+    load_plugin(file)
     assert skyarm.load_scenario(path, controller="paper_pd").controller.name == "decoupled_pd"
     with registry_kept():
         (tmp_path / "breath.py").write_text(PLUGIN)
-        load_file(tmp_path / "breath.py")
+        load_plugin(tmp_path / "breath.py")
         _, path = logged(dataclasses.replace(planned, plant="tank", name="of_a_tank"), tmp_path)
     refused(path, "plant.kind = 'tank'")
     assert skyarm.load_scenario(path, plant="mujoco").plant == "mujoco"

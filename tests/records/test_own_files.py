@@ -24,7 +24,7 @@ from skyarm.records.identity import FOR_PEOPLE, _without, identity
 from skyarm.records.own_files import all_files, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.registry import RegistryError
-from skyarm.registry.plugins import Plugin, identities, load_again, load_file, loaded
+from skyarm.registry.plugins import Plugin, identities, load_again, load_plugin, loaded
 from skyarm.sweep.plan import prepare
 from sweeps import small_study
 
@@ -241,7 +241,7 @@ HERE = {Path(__file__).name: sha(Path(__file__))}
 
 @pytest.mark.parametrize(
     "thing",
-    [mine, Mine, Mine(), Child(1.0, 2.0, 3.0), [{"a": (mine,)}], functools.partial(load_file, mine),
+    [mine, Mine, Mine(), Child(1.0, 2.0, 3.0), [{"a": (mine,)}], functools.partial(load_plugin, mine),
      functools.partial(print, key=mine), functools.lru_cache(mine), closed(mine), lambda: 0,
      shipped_around(mine), {1: frozenset([mine])}],
 )  # fmt: skip
@@ -267,7 +267,7 @@ def test_a_plugin_brings_the_modules_of_its_folder_that_it_imported(
     (tmp_path / "push_unused.py").write_text("")
     file = tmp_path / "push_mine.py"
     file.write_text(FORCE.format(top="import json.tool\nfrom push_package import GAIN"))
-    push = load_file(file).Push
+    push = load_plugin(file).Push
     wanted = {
         "push_mine.py": sha(file),
         "push_package/__init__.py": sha(folder / "__init__.py"),
@@ -277,7 +277,7 @@ def test_a_plugin_brings_the_modules_of_its_folder_that_it_imported(
     assert own_files(push) == own_files(push()) == wanted
     load_again(loaded())
     (folder / "inner.py").write_text("GAIN = 2.0\n")
-    for again in (lambda: load_file(file), lambda: load_again(loaded())):
+    for again in (lambda: load_plugin(file), lambda: load_again(loaded())):
         with pytest.raises(RegistryError, match=r"push_mine.py': '.*inner.py', which it imports, has changed since"):
             again()
 
@@ -298,7 +298,7 @@ def test_a_plugin_that_fails_leaves_no_module_behind(tmp_path: Path, monkeypatch
     file = tmp_path / "push_fails.py"
     file.write_text("import push_half\n1 / 0\n")
     with pytest.raises(RegistryError, match="ZeroDivisionError"):
-        load_file(file)
+        load_plugin(file)
     assert "push_half" not in sys.modules
 
 
@@ -306,7 +306,7 @@ def test_the_second_file_of_a_name_gets_a_number(tmp_path: Path) -> None:
     for k in range(3):
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / "push_same.py").write_text(f"x = {k % 2}\n")
-        load_file(tmp_path / str(k) / "push_same.py")
+        load_plugin(tmp_path / str(k) / "push_same.py")
     ours = sorted(sha(tmp_path / str(k) / "push_same.py") for k in range(2))  # not in the order of loading
     assert identities() == {"push_same.py": ours[0], "push_same.py (2)": ours[1]}
 
@@ -315,7 +315,7 @@ def test_an_identity_has_the_plugins_that_are_loaded_in_it(tmp_path: Path) -> No
     scenario = skyarm.load_scenario("case1")
     before = identity(scenario)
     (tmp_path / "push_any.py").write_text("x = 1\n")
-    load_file(tmp_path / "push_any.py")
+    load_plugin(tmp_path / "push_any.py")
     assert identity(scenario) != before
 
 
@@ -376,7 +376,7 @@ def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[st
                 file = tmp_path / name
                 file.parent.mkdir(exist_ok=True)
                 file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
-                load_file(file)
+                load_plugin(file)
             origin = prepare(small_study()).origin
             cell = own_flights("case1", ["paper_pd"], plant="rigid_body", seeds=1, seed=0)[0]
             found.append((origin.text, key(cell), list(identities().items()), list(origin.study["plugins"])))

@@ -17,7 +17,7 @@ from added_components import registry_kept, same_logs
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.registry import RegistryError, names
-from skyarm.registry.plugins import identities, load_file
+from skyarm.registry.plugins import identities, load_plugin
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, ScenarioError
 from skyarm.simulate import run
@@ -55,7 +55,7 @@ def described(**changes: Any) -> Any:
 
 
 def test_tables_of_registered_names_are_the_records_they_describe(plugin):
-    load_file(plugin)
+    load_plugin(plugin)
     scenario = described()
     assert scenario.air == (own.Turbulence(sigma=0.5), own.Shear())
     assert scenario.forces == (own.Tether(anchor=Vec3(0.3, 0.2, 1.5), body=1, stiffness=0.25),)
@@ -71,7 +71,7 @@ def test_tables_of_registered_names_are_the_records_they_describe(plugin):
 
 
 def test_laws_motions_and_plants_have_their_names_in_files_too(plugin):
-    load_file(plugin)
+    load_plugin(plugin)
     base = {"kind": "own_motion", "height": 1.5}
     scenario = described(controller={"law": "own_law"}, reference__base=base, plant__kind="own_plant")
     assert (scenario.controller.name, scenario.plant) == ("own_law", "own_plant")
@@ -121,7 +121,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("changes", "words"), WRONG)
 def test_what_is_wrong_in_a_table_is_one_line(plugin, changes, words):
-    load_file(plugin)
+    load_plugin(plugin)
     with pytest.raises(ScenarioError, match=words) as caught:
         described(**changes)
     assert "\n" not in str(caught.value)
@@ -130,7 +130,7 @@ def test_what_is_wrong_in_a_table_is_one_line(plugin, changes, words):
 def test_a_thing_of_another_base_is_refused_where_its_name_stands(plugin):
     from skyarm.registry import register
 
-    load_file(plugin)
+    load_plugin(plugin)
     register.sensor("odd")(own.Shear)
     with pytest.raises(ScenarioError, match=r"sensors\.fix\.kind = 'odd': must be registered as a subclass of Sensor"):
         described(sensors={"fix": {"kind": "odd"}})
@@ -138,19 +138,19 @@ def test_a_thing_of_another_base_is_refused_where_its_name_stands(plugin):
 
 def test_without_the_plugin_its_names_are_not_there():
     words = r"\.air\[0\]\.kind = 'own_turbulence': must be one of moving_air, air_signals"
-    words += r"; names of one's own come by --plugin FILE\.py$"
+    words += r"; names of one's own come by --plugin FILE\.py or skyarm\.load_plugin\('FILE\.py'\)$"
     with pytest.raises(ScenarioError, match=words):
         described(sensors={}, estimator={"kind": "pass_through"}, plant__drives={}, endings=[])
 
 
 def test_a_file_names_the_plugins_it_needs(plugin):
     needs = {"plugins": {"need": ["own_plugin.py"]}}
-    words = r"plugins\.need = 'own_plugin\.py': is not loaded; --plugin own_plugin\.py on the command line\. A file"
+    words = r"plugins\.need = 'own_plugin\.py': is not loaded; --plugin own_plugin\.py or skyarm\.load_plugin\("
     with pytest.raises(ScenarioError, match=words):
         described(**needs)
     with pytest.raises(ScenarioError, match=r"plugins\.need = 'some-pack': is not loaded; pip install some-pack"):
         scenario_from(document("case1", plugins={"need": ["some-pack"]}), "test")
-    load_file(plugin)
+    load_plugin(plugin)
     described(**needs)
     for wrong in ("own_plugin.py", [3]):
         with pytest.raises(ScenarioError, match=r"plugins\.need = .*must be a list of names"):
@@ -197,7 +197,7 @@ def worker_names(kind: str) -> Any:
 
 
 def test_worker_processes_load_the_same_plugins_before_they_unpickle(plugin):
-    load_file(plugin)
+    load_plugin(plugin)
     scenario = described(controller={"law": "own_law"}, plant__kind="own_plant", duration=0.05)
     with workers(1) as submit:
         known, have = submit(worker_names, "force").result()
@@ -208,7 +208,7 @@ def test_worker_processes_load_the_same_plugins_before_they_unpickle(plugin):
 
 
 def test_a_worker_refuses_a_plugin_that_has_changed(plugin):
-    load_file(plugin)
+    load_plugin(plugin)
     plugin.write_text(plugin.read_text() + "\n# another digest\n")
     with (
         pytest.raises(RegistryError, match=r"own_plugin\.py': has changed since it was loaded first"),
@@ -218,7 +218,7 @@ def test_a_worker_refuses_a_plugin_that_has_changed(plugin):
 
 
 def test_a_record_of_a_plugins_class_travels_by_pickle(plugin):
-    module = load_file(plugin)
+    module = load_plugin(plugin)
     assert pickle.loads(pickle.dumps(module.OwnPlant)) is module.OwnPlant
     assert json.dumps(identities())
     assert dataclasses.is_dataclass(module.own.Tether)

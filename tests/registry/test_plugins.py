@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
 import shutil
+import sys
 import types
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
+import skyarm
 from added_components import registry_kept
+from skyarm.files import Fields
 from skyarm.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.registry.plugins import (
     Plugin,
     identities,
     load_again,
-    load_file,
     load_installed,
+    load_plugin,
     loaded,
     register_law_of_file,
+    register_loaded_law,
 )
+from skyarm.scenario.registered_tables import require_plugins
 
 OWN = Path(__file__).parents[1] / "own_plugin.py"
 
@@ -42,7 +49,7 @@ def written(folder, text, name="mine.py"):
 
 def test_a_file_registers_its_names_under_its_path(tmp_path):
     path = Path(shutil.copy(OWN, tmp_path / "own_plugin.py"))
-    module = load_file(path)
+    module = load_plugin(path)
     assert find("force", "own_tether") is module.own.Tether
     assert find("plant", "own_plant") is module.OwnPlant
     assert registrations("law")["own_law"].title == "The paper's law under a name of our own"
@@ -56,22 +63,22 @@ def test_a_file_registers_its_names_under_its_path(tmp_path):
 
 def test_a_file_is_run_once(tmp_path):
     path = written(tmp_path, "from skyarm import register\nregister.force('once')(type('Once', (), {}))\n")
-    first = load_file(path)
-    assert load_file(str(path)) is first
-    assert load_file(tmp_path / ".." / tmp_path.name / "mine.py") is first
+    first = load_plugin(path)
+    assert load_plugin(str(path)) is first
+    assert load_plugin(tmp_path / ".." / tmp_path.name / "mine.py") is first
     assert [plugin.name for plugin in loaded()].count(str(path)) == 1
 
 
 def test_a_file_that_has_changed_is_refused(tmp_path):
     path = written(tmp_path, "x = 1\n")
-    load_file(path)
+    load_plugin(path)
     path.write_text("x = 2\n")
     words = "mine.py': has changed since it was loaded first; start again$"
     with pytest.raises(RegistryError, match=words):
-        load_file(path)
+        load_plugin(path)
     other = written(tmp_path, "x = 3\n", "other.py")
     with pytest.raises(RegistryError, match="has changed since it was loaded first"):
-        load_file(other, expected="sha256:" + 64 * "0")
+        load_plugin(other, expected="sha256:" + 64 * "0")
     assert "other.py" not in identities()
 
 
@@ -98,14 +105,14 @@ def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
     for body in (text, head.replace(b"\n", b"; ") + text.encode() if isinstance(text, str) else text):
         path = written(tmp_path, body)
         with pytest.raises(RegistryError, match=words) as caught:
-            load_file(path)
+            load_plugin(path)
         assert str(caught.value).startswith(f"plugin = {str(path)!r}: ")
         assert "\n" not in str(caught.value)
         assert "line None" not in str(caught.value)
         assert (everything(), loaded()) == (before, known)
     # once it is mended it loads
     written(tmp_path, head)
-    load_file(path)
+    load_plugin(path)
     assert "broken_one" in names("force")
 
 
@@ -115,7 +122,7 @@ def test_a_file_that_takes_a_taken_name_registers_nothing(tmp_path):
     body += "".join(f"register.force({name!r})(type('T', (), {{}}))\n" for name in ("before", "mine_first", "after"))
     path = written(tmp_path, body)
     with pytest.raises(RegistryError) as caught:
-        load_file(path)
+        load_plugin(path)
     words = f"force 'mine_first': is registered by this process and by {path}; rename one of them"
     assert str(caught.value) == words
     assert {"before", "after"}.isdisjoint(names("force"))
@@ -125,15 +132,15 @@ def test_a_file_that_takes_a_taken_name_registers_nothing(tmp_path):
 @pytest.mark.parametrize("name", ["plugin.txt", "plugin", "plugin.pyc"])
 def test_only_python_files_are_plugins(tmp_path, name):
     with pytest.raises(RegistryError, match=r"^plugin = .*: must be a \.py file$"):
-        load_file(written(tmp_path, "x = 1\n", name))
+        load_plugin(written(tmp_path, "x = 1\n", name))
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path):
     with pytest.raises(RegistryError, match=r"^plugin = .*nowhere\.py': "):
-        load_file(tmp_path / "nowhere.py")
+        load_plugin(tmp_path / "nowhere.py")
     (tmp_path / "folder.py").mkdir()
     with pytest.raises(RegistryError, match=r"^plugin = .*folder\.py': "):
-        load_file(tmp_path / "folder.py")
+        load_plugin(tmp_path / "folder.py")
 
 
 def test_the_law_of_a_file_has_the_name_of_the_command_line(tmp_path):
@@ -213,7 +220,7 @@ def test_a_broken_package_costs_only_its_own_names(monkeypatch):
 def test_another_process_must_have_the_same(tmp_path, monkeypatch):
     installed(monkeypatch, Entry("pack", registering("from_pack")))
     path = written(tmp_path, "x = 1\n")
-    load_file(path)
+    load_plugin(path)
     load_again(loaded())  # the same: nothing is said
     with pytest.raises(RegistryError, match=r"^plugin dist-pack: must be installed here as version 9\.9$"):
         load_again([Plugin("dist-pack", "version 9.9")])
@@ -221,3 +228,76 @@ def test_another_process_must_have_the_same(tmp_path, monkeypatch):
         load_again([Plugin("absent", "version 1")])
     with pytest.raises(RegistryError, match="has changed since it was loaded first"):
         load_again([Plugin(str(path), "sha256:" + 64 * "1")])
+
+
+WINDS = """
+from dataclasses import dataclass
+import skyarm
+
+
+@skyarm.register.air("breeze")
+@dataclass(frozen=True, kw_only=True)
+class Breeze(skyarm.Air):
+    \"\"\"Air that moves evenly.\"\"\"
+
+    speed: float = 1.0
+
+    def velocity(self, memory, t, position_W):
+        return skyarm.Vec3(self.speed, 0.0, 0.0)
+
+
+def make(model):
+    return None
+"""
+
+
+@pytest.fixture
+def breeze(tmp_path, monkeypatch):
+    """A package with an entry point, installed: its file of winds."""
+    folder = tmp_path / "site" / "breeze_pack"
+    folder.mkdir(parents=True)
+    written(folder, "", "__init__.py")
+    path = written(folder, WINDS, "winds.py")
+    monkeypatch.syspath_prepend(folder.parent)
+    entry = metadata.EntryPoint("breeze", "breeze_pack.winds", "skyarm.plugins")
+    distribution = types.SimpleNamespace(name="skyarm-breeze", version="1.0")
+    installed(monkeypatch, entry._for(distribution))
+    yield path
+    for name in ("breeze_pack", "breeze_pack.winds"):
+        sys.modules.pop(name, None)
+
+
+def test_a_plugin_that_is_installed_and_given_as_a_file_is_one(breeze, tmp_path):
+    known, module = loaded(), sys.modules["breeze_pack.winds"]
+    assert load_plugin(breeze) is module
+    copy = Path(shutil.copy(breeze, tmp_path / "winds.py"))  # as in a checkout beside the installed one
+    assert load_plugin(copy) is module
+    assert find("air", "breeze") is module.Breeze
+    assert loaded() == known
+    assert identities()["skyarm-breeze"] == "version 1.0"
+    copy.write_text(WINDS.replace("evenly", "unevenly"))
+    with pytest.raises(RegistryError, match=r"air 'breeze': is registered by skyarm-breeze 1\.0 and by .*winds\.py"):
+        load_plugin(copy)
+
+
+def test_what_a_file_needs_may_be_the_file_of_an_installed_plugin(breeze):
+    require_plugins(Fields({"plugins": {"need": ["winds.py", "skyarm-breeze"]}}, ""))
+    words = r"'gales\.py': is not loaded; --plugin gales\.py or skyarm\.load_plugin\('gales\.py'\)"
+    with pytest.raises(ValueError, match=words):
+        require_plugins(Fields({"plugins": {"need": ["gales.py"]}}, ""))
+
+
+def test_the_law_of_an_installed_file_has_the_name_of_the_command_line(breeze):
+    assert register_loaded_law(f"{breeze}:make")
+    assert find("law", f"{breeze}:make") is sys.modules["breeze_pack.winds"].make
+
+
+def test_a_pickle_whose_plugin_is_missing_says_how_it_is_loaded(tmp_path):
+    path = written(tmp_path, WINDS.replace("breeze", "squall"), "my_gusts.py")
+    held = pickle.dumps(skyarm.load_plugin(path).Breeze())
+    assert pickle.loads(held).speed == 1.0
+    name = type(pickle.loads(held)).__module__
+    module = sys.modules.pop(name)  # as in another process
+    with pytest.raises(ModuleNotFoundError, match=r"^plugin my_gusts\.py: is not loaded: --plugin my_gusts\.py or sky"):
+        pickle.loads(held)
+    sys.modules[name] = module

@@ -11,7 +11,7 @@ from skyarm.cli.app import app
 from skyarm.cli.commands import JOINED
 from skyarm.control.catalogue import presets
 from skyarm.registry import RegistryError, names, register
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.registry.shipped import RESERVED, SHIPPED
 
 
@@ -49,7 +49,7 @@ def test_a_plugin_cannot_take_a_name_that_stands_for_something_else(kind, name, 
     path.write_text(f"import skyarm\n\n@skyarm.register.{kind}({name!r})\ndef mine(model=None):\n    pass\n")
     before = names(kind)
     with pytest.raises(RegistryError) as caught:
-        load_file(path)
+        load_plugin(path)
     words = TAKEN[kind, name]
     assert str(caught.value) == f"{kind} {name!r}: {words} and is registered by {path}; rename it"
     assert names(kind) == before

@@ -12,7 +12,7 @@ import skyarm
 from added_components import registry_kept
 from skyarm.cli.export_command import export
 from skyarm.files import read_toml
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.gains_file import controller_of_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 
@@ -66,7 +66,10 @@ def test_a_scenario_names_gains_that_lie_beside_it(tmp_path):
         (("gains.position", "model.gravity"), "must be a path of the law's constants"),
         (('"gains.position" = 8.0', "gains = [1.0]"), "must be one number, or a list of 12"),
         (('preset = "paper_ct"', 'preset = "paper_ctt"'), "did you mean 'paper_ct'"),
-        (('preset = "paper_ct"', 'law = "own.py:make"'), "must be loaded on the command line: --plugin own.py"),
+        (
+            ('preset = "paper_ct"', 'law = "own.py:make"'),
+            "loaded: --plugin own.py or skyarm.load_plugin('own.py')",
+        ),
         (('preset = "paper_ct"', 'tuned = "other.toml"'), "one file does not name another"),
         (("schema = 1", "schema = 2"), "schema = 2: must be 1"),
         (("[about]", "[abuot]"), "abuot"),
@@ -120,10 +123,10 @@ def test_gains_of_a_law_of_ones_own_fly_once_its_file_is_loaded(tmp_path, monkey
     (tmp_path / "own_of_gains.py").write_text(source, "utf-8")
     monkeypatch.chdir(tmp_path)
     path = write(tmp_path, GAINS.replace('preset = "paper_ct"', 'law = "own_of_gains.py:make"'))
-    with pytest.raises(ValueError, match="must be loaded on the command line"):
+    with pytest.raises(ValueError, match="must be loaded: --plugin"):
         load_scenario("case3", controller=path)
     with registry_kept():
-        load_file("own_of_gains.py")
+        load_plugin("own_of_gains.py")
         assert tuple(load_scenario("case3", controller=path).controller.par.gains.position) == (8.0, 8.0, 8.0)
         usual = load_scenario("case3", controller=path).controller.par.gains.rate
         options = GAINS.replace('preset = "paper_ct"', 'law = "own_of_gains.py:make"\npush = 2.0')

@@ -19,7 +19,7 @@ from skyarm.log.formats import load_log
 from skyarm.metrics.accumulate import added_metric
 from skyarm.registry import RegistryError, register
 from skyarm.registry.class_signatures import class_mistake
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.simulate.component_trials import try_components
@@ -190,7 +190,7 @@ def test_a_plugin_is_refused_where_it_registers(name, tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(f"import skyarm\nfrom dataclasses import dataclass\n{textwrap.dedent(text)}\n")
     with registry_kept(), pytest.raises(RegistryError) as caught:
-        load_file(path)
+        load_plugin(path)
     assert str(caught.value).startswith(f"{path}{words}"), str(caught.value)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from added_components import registry_kept, same_logs
-from skyarm.registry.plugins import load_file
+from skyarm.registry.plugins import load_plugin
 from skyarm.simulate.loop import run
 from skyarm.simulate.travel import packed
 from skyarm.simulate.workers import workers
@@ -40,7 +40,7 @@ def test_a_law_made_inside_a_function_flies_in_a_worker_as_it_does_here(tmp_path
     file = tmp_path / "mine.py"
     file.write_text(MADE_INSIDE, "utf-8")
     with registry_kept():
-        load_file(file)
+        load_plugin(file)
         planned = skyarm.load_scenario("case1", controller="mine", duration=0.1)
         with pytest.raises((AttributeError, pickle.PicklingError)):
             pickle.dumps(planned)

@@ -15,7 +15,7 @@ from added_components import registry_kept
 from skyarm.control.law_checks import LawError
 from skyarm.control.safety import with_safety_layer
 from skyarm.onboard.export_c import export_c
-from skyarm.registry.plugins import load_file, register_law_of_file
+from skyarm.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
@@ -112,7 +112,7 @@ def test_whichever_door_it_comes_in_by(tmp_path, monkeypatch, door, mistake):
     if door in ("decorator", "make_controller"):
         skyarm.register.law("own_mistake")(module.make)
     if door == "plugin":
-        load_file(file)
+        load_plugin(file)
     if door == "file_and_maker":
         register_law_of_file(f"{file}:make")
     with pytest.raises(ValueError, match=rf"mine\.py:{mistake.line}: law '") as caught:

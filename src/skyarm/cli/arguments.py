@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.registry.plugins import load_file, register_law_of_file
+from skyarm.registry.plugins import load_plugin, register_law_of_file
 
 PLUGIN = "--plugin"
 
@@ -26,7 +26,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
         file = value if has_value else next(given, "")
         if not file:
             raise ValueError(f"{PLUGIN}: must be followed by a .py file")
-        load_file(file)
+        load_plugin(file)
     for argument in left:
         for word in argument.partition("=")[2].split(",") if argument.startswith("--") else argument.split(","):
             register_law_of_file(word)

@@ -38,7 +38,7 @@ def episode(log: Log) -> RenderableType:
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     lags = [lag_words(log)] if log.lag_found.size else []
-    beneath = (*lags, *contact_lines(log), *grasp_lines(log), *phase_lines(log))
+    beneath = (*lags, *contact_lines(log), *grasp_lines(log), *phase_lines(log), *log.shortfall.lines)
     return Group(*heads, table, *(Text(printable(line)) for line in beneath))
 
 
@@ -107,6 +107,7 @@ def facts(log: Log) -> dict[str, Any]:
         return found
     steady = steady_window(log)
     found |= {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
+    found |= dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
     if log.contact_force.size:

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import io
 import json
+import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from skyarm.compare.one_by_one import METRICS, counted_metrics, fly_one_by_one
 from skyarm.compare.perturbed_plants import draw
 from skyarm.compare.suite import CASES, Case, Condition
 from skyarm.files import versions, write_atomically
+from skyarm.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.identity import identity
 from skyarm.records.own_files import own_files
 from skyarm.registry import find
@@ -41,6 +43,9 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 ONE_BY_ONE = 8
 """Wrong plants that a law meets whose flights fly one by one, about a thousand times slower than a batch."""
 
+
+TILTED = math.radians(80.0)
+"""rad: a flight that tilts further is lost, even where it comes to its end."""
 
 FEW = 16
 """Episodes up to which a compiler's full effort takes longer than it saves."""
@@ -62,6 +67,17 @@ class Cell:
     def completed(self) -> npt.NDArray[np.bool_]:
         """Which episodes flew to their end."""
         return np.asarray(self.status == "completed")
+
+    @property
+    def upright(self) -> npt.NDArray[np.bool_]:
+        """Which episodes never tilted over."""
+        return np.asarray(self.metrics["tilt_max"] <= TILTED)
+
+    @property
+    def flown(self) -> npt.NDArray[np.bool_]:
+        """Which episodes flew to their end, upright, the tip near its reference in the mean of the last seconds."""
+        near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
+        return np.asarray(self.completed & self.upright & near)
 
 
 @dataclass(frozen=True, kw_only=True)

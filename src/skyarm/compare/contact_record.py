@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -25,9 +24,6 @@ NEAR = 0.010
 
 APART = 0.05
 """m, of a vehicle that stands from where it shall."""
-
-TILTED = math.radians(80.0)
-"""rad: a flight that tilts further is lost, even where it comes to its end."""
 
 SOON = 0.005
 """s: worlds whose commands are late by at most this are counted by themselves, too."""
@@ -66,7 +62,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
         phases: of the scenario that was flown; 0 where none waits.
     """
     m, late = cell.metrics, cell.status == "phase_failed"
-    found = {"lost": ~(cell.completed | late) | ~(m["tilt_max"] <= TILTED)}
+    found = {"lost": ~(cell.flown | (late & cell.upright))}
     found["phases"] = late | ~(m["phases_done"] >= phases)
     if task.held:
         found["force"] = ~(m["contact_held"] >= HELD)

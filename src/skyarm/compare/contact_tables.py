@@ -14,7 +14,8 @@ from skyarm.compare.contact_record import HANDLE, HELD, MOST, NEAR, SHOWN, SOON
 from skyarm.metrics.contact_totals import BAND
 
 MEANING = (
-    "A success is a flight that is not lost, with all phases done in time; where a force is held it is within "
+    "A success is a flight that is not lost (it came to its end, tilted by at most 80 degrees, the tip within 0.5 m of "
+    "its reference in the mean of the last seconds), with all phases done in time; where a force is held it is within "
     f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
     f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a valve by 80, a button has clicked, a peg is "
     "90 % deep, a vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks "

@@ -121,7 +121,7 @@ def flights_at(
     """A cell from plain values, as they travel to another process."""
     axis = AXES[name]
     inside = Window(axis.start, duration)
-    windows = Windows(steady=inside, gust=inside, last=duration - axis.start)
+    windows = Windows(steady=inside, gust=inside)
     condition = "noisy" if axis.noisy else "perfect"
     return AxisFlights(
         entrant=Entrant(name=law, group="own", law=law),

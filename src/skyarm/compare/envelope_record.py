@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,9 +23,6 @@ WORSE = 1.1
 
 LEVELS = (0.010, 0.100)
 """m: how far along an axis the error stays within these says where a law is good and where it still serves."""
-
-TILTED = math.radians(80.0)
-"""rad: a flight that tilts further is lost, even where it comes to its end."""
 
 MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
 """Key of a point -> metric, m, s and rad."""
@@ -56,7 +52,7 @@ def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
         numbers = {
             name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
-        lost = status != "completed" or numbers["judged"] is None or not (numbers["tilt"] or 0.0) <= TILTED
+        lost = not cell.flown[k] or numbers["judged"] is None
         found.append({**numbers, "status": str(status), "lost": bool(lost)})
     return found
 

@@ -20,7 +20,8 @@ RULES = (
 
 MEANING = (
     "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
-    "steps the base's overshoot. A law is lost where its flight ended early or tilted by over 80 degrees."
+    "steps the base's overshoot. A law is lost where its flight ended early, tilted by over 80 degrees or "
+    "was, in the mean over its last 5 s, over 0.5 m off."
 )
 
 

@@ -24,6 +24,9 @@ Array = npt.NDArray[np.float64]
 PICTURES = "skyarm.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
 
+SHORTFALL = "skyarm.metrics.shortfall"
+"""Where it is judged, likewise."""
+
 HELD = "reference as published and held"
 
 CONTINUOUS = "continuous reference"
@@ -233,6 +236,11 @@ class Log:
     def tip_reference(self) -> Array:
         """Continuous reference of the tip (N, 3), m."""
         return self.tool_reference
+
+    @property
+    def shortfall(self) -> Any:
+        """Saturated actuators and references that were not reached: :class:`skyarm.metrics.shortfall.Shortfall`."""
+        return import_module(SHORTFALL).shortfall(self)
 
     @property
     def status(self) -> str:

@@ -136,7 +136,7 @@ def _instants(log: Log, *, pushes: bool = False) -> Instant:
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
         phase=log.phase if log.phase.size else np.zeros(log.time.size),
         time=log.time,
-        push=_wanted(log) if pushes else (),
+        push=wanted_push(log) if pushes and log.contact_force.size else (),
         contact=rows(log.contact_force) if log.contact_force.size else (),
         objects=rows(log.object_position) if log.object_position.size else (),
         mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
@@ -154,11 +154,13 @@ def _hinge(log: Log) -> tuple[Array, ...]:
     return tuple(np.full(log.time.size, float(c)) for c in mechanisms[0].hinge) if mechanisms else ()
 
 
-def _wanted(log: Log) -> tuple[Array, ...]:
-    """The contact that the reference asked for at every instant; () of a flight without contact."""
-    if not log.contact_force.size or not log.info.get("scenario_record"):
-        return ()
-    push = log.scenario.trajectory.push
+def wanted_push(log: Log) -> tuple[Array, ...]:
+    """The contact that the reference asks for at every instant; () of a flight that asks for none.
+
+    Raises:
+        ValueError: as of :attr:`skyarm.Log.scenario`.
+    """
+    push = log.scenario.trajectory.push if log.info.get("scenario_record") else None
     if push is None:
         return ()
     times = log.path_time if log.path_time.size else log.time

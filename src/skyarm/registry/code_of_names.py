@@ -15,7 +15,7 @@ from typing import Any
 
 from skyarm.files import shown
 from skyarm.registry.plugins import FILE_MODULE, file_modules, identities
-from skyarm.registry.registrations import KINDS, SHIPPED, RegistryError, registrations
+from skyarm.registry.registrations import KINDS, LOADED_BY, SHIPPED, RegistryError, registrations
 
 
 def code_of(name: str, plugins: Mapping[str, str]) -> Any:
@@ -50,7 +50,10 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
         return sys.modules[module]
     absent = [file for file in plugins if file not in identities()]
     needed = f"; plugins of then that are not loaded: {', '.join(absent)}" if absent else ""
-    raise RegistryError(f"{shown(name)}: nothing of this module is registered here, give --plugin FILE.py{needed}")
+    raise RegistryError(
+        f"{shown(name)}: nothing of this module is registered here, load its plugin: "
+        f"{LOADED_BY.format('FILE.py')}{needed}"
+    )
 
 
 def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
@@ -72,7 +75,7 @@ def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
         why, which = "is not loaded", "it"
         if here is not None:
             why, which = f"has changed, it is {here[:15]}... now", "the file of then"
-        missing.append(f"plugin {file} ({identity[:15]}...) {why}: give {which} as --plugin {file}")
+        missing.append(f"plugin {file} ({identity[:15]}...) {why}: load {which} by {LOADED_BY.format(file)}")
     if missing:
         raise RegistryError("; ".join(missing))
 

@@ -1,9 +1,9 @@
 """Plugins: files named on the command line and installed packages that register names of their own.
 
-A file that is loaded runs as code. Therefore only the command line and installed packages load any: a scenario file
-may name what it needs, and never runs it. A plugin has an identity: SHA-256 of the file, or distribution and version.
-Modules beside a file that it imports have one each, too. Results carry the identities of the plugins that were loaded,
-and processes that fly for others load the same ones.
+A file that is loaded runs as code. Therefore only the command line, :func:`load_plugin` and installed packages load
+any: a scenario file may name what it needs, and never runs it. A plugin has an identity: SHA-256 of the file, or
+distribution and version. Modules beside a file that it imports have one each, too. Results carry the identities of the
+plugins that were loaded, and processes that fly for others load the same ones.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import metadata
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,7 +24,15 @@ from skyarm.files import shown, unreadable
 from skyarm.files.code_digests import file_of, identity_of, identity_of_file, numbered
 from skyarm.files.code_place import is_beside
 from skyarm.registry.class_signatures import thing_mistake
-from skyarm.registry.registrations import API, KINDS, RegistryError, add, registering_for, registrations
+from skyarm.registry.registrations import (
+    API,
+    KINDS,
+    LOADED_BY,
+    RegistryError,
+    add,
+    registering_for,
+    registrations,
+)
 
 GROUP = "skyarm.plugins"
 """Entry-point group of installed packages; each entry point names a module that registers."""
@@ -39,11 +48,13 @@ class Plugin:
     Attributes:
         name: path of the file, or the distribution's name. identity: "sha256:..." or "version ...".
         beside: path and identity of each module of the file's own folder, and below it, that it imported.
+        package: of an installed plugin, the top of its modules' names.
     """
 
     name: str
     identity: str
     beside: tuple[tuple[str, str], ...] = ()
+    package: str = ""
 
     def identities(self) -> list[tuple[str, str]]:
         """Name without the folder and identity: of the plugin, and of the modules beside it."""
@@ -51,6 +62,17 @@ class Plugin:
         beside = [(Path(file).relative_to(folder).as_posix(), identity) for file, identity in self.beside]
         return [(Path(self.name).name, self.identity), *beside]
 
+
+class _MissingPlugin(MetaPathFinder):
+    """Says of a pickle that needs a plugin's file how that is loaded, in place of a module that nobody knows."""
+
+    def find_spec(self, fullname: str, *_: Any) -> None:
+        if fullname.startswith(FILE_MODULE):
+            file = f"{fullname.removeprefix(FILE_MODULE)[:-9]}.py"
+            raise ModuleNotFoundError(f"plugin {file}: is not loaded: {LOADED_BY.format(file)}", name=fullname)
+
+
+sys.meta_path.append(_MissingPlugin())
 
 _LOADED: dict[str, Plugin] = {}
 _MODULES: dict[str, ModuleType] = {}
@@ -83,8 +105,29 @@ def identities() -> dict[str, str]:
     return numbered(sorted({pair for plugin in loaded() for pair in plugin.identities()}))
 
 
-def load_file(path: str | Path, expected: str | None = None) -> ModuleType:
-    """Run a plugin's file and keep what it registers.
+def installed_modules() -> dict[str, ModuleType]:
+    """Modules of the installed plugins' packages that are imported, by the path of their file."""
+    packages = {plugin.package for plugin in loaded() if plugin.package}
+    found = [module for name, module in [*sys.modules.items()] if name.partition(".")[0] in packages]
+    return {file: module for module in found if (file := file_of(module))}
+
+
+def known_names() -> set[str]:
+    """What a file may say that it needs: names as results carry them, and files of installed plugins."""
+    return {*identities(), *(Path(file).name for file in installed_modules())}
+
+
+def _installed(key: str, identity: str) -> ModuleType | None:
+    """The module of an installed plugin whose file this is, or a copy of it: a plugin loaded both ways is one."""
+    registrations("air")  # installed packages are there
+    modules = installed_modules()
+    if key in modules:
+        return modules[key]
+    return next((module for file, module in modules.items() if identity_of_file(file) == identity), None)
+
+
+def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
+    """Run a plugin's file and keep what it registers; a file of an installed plugin is that plugin.
 
     Args:
         path: of the .py file.
@@ -109,6 +152,8 @@ def load_file(path: str | Path, expected: str | None = None) -> ModuleType:
             if identity_of_file(beside) != first:
                 raise _changed(str(path), beside)
         return _MODULES[key]
+    if (installed := _installed(key, identity)) is not None:
+        return installed
     name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
     try:
         module = _run(name, file, content)
@@ -225,7 +270,7 @@ def register_law_of_file(text: str) -> bool:
     match = FROM_FILE.fullmatch(text)
     if match is None:
         return False
-    make = getattr(load_file(match["file"]), match["maker"], None)
+    make = getattr(load_plugin(match["file"]), match["maker"], None)
     if not callable(make):
         raise RegistryError(f"law = {shown(text)}: {match['file']} must have a function {match['maker']!r}")
     add("law", text, make, f"{match['maker']} of {match['file']}", match["file"], letters=text)
@@ -241,7 +286,7 @@ def register_loaded_law(text: str) -> bool:
         RegistryError: the file has no such function.
     """
     match = FROM_FILE.fullmatch(text)
-    if match is None or str(Path(match["file"]).resolve()) not in _LOADED:
+    if match is None or str(Path(match["file"]).resolve()) not in (*_LOADED, *installed_modules()):
         return False
     return register_law_of_file(text)
 
@@ -259,7 +304,8 @@ def load_installed() -> None:
         except (Exception, SystemExit) as error:
             warnings.warn(f"plugin {name} {version} is left out: {_words(error)}", RuntimeWarning, stacklevel=2)
             continue
-        _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}")
+        package = entry.value.partition(":")[0].partition(".")[0]
+        _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}", package=package)
 
 
 def load_again(plugins: Iterable[Plugin]) -> None:
@@ -271,7 +317,7 @@ def load_again(plugins: Iterable[Plugin]) -> None:
     here = {plugin.name: plugin.identity for plugin in loaded()}
     for plugin in plugins:
         if plugin.identity.startswith("sha256:"):
-            load_file(plugin.name, plugin.identity)
+            load_plugin(plugin.name, plugin.identity)
             here_now = dict(_LOADED[str(Path(plugin.name).resolve())].beside)
             for beside, identity in plugin.beside:
                 if here_now.get(beside, identity_of_file(beside)) != identity:

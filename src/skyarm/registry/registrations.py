@@ -40,6 +40,10 @@ API = 1
 """Version of these extension points; a plugin may state the one that it was made for as ``SKYARM_API``."""
 
 
+LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
+"""How a plugin's file is loaded, on the command line and in Python; for messages."""
+
+
 class RegistryError(ValueError):
     """A name that is not there, is taken, or cannot be loaded."""
 
@@ -159,7 +163,7 @@ def find(kind: str, name: Any, field: str = "") -> Any:
     """
     known, name = registrations(kind), full_name(kind, name)
     if not isinstance(name, str) or name not in known:
-        more = "; names of one's own come by --plugin FILE.py" if field else ""
+        more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
         raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")
     return known[name].load()
 

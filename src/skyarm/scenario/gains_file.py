@@ -28,6 +28,7 @@ from skyarm.files.kinds_of_files import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.replace_parts import replaced
 from skyarm.registry.plugins import is_law_of_file, register_loaded_law
+from skyarm.registry.registrations import LOADED_BY
 from skyarm.scenario.law_table import by_words, registered_law_from
 
 SUFFIX = ".toml"
@@ -123,9 +124,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
     law = words.table.get("law")
     if isinstance(law, str) and is_law_of_file(law):
         if not register_loaded_law(law):
-            raise ValueError(
-                f"law.law = {shown(law)}: must be loaded on the command line: --plugin {law.split(':')[0]}"
-            )
+            raise ValueError(f"law.law = {shown(law)}: must be loaded: {LOADED_BY.format(law.rpartition(':')[0])}")
         found = registered_law_from(words, model, known)
     else:
         found = by_words(words, model, known)

@@ -10,6 +10,7 @@ from skyarm.estimate.estimator import PASS_THROUGH, Estimator
 from skyarm.files import Fields, shown
 from skyarm.records.read_table import record_from
 from skyarm.registry import find
+from skyarm.registry.registrations import LOADED_BY
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensors.sensor import Sensor
@@ -94,7 +95,7 @@ def require_plugins(top: Fields) -> None:
     Raises:
         ValueError: one is not loaded, with how to load it.
     """
-    from skyarm.registry.plugins import identities
+    from skyarm.registry.plugins import known_names
 
     table = Fields(top.take("plugins", {}), "plugins")
     needed = table.take("need", [])
@@ -102,6 +103,6 @@ def require_plugins(top: Fields) -> None:
     if not isinstance(needed, list) or not all(isinstance(name, str) for name in needed):
         raise ValueError(f"plugins.need = {shown(needed)}: must be a list of names")
     for name in needed:
-        if name not in identities():
-            how = f"--plugin {name} on the command line" if name.endswith(".py") else f"pip install {name}"
+        if name not in known_names():
+            how = LOADED_BY.format(name) if name.endswith(".py") else f"pip install {name}"
             raise ValueError(f"plugins.need = {name!r}: is not loaded; {how}. A file that is read runs no code")

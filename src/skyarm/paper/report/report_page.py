@@ -152,11 +152,15 @@ def _episodes(logs: Logs) -> str:
         for case, laws in cases.items()
         for law, log in laws.items()
     ]
+    if not flown:
+        return ""
     ended = [(name, log) for name, log in flown if log.status != "completed"]
-    if not ended:
-        return f"<p>All {len(flown)} episodes flew to their end.</p>" if flown else ""
     lines = [f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}" for name, log in ended]
-    return f"<p>{len(ended)} of {len(flown)} episodes ended early:</p>{bullets(lines)}"
+    found = f"<p>{len(ended)} of {len(flown)} episodes ended early:</p>{bullets(lines)}"
+    if not ended:
+        found = f"<p>All {len(flown)} episodes flew to their end.</p>"
+    lacking = [f"{name}: {line}" for name, log in flown for line in log.shortfall.lines]
+    return found + (f"<p>They lacked:</p>{bullets(lacking)}" if lacking else "")
 
 
 def _settings(settings: Mapping[str, Any]) -> str:
