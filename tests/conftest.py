@@ -38,7 +38,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(autouse=True)
 def _precision_of_jax() -> Iterator[None]:
-    """A test that leaves JAX in 64 bits changes what the next one of its process computes: `jax_doubles` takes it back."""
+    """Refuse a test that leaves JAX in 64 bits for the next one of its process; `jax_doubles` takes it back."""
     yield
     jax = sys.modules.get("jax")
     assert jax is None or not jax.config.read("jax_enable_x64"), "JAX is left in 64 bits"

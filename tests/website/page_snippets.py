@@ -12,12 +12,12 @@ import ast
 import contextlib
 import io
 import re
-import shlex
 import subprocess
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from shown_commands import run_shown
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -25,19 +25,6 @@ FENCE = re.compile(
     r"(?:^<!-- (varies|not printed): \S[^\n]* -->\n)?^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.M | re.S
 )
 INDENTED = re.compile(r"(?:\A|\n\n)((?:    \S.*\n?)+)")
-
-HELP_ONLY = (
-    "skyarm reproduce",
-    "skyarm bench",
-    "skyarm sweep robustness",
-    "skyarm stats out/robustness",
-    "skyarm compare paper-suite",
-    "skyarm compare flight.toml",
-    "skyarm compare envelope-suite",
-    "skyarm compare contact-suite",
-    "skyarm sweep my_study.toml",
-)
-"""Commands that take a minute or need other machines: they have tests of their own, here their help is asked for."""
 
 KNOWN_ELSEWHERE = ("python -m pip install",)
 """Lines of other programs: `make fresh` and `make test` install."""
@@ -55,7 +42,7 @@ class Block:
 
 @dataclass
 class Ran:
-    """Names that a page's blocks left, output of the last one, lines shown that were not printed with the printed ones."""
+    """Names that a page's blocks left, output of the last one, and lines shown with those printed in their place."""
 
     names: dict[str, Any] = field(default_factory=dict)
     printed: str = ""
@@ -82,33 +69,6 @@ def commands(block: Block) -> list[str]:
     return [line for line in (re.sub(r"(^|\s)#.*$", "", each).strip() for each in block.text.splitlines()) if line]
 
 
-def words_of(line: str, *, seconds: float | None) -> list[str]:
-    """Words after ``skyarm`` of a command; a flight whose result is not compared is cut short."""
-    words = shlex.split(line)[1:]
-    if line.startswith(HELP_ONLY):
-        return [words[0], "--help"] if words[-1] != "--help" else words
-    if seconds is not None and words[0] == "run" and "--duration" not in words:
-        words += ["--duration", f"{seconds:g}"]
-    return words
-
-
-def run_command(words: list[str]) -> tuple[int, str]:
-    """Exit code and output of ``skyarm WORDS``, in this process."""
-    from added_components import registry_kept
-    from skyarm.cli.commands import perform
-
-    told, before = io.StringIO(), sys.argv
-    sys.argv = ["skyarm", *words]
-    try:
-        with registry_kept(), contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
-            code = perform()
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    finally:
-        sys.argv = before
-    return code, told.getvalue()
-
-
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
 
 
@@ -120,19 +80,36 @@ def masked(text: str) -> str:
 def wrong_answers(shown: str, printed: str, mark: str = "") -> list[tuple[str, str]]:
     """Lines shown that were not printed, each with the printed line of the same words; "" where there is none.
 
-    Lines are compared word by word, in their order.
+    Lines are compared word by word, in their order; "..." stands for any number of lines.
     """
     if mark == "not printed":
         return []
     key = masked if mark == "varies" else lambda line: " ".join(line.split())
     lines, at, wrong = printed.splitlines(), 0, []
-    for line in filter(str.strip, shown.splitlines()):
+    for line in shown.splitlines():
+        if line.strip() in ("", "..."):
+            continue
         same = [i for i in range(at, len(lines)) if key(lines[i]) == key(line)]
         near = same or [i for i in range(at, len(lines)) if masked(lines[i]) == masked(line)]
         if not same:
             wrong.append((line, lines[near[0]].rstrip() if near else ""))
         at = near[0] + 1 if near else at
     return wrong
+
+
+def rewritten(page: str, answers: list[tuple[str, str]]) -> str:
+    """A page with the lines that were printed in place of those shown; answers are in the page's order.
+
+    Raises:
+        AssertionError: a line for which no line of the same words was printed: a person must write it.
+    """
+    at = 0
+    for shown, printed in answers:
+        assert printed, f"nothing like this was printed: {shown}"
+        at = page.index(shown, at)
+        page = page[:at] + printed + page[at + len(shown) :]
+        at += len(printed)
+    return page
 
 
 def run_python(text: str, ran: Ran) -> None:
@@ -169,7 +146,8 @@ def run_page(page: list[Block], ran: Ran, *, seconds: float | None) -> None:
             for line in commands(block):
                 ran.commands += 1
                 if line.startswith("skyarm "):
-                    code, told = run_command(words_of(line, seconds=None if shown else seconds))
+                    cut = seconds is not None and not shown and line.startswith("skyarm run ")
+                    code, told = run_shown(f"{line} --duration {seconds:g}" if cut else line)
                     assert code == 0, f"{line}: {told[-800:]}"
                     ran.printed += told
                 else:
