@@ -9,6 +9,8 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
+import urllib.request
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,7 +21,7 @@ SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare envelope-suite": ("--quick", "--axes", "circle"),
-    "compare contact-suite": ("--quick", "--worlds", "2", "--tasks", "press_and_hold"),
+    "compare contact-suite": ("--quick", "--tasks", "press_and_hold"),
     "compare": ("--plants", "2", "--seeds", "1", "--one-by-one", "1"),
     "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
     "sweep my_study.toml --ray local": ("--out", "out/on_ray"),
@@ -59,7 +61,8 @@ def run_shown(line: str) -> tuple[int, str]:
     begins = max((each for each in SMALLER if words.startswith(each)), key=len, default="")
     options = SMALLER.get(begins, ())
     if begins.startswith("compare") and "--laws" not in words:
-        options = (*options, "--laws", "paper_ct")
+        # of any vehicle in the envelope; a suite of all laws takes minutes
+        options = (*options, "--laws", "centroidal_tip" if "envelope" in begins else "paper_ct")
     return run_command([*shlex.split(words), *options])
 
 
@@ -86,6 +89,9 @@ def run_studio(words: list[str]) -> tuple[int, str]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
         assert child.stdout is not None
         told = child.stdout.readline()
+        with urllib.request.urlopen(told.removeprefix("studio: ").strip(), timeout=30) as answer:
+            answer.read()
+        time.sleep(0.5)  # a Ctrl-C before it waits for one ends it with 130
         child.send_signal(signal.SIGINT)
         return child.wait(60), told + child.stdout.read()
 
