@@ -19,10 +19,14 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    ")]
 SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
+FEW = ("--plants", "2", "--seeds", "1", "--one-by-one", "1")
+
 SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare envelope-suite": ("--quick", "--axes", "circle"),
     "compare contact-suite": ("--quick", "--tasks", "press_and_hold"),
-    "compare": ("--plants", "2", "--seeds", "1", "--one-by-one", "1"),
+    "compare paper-suite": (*FEW, "--conditions", "perfect,plants"),
+    "compare --laws": (*FEW, "--conditions", "perfect,plants"),
+    "compare": FEW,
     "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
     "sweep my_study.toml --ray local": ("--out", "out/on_ray"),
 }

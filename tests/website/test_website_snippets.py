@@ -104,7 +104,7 @@ def swept(found: list[Block]) -> list[Block]:
 WINDOWS = "[windows]\nsteady = [8.0, 12.0]\ntransient = [0.0, 8.0]\ngust = [8.0, 12.0]\nhover = [4.0, 5.0]\n"
 WINDOWS += "last = 2.0\nholds = []\n"
 
-WITH_CODE = [name for name in PAGES if own_blocks(name) and any(b.language != "text" for b in own_blocks(name))]
+WITH_CODE = [name for name in PAGES if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))]
 
 
 @pytest.fixture
