@@ -8,12 +8,14 @@ OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
+GATES := test docs thorough attack digests browser
 
-.PHONY: reproduce test pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
+.PHONY: all reproduce test pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
+	@echo "make all          test, docs, thorough, attack, digests, browser, one after the other; a line for each: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
@@ -55,6 +57,14 @@ lint: $(VENV)/.test
 # lint runs beside the tests: mypy keeps one core busy, the other would wait for it
 test: $(VENV)/.test
 	@$(MAKE) --no-print-directory -j2 lint pytest
+
+# goes on after a red gate; the lines of all come last
+all:
+	@lines= code=0; for gate in $(GATES); do \
+		begin=$$(date +%s); \
+		if $(MAKE) --no-print-directory $$gate; then found=green; else found=RED code=1; fi; \
+		lines="$$lines$$gate: $$found after $$(( $$(date +%s) - begin )) s\n"; \
+	done; printf "$$lines"; exit $$code
 
 pytest: $(VENV)/.test
 	$(BIN)/pytest $(TESTS)

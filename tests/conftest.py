@@ -6,6 +6,7 @@ import compileall
 import gc
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,14 @@ def pytest_collection_finish() -> None:
     """Collected tests and imported modules stay: they need not be looked through again and again."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def _precision_of_jax() -> Iterator[None]:
+    """Refuse a test that leaves JAX in 64 bits for the next one of its process; `jax_doubles` takes it back."""
+    yield
+    jax = sys.modules.get("jax")
+    assert jax is None or not jax.config.read("jax_enable_x64"), "JAX is left in 64 bits"
 
 
 @pytest.fixture(scope="session")

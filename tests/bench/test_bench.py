@@ -132,7 +132,7 @@ def test_the_report_shows_every_number_it_is_given():
         "work_rate": 5.0,
         "work_ratio": 3.0,
     }
-    about = {"processor": "cpu", "llvm_processor": "x", "cores": 2, "lanes_f64": 8, "python": "3", "mujoco": "3"}
+    about = machine.describe()
     text = report.text(
         {
             "machine": about,

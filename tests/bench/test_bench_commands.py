@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 
-def shell(*arguments: str) -> subprocess.CompletedProcess[str]:
+from commanded import skyarm
+from skyarm.bench import bench_report, contact_speed, engines
+from skyarm.bench.timing import Contender
+
+
+def shell(*arguments: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error", "-m", "skyarm", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
 
 
 def test_show_counts_operations():
@@ -29,8 +36,42 @@ def test_a_file_that_cannot_be_written_is_said_before_anything_is_measured(tmp_p
     assert "must be writable" in done.stderr
 
 
-def test_bench_has_help():
-    done = shell("bench", "--help")
-    assert done.returncode == 0
-    assert "--quick" in done.stdout
-    assert "--out" in done.stdout
+@pytest.fixture
+def instant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bench whose own engines, which compile for minutes, are done at once; MuJoCo and the counts are measured."""
+
+    def one(*_: object) -> list[Contender]:
+        return [Contender("ours", "done at once", lambda: 1.0)]
+
+    for room, name in ((engines, "native"), (engines, "jax"), (bench_report, "environments")):
+        monkeypatch.setattr(room, name, one)
+    for name in ("standing_contenders", "pressing_contenders"):
+        monkeypatch.setattr(contact_speed, name, one)
+    monkeypatch.setattr(engines, "flights", lambda _scenario: {"rk4": None})
+    monkeypatch.setattr(engines, "python", lambda _flight: one()[0])
+    monkeypatch.setattr(bench_report, "accuracy", lambda *_: {"rk4 f64": 1.5e-9})
+    monkeypatch.setattr(bench_report, "latency", lambda *_: {"compiled": {"p50_us": 0.25, "p99_us": 0.31}})
+    monkeypatch.setattr(bench_report, "start", lambda _rounds: {"python_alone": 0.12})
+
+
+@pytest.mark.usefixtures("instant")
+def test_bench_prints_and_writes_what_it_measured(tmp_path: Path):
+    done = skyarm("bench", "--quick", "--out", str(tmp_path / "bench.json"))
+    assert (done.code, done.err) == (0, "")
+    found = json.loads((tmp_path / "bench.json").read_text("utf-8"))
+    assert f"MuJoCo {found['machine']['mujoco-core']}\n" in done.out
+    assert "1.50e-09" in done.out
+    assert all(score["rate"] > 0.0 for score in found["speed"])
+    for score in found["speed"]:
+        assert f"  {score['name']:<26} {score['rate']:10.4g}" in done.out
+
+
+@pytest.mark.thorough
+def test_a_quick_bench_measures_everything(tmp_path: Path):
+    """Two minutes on two cores, nearly all of them compilers."""
+    done = shell("bench", "--quick", "--out", str(tmp_path / "bench.json"), seconds=900)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "bench.json").read_text("utf-8"))
+    always = set(found) - {"bare", "environment_peers", "growth", "not_installed"}
+    assert all(found[name] for name in always), {name for name in always if not found[name]}
+    assert found["accuracy_m"]["rk4 f64 exact"] < found["accuracy_m"]["rk4 f32"]

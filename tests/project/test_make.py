@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,25 @@ def test_help_says_every_variable_with_its_value() -> None:
 )
 def test_variables_reach_the_commands(words: tuple[str, ...], part: str) -> None:
     assert part in make("--dry-run", *words)
+
+
+@needs_make
+def test_all_gates_run_after_a_red_one_and_each_has_a_closing_line() -> None:
+    words = ["make", "-C", str(ROOT), "all", "GATES=nothing_of_this_name help"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    first, second = re.findall(r"^(\w+: \w+) after \d+ s$", done.stdout, re.M)
+    assert (first, second) == ("nothing_of_this_name: RED", "help: green")
+    assert subprocess.run([*words[:-1], "GATES=help"], capture_output=True, check=False).returncode == 0
+
+
+def test_every_gate_of_tests_is_among_all() -> None:
+    """The marks of pytest that are left out of make test, each with its target."""
+    (gates,) = re.findall(r"^GATES := (.*)$", MAKEFILE, re.M)
+    marks = {"site": "docs"} | {mark: mark for mark in ("thorough", "attack", "digests")}
+    options = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["pytest"]["ini_options"]
+    assert {each.partition(":")[0] for each in options["markers"]} == set(marks)
+    assert set(gates.split()) == {"test", "browser", *marks.values()}
 
 
 @needs_make

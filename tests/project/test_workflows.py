@@ -39,6 +39,15 @@ def test_the_tests_run_on_the_pythons_that_are_declared() -> None:
     assert {"test", "thorough", "lowest", "docs", "fresh", "browser", "smoke"} == set(jobs)
 
 
+def test_every_gate_runs_each_night_with_what_films_need() -> None:
+    flow = FLOWS["nightly"]
+    assert list(flow[True]) == ["schedule", "workflow_dispatch"]
+    (job,) = flow["jobs"].values()
+    steps = [step["run"] for step in job["steps"] if "run" in step]
+    assert steps[-1] == "make all PYTHON=python"
+    assert any(NEEDS.endswith(step.removeprefix("sudo ").replace("--yes ", "")) for step in steps)
+
+
 def test_workflows_may_read_and_the_publisher_alone_may_say_who_it_is() -> None:
     assert all(found["permissions"] == {"contents": "read"} for found in FLOWS.values())
     more = {name: job["permissions"] for (_, name), job in JOBS.items() if "permissions" in job}

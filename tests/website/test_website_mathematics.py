@@ -65,7 +65,9 @@ def test_a_function_is_where_its_row_says(row: tuple[str, ...]) -> None:
     assert re.search(r"\d{4}|textbook|this project|MIL|inverse|backward", source), (
         "a source has a year or says what it is"
     )
-    assert Path(inspect.getsourcefile(function_named(name, file)) or "") == ROOT / file
+    function = function_named(name, file)
+    assert inspect.isfunction(function), "a class calls nothing"
+    assert Path(inspect.getsourcefile(function) or "") == ROOT / file
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +76,8 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     file = tmp_path_factory.mktemp("calls") / "calls.json"
     tests = sorted({test for *_, test in ROWS})
     words = ["-m", "pytest", "-q", "-n", "0", "-p", "calls_of_tests", "--calls", str(file), *tests]
-    environment = {"PYTHONPATH": str(Path(__file__).parent)}
+    paths = [str(Path(__file__).parent), str(ROOT / "src")]
+    environment = {"PYTHONPATH": os.pathsep.join(paths)}
     done = subprocess.run(
         [sys.executable, *words], cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, check=False
     )

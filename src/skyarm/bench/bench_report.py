@@ -121,7 +121,7 @@ def text(found: dict[str, Any]) -> str:
     about = found["machine"]
     lines = [
         f"{about['processor']} ({about['llvm_processor']}), {about['cores']} cores, {about['lanes_f64']} lanes f64, "
-        f"load {about.get('load_before', 'unknown')}, Python {about['python']}, MuJoCo {about['mujoco']}",
+        f"load {about.get('load_before', 'unknown')}, Python {about['python']}, MuJoCo {about['mujoco-core']}",
         "",
         f"simulated seconds per second, {found['scenario']['name']}, medians of {found['scenario']['rounds']} rounds:",
         "  rate, against the first in each round (smallest ... largest), the same per second of processor time",

@@ -12,6 +12,7 @@ from skyarm.cli.terminal_tables import aligned
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
 from skyarm.log.log_differences import LogDifferences, log_differences
+from skyarm.metrics.accumulate import CONTINUOUS
 from skyarm.metrics.score import score
 from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
@@ -23,10 +24,10 @@ MOST_FIELDS = 20
 """Fields of two scenarios that a terminal shows."""
 
 SHORT = (
-    "position_error_mean", "position_error_max", "joint_error_mean", "joint_error_max", "ee_error_mean",
-    "ee_error_max", "tilt_max", "rotor_jitter",
-)  # fmt: skip
-"""Metrics that a terminal shows side by side."""
+    *(f"{what}_error_{how}{CONTINUOUS}" for what in ("position", "joint", "ee") for how in ("mean", "max")),
+    *("tilt_max", "rotor_jitter"),
+)
+"""Metrics that a terminal shows side by side: errors against the continuous reference, as ``skyarm run`` has them."""
 
 
 COURSES = {"grows": "grows", "shrinks": "shrinks", "stays": "keeps its size"}
@@ -35,7 +36,7 @@ COURSES = {"grows": "grows", "shrinks": "shrinks", "stays": "keeps its size"}
 
 def metrics_of(log: Log) -> dict[str, float]:
     """Metrics of a log; none of one that is too short for any."""
-    return score(log, ("standard", "tilt_max", "rotor_jitter")) if log.time.size else {}
+    return score(log, ("standard", f"standard{CONTINUOUS}", "tilt_max", "rotor_jitter")) if log.time.size else {}
 
 
 def same_bits(a: Log, b: Log) -> bool:

@@ -32,7 +32,7 @@ def episode(log: Log) -> RenderableType:
     if not log.time.size:
         return Group(*heads)
     steady = steady_window(log)
-    table = table_of("error", f"mean, {steady}", f"max, {steady}", "max, whole flight")
+    table = table_of("error (continuous)", f"mean, {steady}", f"max, {steady}", "max, whole flight")
     for what, found in errors(log).items():
         add(table, LABELS[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     for what, found in beside_errors(log).items():
@@ -106,7 +106,7 @@ def facts(log: Log) -> dict[str, Any]:
     if not log.time.size:
         return found
     steady = steady_window(log)
-    found |= {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
+    found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors(log)}
     found |= dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
@@ -131,7 +131,8 @@ def steady_window(log: Log) -> Any:
 def errors(log: Log) -> dict[str, dict[str, float | None]]:
     """Position, joints and tip -> mean and largest norm of the error in the window, and largest of the whole flight.
 
-    None where nothing of the window was flown.
+    Against the continuous reference, as the metrics whose names end with ``_continuous``; None where nothing of the
+    window was flown.
     """
     return _summed(log, error_norms(log))
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lagrangian_twin import states
 
+from flying_engines import jax_doubles
 from skyarm import compile as program
 from skyarm.algebra import Vec3
 from skyarm.algebra.euler import euler_angles
@@ -80,21 +81,21 @@ def test_numpy_batch_equals_the_floats():
 @pytest.mark.thorough
 def test_jax_batch_equals_the_floats():
     jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
 
     def leaves(q, qd):
         return [jax.numpy.asarray(leaf, dtype=float) for leaf in flat(equations(el.TABLE_1, tuple(q), tuple(qd)))]
 
-    found = np.stack(np.broadcast_arrays(*jax.jit(jax.vmap(leaves))(Q, QD)), axis=1)
+    with jax_doubles():
+        found = np.stack(np.broadcast_arrays(*jax.jit(jax.vmap(leaves))(Q, QD)), axis=1)
     np.testing.assert_allclose(found, EXPECTED[:, : found.shape[1]], atol=TOLERANCE)
 
 
 def test_jax_differentiates_the_potential_to_gravity():
     jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
-    for q in Q[:3]:
-        gradient = jax.grad(lambda x: gravity.potential_energy(el.TABLE_1, x, 9.81))(jax.numpy.asarray(q))
-        np.testing.assert_allclose(gradient, el.gravity_vector(q), atol=5e-15)
+    with jax_doubles():
+        for q in Q[:3]:
+            gradient = jax.grad(lambda x: gravity.potential_energy(el.TABLE_1, x, 9.81))(jax.numpy.asarray(q))
+            np.testing.assert_allclose(gradient, el.gravity_vector(q), atol=5e-15)
 
 
 def test_casadi_equals_the_floats():

@@ -1,0 +1,106 @@
+"""The commands that README and docs show, each run to its end: as it stands, or in miniature where it takes minutes."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    ")]
+SHOWN = [line for line in LINES if line.startswith("skyarm ")]
+
+FEW = ("--plants", "2", "--seeds", "1", "--one-by-one", "1")
+
+SMALLER: Mapping[str, tuple[str, ...]] = {
+    "compare envelope-suite": ("--quick", "--axes", "circle"),
+    "compare contact-suite": ("--quick", "--tasks", "press_and_hold"),
+    "compare paper-suite": (*FEW, "--conditions", "perfect,plants"),
+    "compare --laws": (*FEW, "--conditions", "perfect,plants"),
+    "compare": FEW,
+    "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
+    "sweep my_study.toml --ray local": ("--out", "out/on_ray"),
+}
+"""Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
+
+ELSEWHERE: Mapping[str, str] = {
+    "bench": "tests/bench/test_bench_commands.py::test_a_quick_bench_measures_everything",
+    "reproduce --infer": "tests/paper/test_reproduce_options.py::test_a_small_search_is_shown_in_the_report",
+    "reproduce --compare": "tests/paper/test_reproduce_options.py::test_a_small_comparison_is_shown_in_the_report",
+    "reproduce": "tests/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
+}
+"""Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
+
+OTHER_MACHINES = ("sweep my_study.toml --ray auto", "sweep my_study.toml --ray 10.0.0.5:6379")
+"""Commands of a cluster; ``--ray local`` runs the same on this machine."""
+
+QUICK = ("list", "check", "new", "show", "run", "cache", "export-c")
+"""Commands of the README that take seconds in any environment, without extras and without each other's files."""
+
+
+def words_to_run(line: str) -> list[str]:
+    """Words after ``skyarm`` that try a line of the README by itself: the line if it is `QUICK`, else its help."""
+    words = [word.replace("examples/", f"{ROOT}/examples/") for word in shlex.split(line)[1:]]
+    if words[0] not in QUICK:
+        return [*words, "--help"]
+    return [*words, "--duration", "1"] if words[0] == "run" else words
+
+
+def run_shown(line: str) -> tuple[int, str]:
+    """Exit code and output of a line ``skyarm WORDS`` in this folder; (0, "") of one that another test runs."""
+    words = line.removeprefix("skyarm ").replace("examples/", f"{ROOT}/examples/")
+    if words.startswith((*ELSEWHERE, *OTHER_MACHINES)):
+        return 0, ""
+    if "studio" in words.split():
+        return run_studio(shlex.split(words))
+    begins = max((each for each in SMALLER if words.startswith(each)), key=len, default="")
+    options = SMALLER.get(begins, ())
+    if begins.startswith("compare") and "--laws" not in words:
+        # of any vehicle in the envelope; a suite of all laws takes minutes
+        options = (*options, "--laws", "centroidal_tip" if "envelope" in begins else "paper_ct")
+    return run_command([*shlex.split(words), *options])
+
+
+def run_command(words: list[str]) -> tuple[int, str]:
+    """Exit code and output of ``skyarm WORDS``, in this process."""
+    from added_components import registry_kept
+    from skyarm.cli.commands import perform
+
+    told, before = io.StringIO(), sys.argv
+    sys.argv = ["skyarm", *words]
+    try:
+        with registry_kept(), contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
+            code = perform()
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    finally:
+        sys.argv = before
+    return code, told.getvalue()
+
+
+def run_studio(words: list[str]) -> tuple[int, str]:
+    """The same of the studio, which is ended by Ctrl-C once it has opened its page."""
+    command = [sys.executable, "-m", "skyarm", *words, "--no-browser", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
+        assert child.stdout is not None
+        told = child.stdout.readline()
+        with urllib.request.urlopen(told.removeprefix("studio: ").strip(), timeout=30) as answer:
+            answer.read()
+        time.sleep(0.5)  # a Ctrl-C before it waits for one ends it with 130
+        child.send_signal(signal.SIGINT)
+        return child.wait(60), told + child.stdout.read()
+
+
+def code_shown() -> str:
+    """The README's one block of Python."""
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    return str(code)
