@@ -257,7 +257,9 @@ def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(sourc
     assert (prepared.scenario.trajectory, prepared.scenario.path_time) == (scenario.trajectory, scenario.path_time)
     assert prepared.scenario.changes == scenario.changes
     assert prepared.scenario.duration == (scenario.duration if prepared.planned else LONGEST)
-    assert knobs_of(prepared.scenario, prepared.push)
+    assert 30 < len(knobs_of(prepared.scenario, prepared.push)) < 200, (
+        "a page's sliders, none for a curve's coefficients"
+    )
 
 
 @pytest.mark.thorough
