@@ -121,7 +121,7 @@ def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_gro
             away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
             now = SimpleNamespace(state=away, running=True, scenario=flown.scenario, time=0.0, now=flown.now)
             placed = program(tuple(away.position), tuple(away.quaternion), away.joints)
-            flight = SimpleNamespace(session=now, placed=lambda _, at=placed: at, last=sight(flown, program))
+            flight = SimpleNamespace(session=now, placed=lambda _, at=placed: at, last=sight(flown, program), loads=())
             picture.draw([flight], 0.01)  # type: ignore[list-item]
             base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
             drawn = np.array(base.position) + stage.position

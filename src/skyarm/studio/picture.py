@@ -162,6 +162,7 @@ class Picture:
             placed, speeds = flight.placed(state), np.array([float(w) for w in state.rotor_speeds])
             nodes = self._vehicles[i]
             nodes.place(placed, beside)
+            nodes.carry(flight.loads, placed)
             if flight.session.running:
                 nodes.tilt(state.tilts)
                 nodes.spin(speeds, seconds)
@@ -197,7 +198,6 @@ class Picture:
 
     def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:
         """What need not move sixty times a second."""
-        self._vehicles[i].carry(flight.payload)
         if self.view.trails:
             self._trails[i].points = trail(flight.seen(TRAIL), beside)
         lost = bool(flight.lost)
