@@ -6,8 +6,9 @@ import math
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
+from skyarm.drawing.stl_mesh import mesh_or_none
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Look, Vehicle
 
 LEAST_REACH = 0.1
 """m: scale of what has no rotors."""
@@ -18,18 +19,24 @@ PAYLOAD_DENSITY = 2000.0
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
-def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
-    """Shapes to draw a vehicle by; a file says masses, not looks, so sizes are guesses from its rotors and joints.
+def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
+    """Shapes to draw a vehicle by: meshes of its links, else guesses from its rotors and joints.
 
     Args:
         vehicle: with concrete numbers.
+        meshes: whether links are drawn as the meshes that their file names, where these are there.
     """
     reach = longest_boom(vehicle)
-    shapes = [Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))]
+    own = [_mesh_shape(i, look) for i, look in enumerate(vehicle.looks) if meshes and mesh_or_none(look.file)]
+    covered = {shape.body for shape in own}
+    hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
+    shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)
     shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
+    shapes += own
     for i, link in enumerate(vehicle.moving):
-        shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
+        if i not in covered:
+            shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
         if link.joint.kind == "revolute":
             half = 0.07 * reach
             axis = _floats(link.joint.axis)
@@ -87,6 +94,14 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
         if math.hypot(*_floats(end)) > 1e-6:
             rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, _floats(end)))
     return rods
+
+
+def _mesh_shape(number: int, look: Look) -> Shape:
+    """A link's mesh as its file has it."""
+    a, b, c = (_floats(Vec3(*row)) for row in look.rotation.rows)
+    role = "hull" if look.link == BASE else "link"
+    name = f"mesh{number + 1}/{look.name}"
+    return Shape(name, role, "mesh", look.link, _floats(look.scale), _floats(look.position), (a, b, c), look.file)
 
 
 def _floats(v: Vec3) -> Vector:
