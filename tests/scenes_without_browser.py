@@ -17,10 +17,15 @@ class Node(SimpleNamespace):
 
 
 class Scene:
-    """A scene without a browser: nodes by their names."""
+    """A scene without a browser: nodes by their names, each with the vertices or points that it was ``given``."""
 
     def __init__(self) -> None:
         self.nodes: dict[str, Node] = {}
 
     def __getattr__(self, _name: str) -> Any:
-        return lambda name="", *_, **__: self.nodes.setdefault(name or "", Node())
+        def add(name: str = "", *given: Any, **_: Any) -> Node:
+            node = self.nodes.setdefault(name or "", Node())
+            node.__dict__.update(given=given[0] if given else None, remove=lambda: self.nodes.pop(name, None))
+            return node
+
+        return add

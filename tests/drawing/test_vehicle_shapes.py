@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import mujoco
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 
 from skyarm import load_vehicle
+from skyarm.algebra import Vec3
 from skyarm.drawing.poses import body_poses
-from skyarm.drawing.shapes import ROLES, between, turn_onto
+from skyarm.drawing.shapes import ROLES, Shape, between, turn_onto
 from skyarm.drawing.vehicle_shapes import PAYLOAD_DENSITY, payload_shape, rotor_radius, vehicle_shapes
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 NAMES = list_vehicles()
 
@@ -52,6 +55,35 @@ def test_bodies_are_where_mujoco_has_them(name: str) -> None:
         # rounding of a chain of six rotations
         np.testing.assert_allclose(p, data.xpos[at], atol=1e-12)
         np.testing.assert_allclose(R, data.xmat[at].reshape(3, 3), atol=1e-12)
+
+
+def solid_at(shape: Shape, point: np.ndarray) -> bool:
+    """Whether a point of the body's axes is in an ellipsoid, or within the radius of a rod's axis."""
+    local = np.array(shape.rotation).T @ (point - shape.position)
+    if shape.kind == "ellipsoid":
+        return bool(np.sum((local / shape.size) ** 2) <= 1.0)
+    nearest = np.clip(local[2], -0.5 * shape.size[1], 0.5 * shape.size[1])
+    return bool(np.linalg.norm(local - [0.0, 0.0, nearest]) <= shape.size[0])
+
+
+def hanging() -> Vehicle:
+    """A vehicle whose arm begins below its hull, and whose camera is ahead of it."""
+    vehicle = load_vehicle("hummingbird_arm2")
+    below = dataclasses.replace(vehicle.links[0].joint, position=Vec3(0.05, 0.0, -0.3))
+    links = (dataclasses.replace(vehicle.links[0], joint=below), *vehicle.links[1:])
+    camera = Frame(name="camera", link=BASE, position=Vec3(0.3, 0.0, -0.1))
+    return dataclasses.replace(vehicle, links=links, frames=(*vehicle.frames, camera))
+
+
+@pytest.mark.parametrize("vehicle", [*map(load_vehicle, NAMES), hanging()], ids=lambda vehicle: vehicle.name)
+def test_nothing_hangs_in_the_air(vehicle: Vehicle) -> None:
+    shapes = vehicle_shapes(vehicle)
+    carried = [(other.parent, other.joint.position) for other in vehicle.moving]
+    carried += [(frame.link, frame.position) for frame in vehicle.frames]
+    for body, end in carried:
+        own = [shape for shape in shapes if shape.body == body and shape.role in ("hull", "boom", "link", "joint")]
+        way = np.linspace(0.0, 1.0, 50)[:, None] * [float(c) for c in end]
+        assert float(end.norm()) == 0.0 or all(any(solid_at(shape, point) for shape in own) for point in way)
 
 
 def test_a_rod_goes_from_its_start_to_its_end() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from film_flights import SECONDS, flight
 from skyarm import load_vehicle, run, scenario_from
+from skyarm.algebra import ZERO3
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.poses import body_poses
 from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW
@@ -306,9 +307,14 @@ def test_a_payload_is_drawn_where_it_is_taken_held_and_left() -> None:
     tip = {"posture": [0.4, -0.8], "path": {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}}
     document = {"name": "w", "duration": 2.4, "plant": {"vehicle": "hummingbird_arm2_rotors"}}
     document |= {"controller": {"preset": "paper_ct"}, "reference": {"tip": tip}}
-    log = run(scenario_from(document | {"payloads": [{"name": "box", "mass": 0.02}]}))
+    log = run(scenario_from(document | {"payloads": [{"name": "box", "mass": 0.02, "com": [0.0, 0.0, -0.04]}]}))
     filmed = film_flight(log, "a", COLORS[0], log.time)
+    (ball,) = [solid for solid in vehicle_solids(filmed) if solid.shape.role == "payload"]
+    # it is drawn about its own middle, in the axes of the frame that holds it
+    below = -0.04 * ball.rotation[:, :, 2]
+    filmed = dataclasses.replace(filmed, loads=tuple(dataclasses.replace(e, com=ZERO3) for e in filmed.loads))
     (box,) = [solid for solid in vehicle_solids(filmed) if solid.shape.role == "payload"]
+    np.testing.assert_allclose(ball.position - box.position, below, atol=1e-9)
     (held,) = np.nonzero(log.payload_mass[:, 0])
     np.testing.assert_allclose(box.position[held], log.tip[held], atol=1e-9)
     np.testing.assert_allclose(box.position[: held[0]], np.tile(log.tip[held[0]], (held[0], 1)), atol=1e-9)

@@ -53,6 +53,24 @@ def test_every_body_is_where_the_log_has_it(two: Recording) -> None:
             np.testing.assert_allclose(tip, log.tip[at], atol=5e-4)
 
 
+def test_a_payload_is_where_the_log_has_it() -> None:
+    base = {"kind": "circle", "radius": 0.3, "frequency_hz": 0.5, "center": [0.0, 0.0, 1.0]}
+    log = skyarm.run(
+        skyarm.scenario_from(
+            {
+                "name": "w", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+                "controller": {"preset": "paper_ct"}, "payloads": [{"mass": 0.02, "pick": 0.4}],
+                "reference": {"base": base, "joints": [0.3, -0.2]},
+            }
+        )
+    )  # fmt: skip
+    messages = unpacked(record(log, FilmSettings(fps=FPS, ghost=False)).content)["messages"]
+    begin = place_at(messages, "/flight1/vehicle/body0", "SetPositionMessage", "position", 0.0) - log.position[0]
+    for seconds, held in ((0.0, 0.4), (0.4, 0.4), (0.6, 0.6), (0.95, 0.95)):
+        place = place_at(messages, "/flight1/payload1", "SetPositionMessage", "position", seconds) - begin
+        np.testing.assert_allclose(place, log.tip[np.searchsorted(log.time, held)], atol=5e-4)
+
+
 def test_flights_stand_apart_or_in_one_place() -> None:
     apart = {}
     for layout in ("side", "over"):

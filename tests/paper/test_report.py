@@ -208,6 +208,7 @@ def test_nothing_is_wider_than_a_telephone_but_in_a_box_of_its_own(sources: dict
     widths = re.findall(r"(?<![-\w])(?:min-)?width: ([\d.]+)rem", page.styles)
     assert [width for width in widths if float(width) > 21.0] == ["40"], "of pictures in a box that scrolls"
     assert ".single { overflow-x: auto; } .single img { width: 40rem;" in page.styles
+    assert re.search(r"(?:^|} )img { max-width: 100%;", page.styles, re.MULTILINE), "of every other picture"
 
 
 def test_a_printed_page_has_no_folds_and_clips_nothing(page: Page) -> None:

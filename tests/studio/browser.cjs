@@ -66,7 +66,15 @@ async function main() {
   await page.setViewportSize({ width: 390, height: 800 });
   await page.waitForTimeout(1500);
   seen.width = await page.evaluate(() => document.documentElement.scrollWidth);
+  const boxes = (selectors) => selectors.map((name) => {
+    const { left, right, top, bottom } = document.querySelector(name).getBoundingClientRect();
+    return { left, right, top, bottom };
+  });
+  [seen.picture_box, seen.sheet_box] = await page.evaluate(boxes, ['[data-dock-root]', '.mantine-Paper-root']);
   await page.screenshot({ path: `${folder}/phone.png` });
+  const sideways = () => [...document.querySelectorAll('*')].filter((e) => e.scrollWidth > e.clientWidth + 1 &&
+    ['auto', 'scroll'].includes(getComputedStyle(e).overflowX)).map((e) => e.className);
+  seen.sideways = await page.evaluate(sideways);
   seen.hostile = await hostile(browser, new URL(address).port);
   seen.errors = errors;
   console.log(JSON.stringify(seen));

@@ -1,17 +1,24 @@
 """The studio's loop without a page: time, the way back, laws beside each other, pushes, and what is saved."""
 
 import dataclasses
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import skyarm
 from skyarm.environment import TimedPayload
-from skyarm.studio.documents import prepare, read_document
+from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.simulate.live_steps import BLOCK, FlownRows
+from skyarm.studio.documents import LONGEST, prepare, read_document
 from skyarm.studio.fleet import Fleet, load_fleet, make_flight
 from skyarm.studio.flight import Flight
 from skyarm.studio.knobs import knobs_of
+from skyarm.studio.saved import saved_document
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +38,11 @@ def fleet(made: Fleet) -> Fleet:
 
 def states(flight: Flight) -> np.ndarray:
     """Base, attitude and joints as they were flown so far."""
-    log = flight.session.log
+    return states_of(flight.session.log)
+
+
+def states_of(log: skyarm.Log) -> np.ndarray:
+    """Base, attitude and joints of a log."""
     return np.hstack([log.position, log.quaternion, log.velocity, log.joints, log.rotor_commands])
 
 
@@ -233,6 +244,95 @@ def test_mujocos_plant_flies_in_the_studio_too() -> None:
     assert (flown[:30, :3] == plain.position).all()
 
 
+EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml") if "schema" in path.read_text())]
+
+
+@pytest.mark.parametrize("source", EVERY)
+def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
+    if Path(source).stem == "press_in_four_worlds":
+        with pytest.raises(skyarm.ScenarioError, match=r"press_in_four_worlds.toml: .* is a study file"):
+            load_fleet(source)
+        return
+    prepared, scenario = load_fleet(source).prepared, skyarm.load_scenario(source)
+    assert (prepared.scenario.trajectory, prepared.scenario.path_time) == (scenario.trajectory, scenario.path_time)
+    assert prepared.scenario.changes == scenario.changes
+    assert prepared.scenario.duration == (scenario.duration if prepared.planned else LONGEST)
+    assert 30 < len(knobs_of(prepared.scenario, prepared.push)) < 200, (
+        "a page's sliders, none for a curve's coefficients"
+    )
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("source", [each for each in EVERY if Path(each).stem != "press_in_four_worlds"])
+def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -> None:
+    fleet = load_fleet(source)
+    fleet.join(make_flight(fleet.prepared, None))
+    ticks = round(
+        min(9.0, skyarm.load_scenario(source).duration) * fleet.rate
+    )  # a payload of an example is held by then
+    fleet.go(ticks - 1)
+    plain = skyarm.Session(skyarm.load_scenario(source))
+    while plain.tick < ticks - 1 and plain.step():
+        pass
+    assert (states(fleet.flights[0]) == states(SimpleNamespace(session=plain))).all()  # type: ignore[arg-type]
+
+
+def believed() -> dict[str, Any]:
+    """A document with a planned reference and a payload of which the law is told in flight."""
+    document, _ = read_document("case1")
+    document["payloads"] = [{"mass": 0.05, "pick": 0.3, "drop": 0.6, "believed": True}]
+    document["reference"] = {
+        "tip": {
+            "path": {"kind": "circle", "radius": 0.05, "frequency_hz": 0.5, "center": [0.0, 0.0, 0.8]},
+            "posture": [0.4, -0.8], "base_share": 0.5,
+        }
+    }  # fmt: skip
+    document["changes"] = [{"at": 0.2, "path": "environment.wind.force.y", "value": 1.0}]
+    document["environment"] = {"wind": {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}}
+    return {**document, "duration": 1.0, "windows": {}}
+
+
+def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together() -> None:
+    document = believed()
+    fleet = Fleet(prepare(document), "case1")
+    fleet.join(make_flight(fleet.prepared, None))
+    (flight,) = fleet.flights
+    assert fleet.prepared.planned
+    fleet.go(150)
+    assert (states(flight) == states_of(skyarm.run(skyarm.scenario_from(document)))[:150]).all()
+    fleet.go(80)
+    fleet.move({"environment.wind.force.x": 1.0})
+    fleet.go(60)
+    fleet.go(150)
+    saved = saved_document(fleet, flight, Path())
+    assert [(each["at"], each["path"][-7:]) for each in saved["changes"]] == [(0.2, "force.y"), (0.4, "force.x")]
+    log = skyarm.run(skyarm.scenario_from(saved))
+    assert (states(flight) == states_of(log)[:150]).all()
+    assert log.info["duration"] == 1.0, "the reference is planned for so long"
+    fleet.go(1000)
+    assert fleet.time == pytest.approx(1.0 - 1.0 / fleet.rate)
+
+
+def test_another_law_flies_without_the_changes_of_the_files_own() -> None:
+    document, _ = read_document("case2")
+    document["changes"] = [{"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}]
+    assert len(prepare(document).scenario.changes) == 1
+    assert not prepare(document).under("centroidal_tip").changes
+
+
+def test_a_way_back_takes_no_second_log() -> None:
+    rows = FlownRows(3)
+    for k in range(5 * BLOCK + 7):
+        rows[k] = np.full(3, float(k))
+    branch = rows.branch(3 * BLOCK + 5)
+    for k in range(3 * BLOCK + 5, 4 * BLOCK):
+        branch[k] = np.full(3, -1.0)
+    assert (rows[0 : 5 * BLOCK + 7][:, 0] == np.arange(5 * BLOCK + 7)).all()
+    assert (branch[0 : 3 * BLOCK + 5] == rows[0 : 3 * BLOCK + 5]).all()
+    assert (branch[3 * BLOCK + 5 : 4 * BLOCK] == -1.0).all()
+    assert sum(a is b for a, b in zip(rows._blocks, branch._blocks, strict=False)) == 3
+
+
 def test_a_payload_is_drawn_while_it_is_held() -> None:
     load = TimedPayload(mass=0.02, pick=0.01, drop=0.03)
     scenario = dataclasses.replace(skyarm.load_scenario("case2"), payloads=(load,))
@@ -241,6 +341,6 @@ def test_a_payload_is_drawn_while_it_is_held() -> None:
     held = []
     for _ in range(8):
         session.step()
-        held.append(Flight.payload.fget(seen))  # type: ignore[attr-defined]
+        held.append(sum(load.mass for load in Flight.loads.fget(seen)))  # type: ignore[attr-defined]
     assert held == pytest.approx([0.1, 0.1, 0.12, 0.12, 0.12, 0.12, 0.1, 0.1])
     assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]

@@ -14,7 +14,7 @@ import pytest
 import skyarm
 from commanded import skyarm as typed
 from skyarm.studio.guard import Guard, is_loopback
-from skyarm.studio.page_words import require_laws
+from skyarm.studio.page_words import fleet_under
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 
@@ -65,7 +65,7 @@ def test_what_cannot_be_flown_is_said_before_a_page_opens() -> None:
 )
 def test_a_scenario_and_its_laws_are_looked_at_first(source: str, laws: list[str], said: str) -> None:
     with pytest.raises(skyarm.ScenarioError, match=said):
-        require_laws(source, laws)
+        fleet_under(source, laws)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from scenes_without_browser import Scene
 from skyarm import scenario_from
 from skyarm.actuation.tilting import turned
-from skyarm.algebra import Quaternion
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.drawing.carried_poses import held_poses
 from skyarm.drawing.pose_program import PoseProgram
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
@@ -101,13 +102,30 @@ def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
 
 def test_a_world_stands_once_or_beside_each_vehicle_and_a_tab_looks_round_the_wall() -> None:
     picture, scene, camera = picture_of(session().scenario)
-    assert scene.nodes["/ground"].position[2] == -0.3
-    assert [bool(scene.nodes[f"/world{i}"].visible) for i in (1, 2)] == [True, False]
+    assert scene.nodes["/stage/ground"].position[2] == -0.3
+    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, False]
     picture.choose(View(beside=True))
-    assert [bool(scene.nodes[f"/world{i}"].visible) for i in (1, 2)] == [True, True]
+    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, True]
     assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
-    assert "/law1/-1/point/skid" in scene.nodes
-    assert "/ghost/-1/point/skid" not in scene.nodes
+    assert "/stage/law1/-1/point/skid" in scene.nodes
+    assert "/stage/ghost/-1/point/skid" not in scene.nodes
+
+
+def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_ground() -> None:
+    picture, scene, _ = picture_of(session().scenario)
+    flown = session()
+    start, program = flown.state, PoseProgram(flown.scenario.world.vehicle)
+    for follow in (True, False):
+        picture.choose(View(follow=follow))
+        for k in (1, 2):
+            away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
+            now = SimpleNamespace(state=away, running=True, scenario=flown.scenario, time=0.0, now=flown.now)
+            placed = program(tuple(away.position), tuple(away.quaternion), away.joints)
+            flight = SimpleNamespace(session=now, placed=lambda _, at=placed: at, last=sight(flown, program), loads=())
+            picture.draw([flight], 0.01)  # type: ignore[list-item]
+            base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
+            drawn = np.array(base.position) + stage.position
+            np.testing.assert_allclose(drawn, list(start.position if follow else away.position), atol=1e-3)
 
 
 def test_without_a_world_nothing_of_it_is_there() -> None:
@@ -116,7 +134,7 @@ def test_without_a_world_nothing_of_it_is_there() -> None:
     scenario = scenario_from({**document, "controller": {"preset": "paper_pd"}})
     _, scene, camera = picture_of(scenario)
     assert not [name for name in scene.nodes if "world" in name or "touch" in name or "point" in name]
-    assert scene.nodes["/ground"].position[2] == 0.0
+    assert scene.nodes["/stage/ground"].position[2] == 0.0
     np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
     plain = Session(scenario, machine_code=False)
     assert sight(plain, PoseProgram(scenario.world.vehicle)).touching == ()

@@ -50,16 +50,16 @@ def studio(
     listening = bound(host, port)
     try:
         from skyarm.studio.page import Page
-        from skyarm.studio.page_words import require_laws
+        from skyarm.studio.page_words import fleet_under
 
-        require_laws(scenario, controller or [])
+        fleet = fleet_under(scenario, controller or [])
         guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))
         server = open_server(listening, guard, f"skyarm studio: {scenario}")
     except BaseException:
         listening.close()
         raise
     try:
-        page = Page(server, scenario, controller or [None], Path(out), plain=plain)
+        page = Page(server, fleet, controller or [None], Path(out), plain=plain)
         tell(f"studio: {guard.address()}")
         if not no_browser:
             _open(guard.address())

@@ -29,7 +29,7 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
     Raises:
         ValueError: a kind of shape that there is not.
     """
-    own = mesh_or_none(shape.mesh) if shape.mesh else None
+    own = own_mesh(shape)
     if own is not None:
         vertices, faces = own
     elif shape.kind in ("sphere", "ellipsoid"):
@@ -60,6 +60,16 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
         allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
         raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
+
+
+def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
+    """Vertices (m, axes of the shape) and triangles of a shape's file; None without one that can be read."""
+    found = mesh_or_none(shape.mesh) if shape.mesh else None
+    if found is None or shape.kind != "mesh":
+        return found
+    vertices, faces = found
+    # a mirrored mesh would be seen from inside
+    return vertices * np.array(shape.size), faces if np.prod(shape.size) > 0.0 else faces[:, ::-1]
 
 
 def blade_mesh(radius: float) -> tuple[Array, Faces]:

@@ -25,7 +25,7 @@ class Shape:
         kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
             along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
             is along z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius, length; the origin is
-            in the middle of the mouth).
+            in the middle of the mouth), "mesh" (its scale along its axes).
         body: link of the vehicle, BASE for the airframe; of a surface of the world it says nothing.
         size: m, by kind.
         position: centre, m, axes of the body.

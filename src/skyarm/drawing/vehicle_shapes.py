@@ -1,13 +1,14 @@
-"""The shapes of a vehicle: its hull, a boom and a disc for each rotor, a rod to all that a link carries, its tip."""
+"""The shapes of a vehicle: its hull, a boom and a disc for each rotor, rods to all that a body carries, its tip."""
 
 from __future__ import annotations
 
 import math
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
+from skyarm.drawing.stl_mesh import mesh_or_none
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Look, Vehicle
 
 LEAST_REACH = 0.1
 """m: scale of what has no rotors."""
@@ -18,17 +19,24 @@ PAYLOAD_DENSITY = 2000.0
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
-def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
-    """Shapes to draw a vehicle by; a file says masses, not looks, so sizes are guesses from its rotors and joints.
+def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
+    """Shapes to draw a vehicle by: meshes of its links, else guesses from its rotors and joints.
 
     Args:
         vehicle: with concrete numbers.
+        meshes: whether links are drawn as the meshes that their file names, where these are there.
     """
     reach = longest_boom(vehicle)
-    shapes = [Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))]
+    own = [_mesh_shape(i, look) for i, look in enumerate(vehicle.looks) if meshes and mesh_or_none(look.file)]
+    covered = {shape.body for shape in own}
+    hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
+    shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)
+    shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
+    shapes += own
     for i, link in enumerate(vehicle.moving):
-        shapes += _link_shapes(vehicle, i, 0.04 * reach)
+        if i not in covered:
+            shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
         if link.joint.kind == "revolute":
             half = 0.07 * reach
             axis = _floats(link.joint.axis)
@@ -40,11 +48,11 @@ def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
-def payload_shape(vehicle: Vehicle, mass: float, frame: str | None = None) -> Shape:
-    """Ball of a point mass (kg) at a frame, the end effector by default."""
-    at = vehicle.frame(frame)
+def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3) -> Shape:
+    """Ball of a payload (kg) about its centre of mass (m, axes of the frame), at a frame or the end effector."""
+    at = vehicle.frame(frame or None)
     radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
-    return Shape("payload", "payload", "sphere", at.link, (radius,), _floats(at.position))
+    return Shape("payload", "payload", "sphere", at.link, (radius,), _floats(at.position + at.rotation.apply(com)))
 
 
 def rotor_radius(vehicle: Vehicle) -> float:
@@ -74,16 +82,26 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
     return shapes
 
 
-def _link_shapes(vehicle: Vehicle, i: int, radius: float) -> list[Shape]:
-    """A rod from the link's joint to each joint and frame that it carries, else to its centre of mass."""
-    link = vehicle.moving[i]
-    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == i]
-    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == i]
+def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
+    """A rod from a body's origin to each joint and frame that it carries; a last link's is to its centre of mass."""
+    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
+    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
+    role = "boom" if body == BASE else "link"
+    if body != BASE and not ends:
+        ends = [("com", vehicle.moving[body].body.com)]
     rods = []
-    for name, end in ends or [("com", link.body.com)]:
+    for carried, end in ends:
         if math.hypot(*_floats(end)) > 1e-6:
-            rods.append(between(f"link/{link.name}/{name}", "link", "capsule", i, radius, _ORIGIN, _floats(end)))
+            rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, _floats(end)))
     return rods
+
+
+def _mesh_shape(number: int, look: Look) -> Shape:
+    """A link's mesh as its file has it."""
+    a, b, c = (_floats(Vec3(*row)) for row in look.rotation.rows)
+    role = "hull" if look.link == BASE else "link"
+    name = f"mesh{number + 1}/{look.name}"
+    return Shape(name, role, "mesh", look.link, _floats(look.scale), _floats(look.position), (a, b, c), look.file)
 
 
 def _floats(v: Vec3) -> Vector:

@@ -45,11 +45,13 @@ class Load:
     """A payload that is held for a part of a flight.
 
     Attributes:
-        mass: kg. frame: that holds it; empty for the tip. held_at: (F,) numbers of frames: of each frame itself while
-            the payload is held, else of the nearest one in which it was: it lies where it is taken and left.
+        mass: kg. com: m, axes of the frame that holds it. frame: its name; empty for the tip.
+        held_at: (F,) numbers of frames: of each frame itself while the payload is held, else of the nearest one in
+            which it was: it lies where it is taken and left.
     """
 
     mass: float
+    com: Vec3
     frame: str
     held_at: npt.NDArray[np.int64]
 
@@ -229,4 +231,4 @@ def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
             continue
         # the last frame at which it was held, and before the first that one
         at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
-        yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
+        yield Load(mass=float(payload.mass), com=payload.com, frame=payload.frame, held_at=at)

@@ -14,7 +14,7 @@ from skyarm.drawing.shapes import UPRIGHT, Shape
 from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.filmed_flight import FilmedFlight
-from skyarm.film.solids import RGBA, role_color, world_color
+from skyarm.film.solids import RGBA, load_solids, role_color, world_color
 
 Array = npt.NDArray[np.float64]
 
@@ -76,8 +76,12 @@ class MovingNode:
 
 
 def add_world(scene: Any, root: str, flight: FilmedFlight, shift: Array) -> list[MovingNode]:
-    """The surfaces of a flight's world; returns those that move."""
+    """The surfaces of a flight's world and its payloads; returns those that move."""
     moving = []
+    for i, load in enumerate(load_solids(flight)):
+        node = add_shape(scene, f"{root}/payload{i + 1}", load.shape, load.rgba)
+        moving.append(MovingNode(node, load.position + shift, load.rotation))
+        moving[-1].put(0)
     for solid in flight.surfaces:
         node = add_shape(scene, f"{root}/{solid.shape.name}", solid.shape, world_color(solid.shape.role))
         placed = MovingNode(node, solid.position + shift, solid.rotation)

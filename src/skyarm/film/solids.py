@@ -49,7 +49,7 @@ def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
     shown = without_holes(flight.surfaces)
     world = [Solid(each.shape, world_color(each.shape.role), each.position, each.rotation) for each in shown]
-    return [*own, *_loads(flight), *world]
+    return [*own, *load_solids(flight), *world]
 
 
 def world_color(role: str) -> RGBA:
@@ -57,13 +57,13 @@ def world_color(role: str) -> RGBA:
     return OBJECT if role == "object" else SURFACE
 
 
-def _loads(flight: FilmedFlight) -> Iterator[Solid]:
+def load_solids(flight: FilmedFlight) -> Iterator[Solid]:
     """Payloads where they are held, and where they lie before and after."""
     if not flight.loads:
         return
     poses = moving_poses(flight.vehicle, flight.position, flight.quaternion, flight.joints)
     for load in flight.loads:
-        shape = payload_shape(flight.vehicle, load.mass, load.frame or None)
+        shape = payload_shape(flight.vehicle, load.mass, load.frame, load.com)
         R, p = poses[shape.body]
         centre = (p + R @ np.array(shape.position))[load.held_at]
         color = role_color(shape.role, flight.color, ghost=False)

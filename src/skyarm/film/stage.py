@@ -15,7 +15,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.drawing.stl_mesh import mesh_or_none
+from skyarm.drawing.meshes import own_mesh
+from skyarm.drawing.shapes import Shape
 from skyarm.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.film.marks import Mark
 from skyarm.film.offscreen import offscreen
@@ -30,6 +31,7 @@ KINDS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "patch": mujoco.mjtGeom.mjGEOM_BOX,
+    "mesh": mujoco.mjtGeom.mjGEOM_BOX,
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }
@@ -131,8 +133,8 @@ class Stage:
             half_length = solid.shape.kind in ("capsule", "cylinder")
             size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
             geom = self._add(scene, solid.shape.kind, size, solid.rgba)
-            if solid.shape.mesh in self._meshes:
-                geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[solid.shape.mesh]
+            if (key := mesh_key(solid.shape)) in self._meshes:
+                geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[key]
         return scene, ground
 
     def _place_mesh(self, geom: Any, mesh: int) -> None:
@@ -147,8 +149,8 @@ class Stage:
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
-            if solid.shape.mesh in self._meshes:
-                self._place_mesh(geom, self._meshes[solid.shape.mesh])
+            if (key := mesh_key(solid.shape)) in self._meshes:
+                self._place_mesh(geom, self._meshes[key])
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
@@ -193,14 +195,22 @@ def _camera(path: CameraPath, k: int) -> Any:
     return camera
 
 
-def _meshes_of(panels: Sequence[Panel]) -> dict[str, Any]:
-    """Path -> (vertices, triangles) of the meshes that are there."""
-    paths = dict.fromkeys(solid.shape.mesh for panel in panels for solid in panel.solids if solid.shape.mesh)
-    found = {path: mesh_or_none(path) for path in paths}
-    return {path: mesh for path, mesh in found.items() if mesh is not None}
+MeshKey = tuple[str, tuple[float, ...]]
 
 
-def _model(width: int, height: int, meshes: Mapping[str, Any], *, fine: bool) -> tuple[Any, dict[str, int]]:
+def mesh_key(shape: Shape) -> MeshKey:
+    """File of a shape's mesh, and its scale."""
+    return shape.mesh, shape.size if shape.kind == "mesh" else ()
+
+
+def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
+    """(vertices, triangles) of the meshes that are there."""
+    shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
+    found = {key: own_mesh(shape) for key, shape in shapes.items()}
+    return {key: mesh for key, mesh in found.items() if mesh is not None}
+
+
+def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
     """Ground, sky and light, and the meshes by their numbers; no vehicle."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height

@@ -168,7 +168,7 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
     """The shapes of every picture of a vehicle, without mass and contact."""
-    for shape in vehicle_shapes(vehicle):
+    for shape in vehicle_shapes(vehicle, meshes=False):
         kind, half_length = KINDS[shape.kind], shape.kind in ("capsule", "cylinder")
         size = (shape.size[0], 0.5 * shape.size[1]) if half_length else shape.size
         bodies[shape.body].add_geom(

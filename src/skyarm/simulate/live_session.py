@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.log.flight_log import Log
+from skyarm.scenario.changes import in_order
 from skyarm.scenario.numbers import DERIVED, number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -42,7 +44,8 @@ class LiveSnapshot:
 class LiveSession:
     """A session that flies a traceable law on the rigid-body plant while numbers of its scenario are moved.
 
-    The numbers are those of :func:`skyarm.run` with the same changes, to the last bit.
+    The numbers are those of :func:`skyarm.run` with the same changes, to the last bit; changes of the scenario
+    (:attr:`skyarm.Scenario.changes`) take hold in their control periods.
 
     Args:
         scenario: what is flown; its duration is the longest the session can get.
@@ -51,18 +54,25 @@ class LiveSession:
 
     Raises:
         ScenarioError: not a scenario, or a path that leads to no number of it.
-        NoMachineCodeError: machine code cannot be made here.
+        NoMachineCodeError: machine code cannot be made here, or the scenario changes a whole part in flight.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         require_flight(scenario)
-        self._paths = require_paths(paths)
+        self._scheduled: dict[int, dict[str, float]] = {}
+        for change in in_order(scenario.changes, scenario.rates.control):
+            if not isinstance(change.value, float):
+                raise NoMachineCodeError(f"changes: {change.path} is no number; a Session changes whole parts")
+            self._scheduled.setdefault(change.tick(scenario.rates.control), {})[change.path] = change.value
+        scheduled = (path for values in self._scheduled.values() for path in values)
+        self._paths = tuple(dict.fromkeys((*require_paths(paths), *scheduled)))
         require_apart(scenario, self._paths)
         require_latencies(scenario, self._paths)
         data = {path: number_at(scenario, path) for path in self._paths if not path.startswith(DERIVED)}
         self._origin = self.scenario = with_numbers(scenario, data)
         self._numbers: dict[str, float] = {}
         self._engine = LiveSteps(self._origin, self._paths, self._origin)
+        self._follow_schedule()
 
     @property
     def tick(self) -> int:
@@ -101,7 +111,15 @@ class LiveSession:
 
     def step(self) -> bool:
         """Fly one control period; whether the episode goes on."""
-        return self._engine.step()
+        going = self._engine.step()
+        if going:
+            self._follow_schedule()
+        return going
+
+    def _follow_schedule(self) -> None:
+        """Make the changes of the scenario that the next period begins with."""
+        if self.tick in self._scheduled:
+            self.change(self._scheduled[self.tick])
 
     def change(self, values: Mapping[str, float]) -> None:
         """Give numbers by path other values, from the next period on; they replace, and do not add up.

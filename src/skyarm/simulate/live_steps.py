@@ -31,6 +31,37 @@ from skyarm.simulate.rigid_body_steps import RigidBodySteps
 from skyarm.simulate.session_code import plant_of
 from skyarm.simulate.stages import Stages
 
+BLOCK = 1000
+"""Periods whose rows are stored in one array."""
+
+
+class FlownRows:
+    """Rows of a flight, in blocks: a flight that goes another way from an instant on shares those before it.
+
+    Args:
+        width: numbers of a row.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._width, self._blocks = width, list[Array]()
+
+    def __setitem__(self, k: int, row: Array) -> None:
+        block, place = divmod(k, BLOCK)
+        if block == len(self._blocks):
+            self._blocks.append(np.empty((BLOCK, self._width)))
+        self._blocks[block][place] = row
+
+    def __getitem__(self, rows: slice) -> Array:
+        return np.concatenate([np.empty((0, self._width)), *self._blocks])[rows]
+
+    def branch(self, count: int) -> FlownRows:
+        """The first rows, to which others may be added than were added here."""
+        found, (whole, left) = FlownRows(self._width), divmod(count, BLOCK)
+        found._blocks = self._blocks[:whole]
+        if left:
+            found._blocks.append(self._blocks[whole].copy())
+        return found
+
 
 class LiveSteps(CompiledSteps):
     """The engine of a live session: one lane, one control period a call, the numbers of its paths read in each.
@@ -75,7 +106,7 @@ class LiveSteps(CompiledSteps):
         kernel = Kernel(loop, Lanes(1), logging=True, effort=0)
         self._stepper = Stepper(kernel, start, np.array(numbers, dtype=float), **keys)
         self._width, self._steps = self._rows.shape[1], origin.steps
-        self._log = np.empty((origin.steps, loop.logged))
+        self._log: Any = FlownRows(loop.logged)
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._last: Array | None = None
@@ -116,9 +147,7 @@ class LiveSteps(CompiledSteps):
         """Go to a snapshot."""
         self.tick, self.ended, carry, parameters, log, self._last = held
         self._stepper.carry[:], self._stepper.parameters[:] = carry, parameters
-        # what is flown from here on must not be written over what other snapshots hold
-        self._log = np.empty_like(log)
-        self._log[: self.tick] = log[: self.tick]
+        self._log = log.branch(self.tick)
 
     def go_on(self, other: LiveSteps) -> None:
         """Go on where another engine of the same loop stands."""

@@ -111,8 +111,8 @@ class Controls:
     def _view(self) -> None:
         """What of the picture is shown."""
         with self._gui.add_folder("view"):
-            names = ("beside", "ghost", "arrows", "trails", "dark")
-            boxes = {name: self._gui.add_checkbox(name, name not in ("beside", "dark")) for name in names}
+            names = ("follow", "beside", "ghost", "arrows", "trails", "dark")
+            boxes = {name: self._gui.add_checkbox(name, name in ("ghost", "arrows", "trails")) for name in names}
 
         def chosen(_: Any) -> None:
             shown = {name: box.value for name, box in boxes.items()}

@@ -15,13 +15,14 @@ from typing import Any
 
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name
 from skyarm.files import read_toml, shown
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.scenario_text import LAYERS
 from skyarm.vehicle.vehicle_files import list_vehicles
 
 LONGEST = 600.0
-"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration."""
+"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration, as one does whose
+reference is planned for it."""
 
 LONGEST_DELAY = 0.03
 """s: the longest delay of the commands that a slider gives."""
@@ -35,12 +36,15 @@ class Prepared:
         document: the file's tables with what was added. folder: where its vehicle paths start.
         scenario: what the tables mean, under the file's own law.
         push: beginning of the paths of the push.
+        planned: whether the reference depends on the duration of the file, which the flight and what is saved of it
+            then keep.
     """
 
     document: Mapping[str, Any]
     folder: Path
     scenario: Scenario
     push: str
+    planned: bool
 
     def under(self, law: str | None) -> Scenario:
         """The scenario under a law by name; None is the file's own.
@@ -48,20 +52,19 @@ class Prepared:
         Raises:
             ScenarioError: no such law, or one that does not fit the vehicle.
         """
-        return scenario_from(under_law(self.document, law), self.folder)
+        return self.scenario if law is None else scenario_from(under_law(self.document, law), self.folder)
 
 
 def read_document(name: str) -> tuple[dict[str, Any], Path]:
     """Tables of a scenario file or a shipped scenario, and its folder.
 
     Raises:
-        ScenarioError: one line.
+        ScenarioError: one line. OSError: no such file.
     """
-    scenario = load_scenario(name)
     if name in list_scenarios():
         return read_toml((LIBRARY / f"{name}.toml").read_bytes()), Path()
     if Path(name).suffix != ".toml":
-        raise ScenarioError(f"scenario = {shown(name)}: must be a .toml file or a name, since {scenario.name} is a log")
+        raise ScenarioError(f"scenario = {shown(name)}: must be a .toml file or a name of a shipped scenario")
     return read_toml(Path(name).read_bytes()), Path(name).parent
 
 
@@ -72,8 +75,10 @@ def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
         ScenarioError: the document is no scenario.
     """
     plain = scenario_from(document, folder)
+    planned = _is_planned(plain, document, folder)
     ready = copy.deepcopy(dict(document))
-    ready["duration"] = max(plain.duration, LONGEST)
+    if not planned:
+        ready["duration"] = max(plain.duration, LONGEST)
     environment = ready.setdefault("environment", {})
     if environment.get("wind", {}).get("mode", "none") == "none":
         environment["wind"] = {"mode": "force_wind"}
@@ -83,7 +88,17 @@ def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
     delays = ready.setdefault("delays", {})
     if plain.plant == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
         delays["longest_command"] = max(plain.delays.longest, LONGEST_DELAY)
-    return Prepared(ready, Path(folder), scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}")
+    scenario, push = scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}"
+    return Prepared(ready, Path(folder), scenario, push, planned)
+
+
+def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.PathLike[str]) -> bool:
+    """Whether a longer flight has another reference, as one of joints or a path time planned ahead has, or none."""
+    try:
+        longer = scenario_from({**document, "duration": plain.duration + 1.0}, folder)
+        return bool((plain.trajectory, plain.path_time) != (longer.trajectory, longer.path_time))
+    except ValueError:
+        return True
 
 
 def _faults(scenario: Scenario) -> list[dict[str, Any]]:
@@ -108,11 +123,13 @@ def flown_document(
     Args:
         prepared: what was flown.
         law: by name; None is the file's own.
-        duration: s that were flown.
+        duration: s that were flown; a reference that is planned keeps the duration that it was planned for.
         paths: numbers that were changed.
         folder: where the tables are going to be written; paths of vehicles are made to start there.
     """
     document = copy.deepcopy(dict(prepared.document))
+    if prepared.planned:
+        duration = document["duration"]
     document["duration"] = duration
     environment = document["environment"]
     if not any(path.startswith(prepared.push) for path in paths):
@@ -140,9 +157,10 @@ def flown_document(
 
 
 def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
-    """The tables with a law by name in place of their own, if one is given; its layers stay."""
+    """The tables with a law by name in place of their own, if one is given; its layers stay, changes of it do not."""
     if law is None:
         return dict(document)
+    changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
     layers = {word: value for word, value in document["controller"].items() if word in LAYERS}
     name = full_name(law)
     if name in PRESETS:
@@ -151,7 +169,8 @@ def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
         chosen = {"law": name}
     else:
         chosen = {"law": name.removesuffix(TUNED), "tuned": True}
-    return {**document, "controller": {**chosen, **layers}}
+    kept = {word: value for word, value in document.items() if word != "changes"}
+    return {**kept, "controller": {**chosen, **layers}, **({"changes": changes} if changes else {})}
 
 
 def _ends(windows: Mapping[str, Any]) -> list[float]:

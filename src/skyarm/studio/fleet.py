@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.documents import Prepared, prepare, read_document
 from skyarm.studio.flight import Flight
@@ -153,8 +154,12 @@ def load_fleet(source: str) -> Fleet:
     Raises:
         ScenarioError: one line.
     """
-    document, folder = read_document(source)
-    return Fleet(prepare(document, folder), source)
+    try:
+        document, folder = read_document(source)
+        return Fleet(prepare(document, folder), source)
+    except (ValueError, OSError):
+        load_scenario(source)  # refuses it with the name of the file
+        raise
 
 
 def make_flight(prepared: Prepared, law: str | None) -> Flight:

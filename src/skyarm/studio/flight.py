@@ -11,11 +11,10 @@ from typing import Any
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.drawing.pose_program import Placed, PoseProgram
 from skyarm.dynamics import State
-from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.session import Session
-from skyarm.studio.sights import Sight, goal_of, sight
+from skyarm.studio.sights import Load, Sight, goal_of, held_loads, sight
 
 SAMPLES = 20.0
 """Hz of what the plots keep."""
@@ -82,13 +81,11 @@ class Flight:
         return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
 
     @property
-    def payload(self) -> float:
-        """Mass that a hand has hung at the tip, and of the payloads that are held, kg."""
+    def loads(self) -> tuple[Load, ...]:
+        """Payloads that are held, and the mass that a hand has hung at the tip."""
         scenario, mass = self.session.scenario, self.values.get("plant.payload.mass", 0.0)
-        if not scenario.payloads:
-            return mass
-        pairs = zip(scenario.components, self.session.now.components, strict=True)
-        return mass + sum(float(c.mass) * float(m.held) for c, m in pairs if isinstance(c, TimedPayload))
+        held = held_loads(scenario.components, self.session.now.components) if scenario.payloads else ()
+        return (*held, Load(mass)) if mass > 0.0 else held
 
     def placed(self, state: State) -> Placed:
         """Where the bodies are in a state."""

@@ -11,6 +11,7 @@ from skyarm.records.leaves import Place, is_record, parts
 from skyarm.records.replace_parts import part
 from skyarm.records.units import Unit, units
 from skyarm.reference import Trajectory
+from skyarm.reference.polynomials import Polynomials
 from skyarm.scenario.names_of_fields import names
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.places import places_of
@@ -157,7 +158,8 @@ def _of_tree(tree: Any, path: str) -> Iterator[str]:
 
 def _below(value: Any, path: str) -> Iterator[str]:
     """Paths of the numbers of a record by its words, the file's before the record's."""
-    if isinstance(value, bool) or value is None or isinstance(value, str):
+    # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
+    if value is None or isinstance(value, (bool, str, Polynomials)):
         return
     if isinstance(value, (int, float)):
         yield path

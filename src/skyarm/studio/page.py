@@ -35,17 +35,19 @@ class Page:
 
     Args:
         server: of viser.
-        source: scenario by name or file. laws: to begin with; None is the scenario's own.
+        fleet: to begin with, without flights. laws: that they shall have; None is the scenario's own.
         out: folder of saved scenarios. plain: without shadows.
     """
 
-    def __init__(self, server: Any, source: str, laws: Sequence[str | None], out: Path, *, plain: bool = False) -> None:
+    def __init__(
+        self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path, *, plain: bool = False
+    ) -> None:
         self._server, self._out = server, out
         self._orders: SimpleQueue[Work] = SimpleQueue()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="machine code")
         self._stopped = threading.Event()
         self._moves: dict[int | None, dict[str, float]] = {}
-        self.fleet = load_fleet(source)
+        self.fleet = fleet
         self._words = ""
         self._making = 0
         self._turn = 0
@@ -237,7 +239,8 @@ class Page:
     def _status(self) -> str:
         """What is measured now, in words."""
         fleet = self.fleet
-        state = f"{fleet.time:.2f} s, {'playing' if fleet.playing else 'paused'}, {fleet.speed:g}x"
+        clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
+        state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
         lines = [f"**{literal(fleet.prepared.scenario.title or fleet.source)}**", state]
         for flight in fleet.flights:
             last = flight.last

@@ -8,22 +8,23 @@ from collections.abc import Sequence
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.controls import law_names
-from skyarm.studio.fleet import MOST, load_fleet
+from skyarm.studio.fleet import MOST, Fleet, load_fleet
 
 
-def require_laws(source: str, laws: Sequence[str]) -> None:
-    """Refuse a scenario or laws that cannot be flown, before a page is opened.
+def fleet_under(source: str, laws: Sequence[str]) -> Fleet:
+    """The fleet of a scenario, refused before a page is opened where it or one of the laws cannot be flown.
 
     Raises:
         ScenarioError: one line.
     """
     if len(laws) > MOST:
         raise ScenarioError(f"--controller = {shown(list(laws))}: must be at most {MOST} laws at once")
-    prepared = load_fleet(source).prepared
+    fleet = load_fleet(source)
     for law in laws:
         if law not in law_names():
             raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law, 'skyarm list')}")
-        prepared.under(law)
+        fleet.prepared.under(law)
+    return fleet
 
 
 def literal(text: str) -> str:

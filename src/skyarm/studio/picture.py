@@ -15,7 +15,7 @@ from skyarm.drawing.world_shapes import ground_height, point_shapes, world_shape
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.studio.arrows import TRAIL, Arrows, trail
 from skyarm.studio.flight import Flight
-from skyarm.studio.scene import COLORS, GHOST, VehicleNodes
+from skyarm.studio.scene import COLORS, GHOST, STILL, VehicleNodes
 from skyarm.studio.sights import goal_of
 from skyarm.studio.world_nodes import TouchArrows, WorldNodes
 
@@ -31,14 +31,19 @@ class View:
     """What of the picture is shown.
 
     Attributes:
-        beside: vehicles beside each other, not over each other. ghost, arrows, trails: whether they are drawn.
+        beside: vehicles beside each other, not over each other. follow: the camera goes along with the first vehicle.
+        ghost, arrows, trails: whether they are drawn.
     """
 
     beside: bool = False
+    follow: bool = False
     ghost: bool = True
     arrows: bool = True
     trails: bool = True
 
+
+STAGE = "/stage"
+"""Node on which all others hang. A camera follows by its moving the other way: what each tab turns stays its own."""
 
 VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
 """m from the vehicle, from where a new tab may look at it."""
@@ -68,7 +73,11 @@ class Picture:
             self._scene.configure_environment_map(None)
             self._scene.add_light_ambient("/light", intensity=1.5)
         shade = 0.0 if plain else 0.15
-        self._ground = self._scene.add_grid("/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade)
+        self._stage = self._scene.add_frame(STAGE, show_axes=False)
+        self._origin, self._moved = np.zeros(3), np.zeros(3)
+        self._ground = self._scene.add_grid(
+            f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade
+        )
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
         """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
@@ -79,19 +88,25 @@ class Picture:
         vehicle, state = scenario.world.vehicle, first_state(scenario)
         program = PoseProgram(vehicle)
         placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
+        self._origin = placed.positions[0]
+        self._follow(self._origin)
         self._vehicles, self._arrows, self._trails, self._labels = [], [], [], []
         points = point_shapes(scenario.contacts, vehicle)
         for i, title in enumerate(titles):
-            nodes = VehicleNodes(self._scene, f"/law{i + 1}", vehicle, COLORS[i], plain=self._plain, points=points)
+            nodes = VehicleNodes(
+                self._scene, f"{STAGE}/law{i + 1}", vehicle, COLORS[i], plain=self._plain, points=points
+            )
             nodes.tilt(state.tilts)
             nodes.place(placed, self._beside(i))
             self._vehicles.append(nodes)
-            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", vehicle, placed.positions[0]))
+            self._arrows.append(Arrows(self._scene, f"{STAGE}/arrows{i + 1}", vehicle, placed.positions[0]))
             still = np.repeat(placed.tip[None, None], 2, axis=1).astype(np.float32)
-            self._trails.append(self._scene.add_line_segments(f"/trail{i + 1}", still, COLORS[i], thickness=0.004))
+            self._trails.append(
+                self._scene.add_line_segments(f"{STAGE}/trail{i + 1}", still, COLORS[i], thickness=0.004)
+            )
             above = placed.positions[0] + self._above(i)
-            self._labels.append(self._scene.add_label(f"/label{i + 1}", title, position=above))
-        self._ghost = VehicleNodes(self._scene, "/ghost", vehicle, GHOST, plain=True, opacity=0.25)
+            self._labels.append(self._scene.add_label(f"{STAGE}/label{i + 1}", title, position=above))
+        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, GHOST, plain=True, opacity=0.25)
         self._ghost.place(goal_of(program, scenario.trajectory.at(0.0)), np.zeros(3))
         self._lost = [False] * len(titles)
         self._build_world(scenario, placed.tip, len(titles))
@@ -105,10 +120,10 @@ class Picture:
         starts = [contact.start(0.0, ()) for contact in scenario.contacts]
         carried = held_poses(scenario.contacts, starts)
         for i in range(count if scenario.contacts else 0):
-            name, beside = f"/world{i + 1}", np.array([0.0, APART * i, 0.0])
+            name, beside = f"{STAGE}/world{i + 1}", np.array([0.0, APART * i, 0.0])
             self._worlds.append(WorldNodes(self._scene, name, scenario, carried, place, beside, plain=self._plain))
             if pairs:
-                self._touches.append(TouchArrows(self._scene, f"/touches{i + 1}", pairs, place))
+                self._touches.append(TouchArrows(self._scene, f"{STAGE}/touches{i + 1}", pairs, place))
         self._show_world()
 
     def _show_world(self) -> None:
@@ -147,6 +162,7 @@ class Picture:
             placed, speeds = flight.placed(state), np.array([float(w) for w in state.rotor_speeds])
             nodes = self._vehicles[i]
             nodes.place(placed, beside)
+            nodes.carry(flight.loads, placed)
             if flight.session.running:
                 nodes.tilt(state.tilts)
                 nodes.spin(speeds, seconds)
@@ -156,6 +172,8 @@ class Picture:
                 self._draw_world(i, flight, beside, slow)
             if slow:
                 self._slowly(i, flight, placed.positions[0] + beside, beside)
+            if i == 0:
+                self._follow(placed.positions[0])
         if slow and flights and self._ghost is not None and self.view.ghost:
             self._ghost.place(flights[0].goal(), np.zeros(3))
 
@@ -168,13 +186,18 @@ class Picture:
         if self.view.arrows and self._touches:
             self._touches[i].point(flight.last.touching, beside)
 
+    def _follow(self, place: Array) -> None:
+        """Keep the first vehicle, (3,) m, where the camera first saw it; without following, the ground."""
+        moved = self._origin - place if self.view.follow else np.zeros(3)
+        if np.abs(moved - self._moved).max() > STILL:
+            self._stage.position = self._moved = moved
+
     def hurry(self) -> None:
         """Draw all of the next picture: a hand has moved something."""
         self._frame = -1
 
     def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:
         """What need not move sixty times a second."""
-        self._vehicles[i].carry(flight.payload)
         if self.view.trails:
             self._trails[i].points = trail(flight.seen(TRAIL), beside)
         lost = bool(flight.lost)

@@ -33,7 +33,9 @@ def saved_document(fleet: Fleet, flight: Flight, folder: Path) -> dict[str, Any]
     document = flown_document(fleet.prepared, flight.law, ticks / fleet.rate, paths, folder)
     document["name"] = f"{fleet.prepared.scenario.name}_{flight.title}"
     document["title"] = f"{fleet.prepared.scenario.title or fleet.prepared.scenario.name}, flown by hand"
-    changes = as_changes(moved, fleet.rate)
+    # those of the file first: of one period they take hold before a hand moves anything
+    changes = [*(each for each in document.pop("changes", ()) if each["at"] < document["duration"])]
+    changes += as_changes(moved, fleet.rate)
     return {**document, "changes": changes} if changes else document
 
 

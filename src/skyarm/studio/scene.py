@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from skyarm.drawing.pose_program import Array, Placed, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
 from skyarm.drawing.tilted_rotors import disc_name, rotor_turns
 from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
+from skyarm.studio.sights import Load
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -68,7 +70,8 @@ class VehicleNodes:
                 self._discs[shape.name] = node
         self._blades = None if opacity is not None or not vehicle.rotors else self._add_blades()
         self._turned = np.zeros(len(vehicle.rotors))
-        self._payload: tuple[float, Any] = (0.0, None)
+        self._loads: tuple[tuple[float, str], ...] = ()
+        self._balls: list[tuple[Any, Any]] = []
         self._color = tuple(color)
 
     def _add(self, shape: Shape, color: Sequence[int]) -> Any:
@@ -148,15 +151,36 @@ class VehicleNodes:
                 lift = turn @ np.array(turn_onto((float(axis.x), float(axis.y), float(axis.z))))
                 self._lifts[i], self._ups[i] = quaternions_of(lift[None])[0], lift[:, 2]
 
-    def carry(self, mass: float) -> None:
-        """Show a payload at the tip, kg; none where it weighs nothing."""
-        held, node = self._payload
-        if mass == held or not self._vehicle.end_effector:
-            return
-        if node is not None:
-            node.remove()
-        shown = self._add(payload_shape(self._vehicle, mass), self._color) if mass > 0.0 else None
-        self._payload = (mass, shown)
+    def carry(self, loads: Sequence[Load], placed: Placed) -> None:
+        """Show payloads where they are held, or where they hang on their cords.
+
+        Args:
+            loads: that are held.
+            placed: where the bodies are.
+        """
+        loads = [each for each in loads if each.frame or self._vehicle.end_effector]
+        shapes = [payload_shape(self._vehicle, each.mass, each.frame, each.com) for each in loads]
+        if (held := tuple((each.mass, each.frame) for each in loads)) != self._loads:
+            for node in (node for pair in self._balls for node in pair if node is not None):
+                node.remove()
+            self._balls = [self._add_ball(i, *pair) for i, pair in enumerate(zip(shapes, loads, strict=True))]
+            self._loads = held
+        for shape, load, (ball, cord) in zip(shapes, loads, self._balls, strict=True):
+            R, p = placed.rotations[1 + shape.body], placed.positions[1 + shape.body]
+            if load.hangs is not None and np.isfinite(R).all() and np.isfinite(p).all():
+                at = (load.hangs - p) @ R
+                ball.position = at - shape.position
+                cord.points = np.array([[shape.position, at]], np.float32)
+
+    def _add_ball(self, number: int, shape: Shape, load: Load) -> tuple[Any, Any]:
+        """Ball of a payload, and its cord if it hangs on one."""
+        name = f"payload{number + 1}"
+        ball = self._add(replace(shape, name=name), self._color)
+        if load.hangs is None:
+            return ball, None
+        points = np.array([[shape.position, shape.position]], np.float32)
+        cord = self._scene.add_line_segments(f"{self._name}/{shape.body}/{name}_cord", points, GREY, thickness=0.003)
+        return ball, cord
 
     def mark(self, lost: bool) -> None:
         """Colour the vehicle as lost, or as its law."""

@@ -9,12 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact import Contact
 from skyarm.contact.carried_contact import NOBODY
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.drawing.pose_program import Array, Placed, PoseProgram
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment import TimedPayload
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
@@ -110,6 +111,36 @@ def sight(session: Flown, program: PoseProgram) -> Sight:
         if scenario.contacts
         else (),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A payload that is held now.
+
+    Attributes:
+        mass: kg. frame: that holds it; empty for the tip. com: m, axes of the frame.
+        hangs: (3,) m, world axes, where it is on its cord; None of one that the frame holds itself.
+    """
+
+    mass: float
+    frame: str = ""
+    com: Vec3 = ZERO3
+    hangs: Array | None = None
+
+
+def held_loads(components: Sequence[Any], memories: Sequence[Any]) -> tuple[Load, ...]:
+    """Payloads that are held.
+
+    Args:
+        components: of the scenario.
+        memories: one for each.
+    """
+    found = []
+    for each, memory in zip(components, memories, strict=True):
+        if isinstance(each, TimedPayload) and float(memory.held) > 0.5:
+            hangs = None if each.rigid else np.array([float(c) for c in memory.position])
+            found.append(Load(float(each.mass), each.frame, each.com, hangs))
+    return tuple(found)
 
 
 def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:

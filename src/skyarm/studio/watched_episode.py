@@ -13,7 +13,6 @@ from typing import Any
 
 from skyarm.drawing.pose_program import Placed, PoseProgram
 from skyarm.dynamics import State
-from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studio.arrows import TRAIL
@@ -21,7 +20,7 @@ from skyarm.studio.guard import LOOPBACK, Guard
 from skyarm.studio.page_words import literal
 from skyarm.studio.picture import Picture
 from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
-from skyarm.studio.sights import Sight, goal_of, sight
+from skyarm.studio.sights import Load, Sight, goal_of, held_loads, sight
 
 FRAME = 1.0 / 30.0
 """s of wall time between two pictures."""
@@ -84,10 +83,9 @@ class WatchedEpisode:
         return self._seen[-1]
 
     @property
-    def payload(self) -> float:
-        """Mass of the payloads that are held, kg."""
-        pairs = zip(self.scenario.components, self.now.components, strict=True)
-        return sum(float(c.mass) * float(m.held) for c, m in pairs if isinstance(c, TimedPayload))
+    def loads(self) -> tuple[Load, ...]:
+        """Payloads that are held."""
+        return held_loads(self.scenario.components, self.now.components)
 
     def placed(self, state: State) -> Placed:
         """Where the bodies are in a state."""

@@ -28,7 +28,7 @@ from skyarm.vehicle.schema_tables import (
     PoseTable,
 )
 from skyarm.vehicle.stops import with_stops
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame, MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
 SOURCES = ("urdf", "mjcf", "airframe")
 """Fields of which one may stand in place of ``base`` and ``links``."""
@@ -63,7 +63,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         bodies = attach(bodies, _with_armature(arm, table.armature), at)
     bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
     frames = tuple(_frame(table, bodies) for table in file.frames)
-    links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
+    links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     drives = _drives(file, referred)
     links = tuple(with_limits_of_drives(links, drives, _stating(file, "effort_limit")))
     airframe = referred.airframe
@@ -80,7 +80,8 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
             *(() if airframe is None else airframe.rotors),
             *(rotor_of(table, file.rotor_defaults) for table in file.rotors),
         ),
-        frames=frames,
+        frames=tuple(each for each in fixed if not isinstance(each, Look)),
+        looks=tuple(each for each in fixed if isinstance(each, Look)),
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
         drives=drives,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.vehicle import description
@@ -10,7 +11,7 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
 from skyarm.vehicle.linkage import BASE, Body, Link
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,9 @@ class Mount:
     position: Vec3
     prefix: str = ""
     field: str = "attach"
+
+
+FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
@@ -68,10 +72,11 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
     first = len(airframe.links)
 
-    def moved(frame: Frame) -> Frame:
-        if frame.link == BASE:
-            return posed_in(seat, frame.rotation, frame.position, frame.name)
-        return replace(frame, link=first + frame.link)
+    def moved(frame: FrameOrLook) -> FrameOrLook:
+        if frame.link != BASE:
+            return replace(frame, link=first + frame.link)
+        at = posed_in(seat, frame.rotation, frame.position, frame.name)
+        return replace(frame, link=at.link, position=at.position, rotation=at.rotation)
 
     def carried(link: Link) -> Link:
         if link.parent != BASE:
@@ -98,6 +103,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         (*airframe.frames, *root, *map(moved, named.frames)),
         {**airframe.mimics, **named.mimics},
         (*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes)),
+        (*airframe.looks, *map(moved, named.looks)),
     )
 
 
@@ -108,7 +114,9 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
         each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
         for each in vehicle.followers
     }
-    return RigidBodies(vehicle.name, "base", vehicle.base, vehicle.moving, vehicle.frames, mimics, vehicle.notes)
+    return RigidBodies(
+        vehicle.name, "base", vehicle.base, vehicle.moving, vehicle.frames, mimics, vehicle.notes, vehicle.looks
+    )
 
 
 def _renamed(arm: RigidBodies, prefix: str) -> RigidBodies:

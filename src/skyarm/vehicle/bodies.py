@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from skyarm.vehicle.couple import Mimic
 from skyarm.vehicle.linkage import Body, Link
-from skyarm.vehicle.vehicle_records import Frame
+from skyarm.vehicle.vehicle_records import Frame, Look
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,7 @@ class RigidBodies:
         frames: one for each link that a fixed joint merged into another.
         mimics: name of a joint that follows another one -> how; no joint does if empty.
         notes: what its reader left out or took in another way, a line each.
+        looks: meshes of its links.
     """
 
     name: str
@@ -30,3 +31,4 @@ class RigidBodies:
     frames: tuple[Frame, ...]
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    looks: tuple[Look, ...] = ()

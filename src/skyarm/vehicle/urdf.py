@@ -25,9 +25,9 @@ from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.urdf_joints import displaced, fixed_at, kind_of_joint, read_joint, read_mimics, resting
-from skyarm.vehicle.urdf_meshes import note_meshes
+from skyarm.vehicle.urdf_meshes import looks_of
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.vehicle.xml_fields import child, numbers, read_xml, required
+from skyarm.vehicle.xml_fields import child, origin_of, read_xml, required
 
 MIMIC = ("lock", "couple")
 """What becomes of joints that follow others: fixed where they rest, or moved with their leaders."""
@@ -80,8 +80,7 @@ def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
     for tag, count in Counter(str(element.tag) for element in robot).items():
         if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
             notes.add(f"<{tag}> ({count}): not read")
-    note_meshes(robot, Path(path), notes)
-    return _bodies(robot, mimic, notes)
+    return _bodies(robot, mimic, notes, Path(path))
 
 
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
@@ -97,13 +96,14 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
         base=bodies.base,
         links=bodies.links,
         frames=bodies.frames,
+        looks=bodies.looks,
         end_effector=tip,
         notes=bodies.notes,
     )
     return with_stops(with_smooth_friction(made, [link.joint.name for link in made.links]))
 
 
-def _bodies(robot: ET.Element, mimic: str, notes: Notes) -> RigidBodies:
+def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:
     tree = _read_tree(robot)
     roots = [name for name in tree.links if name not in tree.above]
     parents = {name: _end(joint, "parent", tree.links) for name, joint in tree.above.items()}
@@ -117,7 +117,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes) -> RigidBodies:
     frames: list[Frame] = []
     for name in order:
         joint, seat = tree.above[name], seats[parents[name]]
-        R, p = _origin(joint, f"joint[{joint.get('name')}]")
+        R, p = origin_of(joint, f"joint[{joint.get('name')}]")
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
         value = _held_at(joint, tree, mimic, notes)
         if value is not None:
@@ -130,11 +130,16 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes) -> RigidBodies:
         moving.append(Link(name=name, parent=seat.body, joint=read_joint(joint, R, p, notes), body=Body(mass=0)))
         parts.append(_inertial(tree.links[name]))
         seats[name] = _Seat(len(moving) - 1, Mat3.identity(), ZERO3)
+    looks = [
+        replace(look, link=seat.body, position=seat.position + seat.rotation.apply(look.position),
+                rotation=description.rotation(seat.rotation @ look.rotation))
+        for name, seat in seats.items() for look in looks_of(tree.links[name], path, notes)
+    ]  # fmt: skip
     base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in parts)
     made = tuple(replace(link, body=body) for link, body in zip(moving, bodies, strict=True))
     mimics = dict(tree.mimics) if mimic == "couple" else {}
     kept = {link.joint.name: mimics[link.joint.name] for link in made if link.joint.name in mimics}
-    return RigidBodies(robot.get("name") or "urdf", root, base, made, tuple(frames), kept, notes.lines())
+    return RigidBodies(robot.get("name") or "urdf", root, base, made, tuple(frames), kept, notes.lines(), tuple(looks))
 
 
 def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float | None:
@@ -213,17 +218,10 @@ def _inertial(link: ET.Element) -> list[Body]:
     if mass < 0.0:
         refuse(f"{field}.mass", mass, "must be at least 0")
     entries = required(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
-    R, p = _origin(inertial, field)
+    R, p = origin_of(inertial, field)
     return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotated(R))]
 
 
 def _seated(body: Body, R: Mat3, p: Vec3) -> Body:
     """A body given in a merged link's frame, in the frame of the link that carries it."""
     return Body(mass=body.mass, com=p + R.apply(body.com), inertia=body.inertia.rotated(R), planar=body.planar)
-
-
-def _origin(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    origin = child(element, "origin", field)
-    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
-    rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
-    return description.rotation_rpy(rpy), description.vector(xyz)

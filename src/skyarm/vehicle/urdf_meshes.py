@@ -1,7 +1,6 @@
 """Mesh files that a URDF file draws its links by: where they are, by ``package://`` addresses too.
 
-skyarm draws a vehicle from its joints and frames. A mesh is named in the notes: whether its file is there, so that one
-sees what another program would draw.
+A link is drawn as its meshes where their STL files are there, else from its joints and frames, and the notes say so.
 """
 
 from __future__ import annotations
@@ -9,7 +8,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path, PurePosixPath
 
+from skyarm.algebra import Vec3
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.notes import Notes
+from skyarm.vehicle.vehicle_records import Look
+from skyarm.vehicle.xml_fields import numbers, origin_of
 
 PACKAGE, FILE = "package://", "file://"
 
@@ -42,10 +45,25 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
     return [root.joinpath(*inside) for root in roots]
 
 
-def note_meshes(robot: ET.Element, urdf: Path, notes: Notes) -> None:
-    """Note the links whose visual meshes are not there; those that are there are not drawn either."""
-    for link in robot.findall("link"):
-        for mesh in link.findall("visual/geometry/mesh"):
-            address = mesh.get("filename", "")
-            if mesh_file(address, urdf) is None:
-                notes.add("a mesh file is not there; it is drawn from its joints", link.get("name", ""), "link")
+def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
+    """Meshes of a link's visuals, in the link's own axes; one that cannot be drawn is noted.
+
+    Args:
+        link: of the file.
+        urdf: the file.
+        notes: of its reader.
+    """
+    name, found = link.get("name", ""), []
+    for visual in link.findall("visual"):
+        for mesh in visual.findall("geometry/mesh"):
+            file, field = mesh_file(mesh.get("filename", ""), urdf), f"link[{name}].visual"
+            if file is None:
+                notes.add("a mesh file is not there; it is drawn from its joints", name, "link")
+                continue
+            if file.suffix.lower() != ".stl":
+                notes.add("a mesh file is no .stl; it is drawn from its joints", name, "link")
+                continue
+            rotation, position = origin_of(visual, field)
+            scale = Vec3(*numbers(mesh, "scale", f"{field}.mesh", (1.0, 1.0, 1.0)))
+            found.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
+    return found

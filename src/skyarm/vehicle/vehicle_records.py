@@ -102,6 +102,23 @@ class Frame:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Look(Frame):
+    """A mesh that a link looks like, at a pose in it; it has no mass and touches nothing.
+
+    Attributes:
+        name: of the link in the file that describes it.
+        file: path of an STL file. scale: of its numbers along its axes, to m.
+    """
+
+    file: str
+    scale: Annotated[Vec3, Unit("m", "of one of the file's numbers, along its axes")] = Vec3(1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        Frame.__post_init__(self)
+        accept(self, f"looks[{self.name}]", file=coerce.text, scale=coerce.vector)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class BodyDrag:
     """Drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
 
@@ -149,6 +166,7 @@ class Vehicle:
         drag: drag of the airframe in moving air.
         drives: of the joints whose setpoint is not the torque.
         battery: that the rotors run on; None for a supply that never sags.
+        looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: what the reader of its file left out or took in another way, a line each.
     """
@@ -163,6 +181,7 @@ class Vehicle:
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
@@ -172,7 +191,7 @@ class Vehicle:
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
         accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
-        accept(self, "vehicle", notes=coerce.several(str))
+        accept(self, "vehicle", notes=coerce.several(str), looks=coerce.several(Look))
         check.vehicle(self)
 
     @property

@@ -8,6 +8,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra import Mat3, Vec3
+from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
 
 
@@ -71,3 +73,11 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
     if not (math.isfinite(value) or (infinite and math.isinf(value))):
         refuse(field, text, "must be a number" if infinite else "must be a finite number")
     return value
+
+
+def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
+    """Rotation and position (m) that an element's <origin> states; none without one."""
+    origin = child(element, "origin", field)
+    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
+    return description.rotation_rpy(rpy), description.vector(xyz)

@@ -27,7 +27,7 @@ COLORS = {
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
     """A visualization_msgs/Marker for each shape, fixed to the frame of its body."""
-    return [_marker(i, shape, frames) for i, shape in enumerate(vehicle_shapes(vehicle))]
+    return [_marker(i, shape, frames) for i, shape in enumerate(vehicle_shapes(vehicle, meshes=False))]
 
 
 def _marker(number: int, shape: Shape, frames: Frames) -> dict[str, Any]:

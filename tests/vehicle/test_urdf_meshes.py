@@ -1,0 +1,112 @@
+"""Links of a URDF file as the meshes that it names: where they are, in which size, and what is drawn without them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skyarm import load_vehicle
+from skyarm.drawing.meshes import mesh_of
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.plant.mujoco_model import build_spec
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+CORNERS = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0], [0.0, 0.0, 300.0]])
+
+
+def tetrahedron() -> str:
+    """An STL file as text, in millimetres."""
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    facets = "".join(
+        "facet normal 0 0 0 outer loop "
+        + " ".join("vertex " + " ".join(map(str, CORNERS[i])) for i in face)
+        + " endloop endfacet "
+        for face in faces
+    )
+    return f"solid x {facets} endsolid x"
+
+
+def visual(origin: str = "", scale: str = "0.001 0.001 0.001", name: str = "part.stl") -> str:
+    return f'<visual>{origin}<geometry><mesh filename="{name}" scale="{scale}"/></geometry></visual>'
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A base, a link of two meshes, one of which a fixed joint carries, and a link whose mesh is of another kind."""
+    (tmp_path / "part.stl").write_text(tetrahedron())
+    (tmp_path / "part.dae").write_text("")
+    turned = '<origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
+    text = f"""<robot name="r">
+    <link name="root">{INERTIAL}{visual()}</link>
+    <link name="upper">{INERTIAL}{visual(turned)}</link><link name="cover">{visual(scale="-0.002 0.001 0.001")}</link>
+    <link name="lower">{INERTIAL.replace('<mass', '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
+    <joint name="a" type="revolute"><parent link="root"/><child link="upper"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+    <joint name="f" type="fixed"><parent link="upper"/><child link="cover"/><origin xyz="0 0.5 0"/></joint>
+    <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.4"/>
+      <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    path = tmp_path / "r.urdf"
+    path.write_text(text)
+    return path
+
+
+def meshes(vehicle: Vehicle) -> dict[str, tuple[int, np.ndarray]]:
+    """Body and vertices of the meshes that are drawn, by their links."""
+    shapes = [shape for shape in vehicle_shapes(vehicle) if shape.kind == "mesh"]
+    return {shape.name.split("/")[1]: (shape.body, mesh_of(shape)[0]) for shape in shapes}
+
+
+def corners(points: np.ndarray) -> set[tuple[float, ...]]:
+    return {tuple(np.round(point, 9) + 0.0) for point in points}
+
+
+def test_links_are_drawn_as_their_meshes_where_the_files_are(file: Path) -> None:
+    vehicle = load_vehicle(file)
+    found = meshes(vehicle)
+    assert {name: body for name, (body, _) in found.items()} == {"root": BASE, "upper": 0, "cover": 0}
+    assert corners(found["root"][1]) == corners(1e-3 * CORNERS)
+    x, y, z = (1e-3 * CORNERS).T
+    assert corners(found["upper"][1]) == corners(np.stack([-y, x, z + 0.1], axis=1))
+    assert corners(found["cover"][1]) == corners(np.stack([-2.0 * x, y + 0.5, z], axis=1))
+    names = [shape.name for shape in vehicle_shapes(vehicle)]
+    assert "hull" not in names
+    assert not [name for name in names if name.startswith("link/upper")]
+    assert "a mesh file is no .stl; it is drawn from its joints" in " ".join(vehicle.notes)
+    assert [name for name in names if name.startswith("link/lower")], "it has no mesh that can be drawn"
+    # who draws no meshes has the guesses
+    assert "hull" in [shape.name for shape in vehicle_shapes(vehicle, meshes=False)]
+    build_spec(vehicle, 9.81).compile()
+
+
+def test_a_mirrored_mesh_keeps_its_outside(file: Path) -> None:
+    for shape in vehicle_shapes(load_vehicle(file)):
+        if shape.kind == "mesh":
+            vertices, faces = mesh_of(shape)
+            a, b, c = (vertices[faces[:, i]] for i in range(3))
+            volume = np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0
+            expected = abs(math.prod(shape.size)) * 1e6  # of the tetrahedron, mm^3
+            assert volume == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_arm_on_an_airframe_takes_its_meshes_along(file: Path) -> None:
+    own = file.with_name("own.toml")
+    own.write_text(
+        'schema = 1\nname = "own"\nairframe = "hummingbird"\n'
+        '[[attach]]\narm = "r.urdf"\nto = "base"\nposition = [0.0, 0.0, -0.1]\nprefix = "p_"\n'
+    )
+    found, alone = meshes(load_vehicle(own)), meshes(load_vehicle(file))
+    assert {name: body for name, (body, _) in found.items()} == {"root": BASE, "upper": 0, "cover": 0}
+    assert corners(found["root"][1]) == corners(1e-3 * CORNERS - [0.0, 0.0, 0.1])
+    assert corners(found["cover"][1]) == corners(alone["cover"][1])
+
+
+def test_a_file_that_has_gone_leaves_the_guesses(file: Path) -> None:
+    vehicle = load_vehicle(file)
+    gone = tuple(dataclasses.replace(look, file=f"{look.file}.gone") for look in vehicle.looks)
+    assert vehicle_shapes(dataclasses.replace(vehicle, looks=gone)) == vehicle_shapes(vehicle, meshes=False)
