@@ -14,6 +14,7 @@ from skyarm.control.blocks.lag_estimate import (
     CANDIDATES,
     IGNORED,
     LagGains,
+    PRIOR,
     LagMemory,
     estimate,
     first_lag,
@@ -50,18 +51,26 @@ def flown(
     noise=0.0,
     gust=None,
     free=(1.0, 1.0, 1.0),
+    isolated=1.0,
+    later=None,
     dt=DT,
     gains=GAINS,
     seed=4,
     disturbance=0.0,
 ):
-    """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second."""
+    """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second.
+
+    ``later``: a time (s) and the lag in periods that holds from then on.
+    """
     rng = np.random.default_rng(seed)
     n = round(seconds / dt)
     a = active * rng.normal(size=(n, 5))
     y = np.vstack([np.zeros((late, 5)), a[: n - late]])
     if arm_late is not None:
         y[:, 3:] = np.vstack([np.zeros((arm_late, 2)), a[: n - arm_late, 3:]])
+    if later is not None:
+        start = round(later[0] / dt)
+        y[start:] = a[start - later[1] : n - later[1]]
     # what the observer believes to disturb: part of what the model says, and told by its changes
     steps = disturbance * rng.normal(size=(n, 5))
     believed = np.cumsum(steps, axis=0)
@@ -77,7 +86,7 @@ def flown(
             joint_corrections=tuple(steps[k, 3:]),
         )
         measured = Rates(rate=Vec3(*rates[k, :3]), joint_rates=tuple(rates[k, 3:]))
-        memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, free, dt)
+        memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, free, isolated, dt)
     return memory
 
 
@@ -86,7 +95,7 @@ def test_of_the_first_measurement_nothing_is_learned_but_the_rates():
     told = Told(angular=Vec3(7.0, 8.0, 9.0), joints=(5.0, 6.0), angular_correction=Vec3(1.0, 1.0, 1.0),
                 joint_corrections=(1.0, 1.0))  # fmt: skip
     rates = (4.0, 3.0, 2.0, 1.0, -1.0)
-    after = learn(GAINS, first, told, Rates(rate=Vec3(*rates[:3]), joint_rates=rates[3:]), 0.0, (1.0,) * 3, DT)
+    after = learn(GAINS, first, told, Rates(rate=Vec3(*rates[:3]), joint_rates=rates[3:]), 0.0, (1.0,) * 3, 1.0, DT)
     assert after == dataclasses.replace(first, rates=rates, found=after.found)
     assert after.found == pytest.approx((0.0, 0.0))
 
@@ -128,9 +137,41 @@ def test_gusts_are_no_lag():
     assert lags(flown(0, gust=50.0, noise=0.01)) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_nothing_is_learned_while_an_actuator_is_at_its_limit():
-    held = flown(4, free=(1.0, 0.0, 1.0), seconds=2.0)
-    assert lags(held) == pytest.approx((0.0, 0.0), abs=1e-6)
+@pytest.mark.parametrize("late", sampled((6, 3, 8), 3))
+def test_a_lag_that_begins_late_is_found_as_soon_as_one_from_the_start(late):
+    """0.6 s after it began, however long there was none: evidence against it is bounded."""
+    assert lags(flown(0, later=(4.0, late), seconds=4.6)) == pytest.approx((late * DT, late * DT), abs=1e-3)
+
+
+def test_a_lag_that_ends_is_forgotten_as_soon():
+    assert lags(flown(6, later=(4.0, 0), seconds=4.6)) == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_no_lag_falls_further_behind_than_prices_alone_put_it():
+    memory = flown(0, seconds=4.0)
+    for bank in (memory.base, memory.arm):
+        paid = [mean + PRIOR * j for j, mean in enumerate(bank.means)]
+        assert max(paid) - min(paid) <= PRIOR * (CANDIDATES - 1) + 1e-12
+        assert paid[0] == min(paid)
+
+
+def test_a_lag_is_found_while_a_rotor_is_at_its_limit_but_later():
+    """What it was sent within its limits is known: a loop that swings from limit to limit finds its lag."""
+    free, soon, late = (0.0, 1.0, 1.0), (2.0, 4), 0.02
+    assert lags(flown(0, later=soon, free=free, seconds=2.6)) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert lags(flown(0, later=soon, free=free, seconds=5.5)) == pytest.approx((late, late), abs=1e-3)
+
+
+def test_a_lag_is_found_as_soon_while_a_joint_is_at_its_limit():
+    held, free = (flown(0, later=(2.0, 4), free=(1.0, share, 1.0), seconds=2.6) for share in (0.0, 1.0))
+    assert lags(held)[0] == pytest.approx(0.02, abs=1e-3)
+    assert held.base == free.base
+
+
+def test_in_contact_no_lag_is_learned_and_the_observers_disturbance_is_followed():
+    free, touching = (flown(4, isolated=share, seconds=1.0, disturbance=1.0) for share in (1.0, 0.0))
+    assert lags(touching) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert touching.disturbing == free.disturbing
 
 
 @pytest.mark.thorough

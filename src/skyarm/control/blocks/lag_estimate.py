@@ -8,9 +8,14 @@ exp(-sharpness (M_j - min M) / min M), the likelihood of residuals with normal n
 (``prior``), so that without evidence it is zero. Large residuals count little (``robust``; Geman, McClure 1985): a
 gust is one event, an oscillation many.
 
+A lag may begin at any time: no lag falls further behind the likeliest one than ``lead``, so that what was ruled out for
+minutes is found as quickly as what was never looked for (the bounded evidence of a cumulative sum test, Page 1954).
+The acceleration a(t) follows from the commands within the actuators' limits, so that it is known at a limit, too. Periods
+with a rotor at its limit count less (``at_limit``): a jump of the reference takes it there once, a loop that swings
+again and again.
+
 Where it ends: lags beyond the bank's longest count as that one; a lag of the sensors of position and attitude alone is
-not seen; nothing is learned while actuators are at their limits. Residuals of sliding and turning joints are added as
-they are, in m/s^2 and rad/s^2.
+not seen. Residuals of sliding and turning joints are added as they are, in m/s^2 and rad/s^2.
 """
 
 from __future__ import annotations
@@ -44,6 +49,12 @@ ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
 
 PRIOR, SHARPNESS = 0.005, 100.0
 """Price of each step of lag, of a mean that lies between 0 and 1; weight of the means' relative differences."""
+
+LEAD = PRIOR * (CANDIDATES - 1)
+"""Most that a mean and its price lie above the least: what prices alone come to, of a bank without evidence."""
+
+AT_LIMIT = 0.2
+"""Weight of a period in which a rotor was at its limit."""
 
 IGNORED = 0.002
 """Lag that changes nothing, s: what the middle of a control period and rounding leave."""
@@ -143,16 +154,22 @@ def _lags(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
 
 def estimate(bank: Bank, step: Any) -> Any:
     """Lag in seconds, the bank's lags being ``step`` apart."""
-    paid = [mean + PRIOR * j for j, mean in enumerate(bank.means)]
-    least = paid[0]
-    for each in paid[1:]:
-        least = minimum(least, each)
+    paid, least = _paid(bank.means)
     total: Any = 0.0
     weighted: Any = 0.0
     for j, each in enumerate(paid):
         weight = exp(-(SHARPNESS * divide(each - least, least + PRIOR)))
         total, weighted = total + weight, weighted + weight * float(j)
     return step * divide(weighted, total)
+
+
+def _paid(means: Sequence[Any]) -> tuple[list[Any], Any]:
+    """Means with the prices of their lags, and the least of them."""
+    paid = [mean + PRIOR * j for j, mean in enumerate(means)]
+    least = paid[0]
+    for each in paid[1:]:
+        least = minimum(least, each)
+    return paid, least
 
 
 def learn(
@@ -162,6 +179,7 @@ def learn(
     measurement: Measurement,
     started: Any,
     free: Sequence[Any],
+    isolated: Any,
     dt: Any,
 ) -> LagMemory:
     """The memory one period later.
@@ -172,7 +190,8 @@ def learn(
         told: accelerations of the model and corrections of the observer in the period that ended.
         measurement: at its end.
         started: 0 at the first measurement, of which nothing is learned.
-        free: 1 while no actuator was at its limit, of the base and each joint.
+        free: 1 while no actuator was at its limit, of the base and each joint; 0 stops the observer's disturbance.
+        isolated: 1 in free motion, 0 in contact, of which no lag is learned.
         dt: s.
     """
     running = where(started > 0.5, 1.0, 0.0)
@@ -186,9 +205,8 @@ def learn(
     measured = _in_row(memory.measured, seen, running, dt)
     band = _banded(believed)
     delayed = [band, *(memory.past[k - 1] for k in range(gains.stride, len(memory.past) + 1, gains.stride))]
-    keep: Any = running * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
-    for each in free:
-        keep = keep * each
+    weight = isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
+    keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
     here = _banded(measured)
     groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
     base, arm = (_bank(bank, here[part], [each[part] for each in delayed], keep, running * dt) for bank, part in groups)
@@ -237,5 +255,7 @@ def _bank(bank: Bank, seen: Sequence[Any], delayed: Sequence[Sequence[Any]], kee
         mean = mean + square
     size = minimum(mean * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
-    means = (old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True))
-    return Bank(means=tuple(means), scale=bank.scale + passed * (size - bank.scale))
+    means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
+    _, least = _paid(means)
+    bounded = (minimum(mean, least + (LEAD - PRIOR * j)) for j, mean in enumerate(means))
+    return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))

@@ -117,14 +117,14 @@ def centroidal(
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     unchanged = all_follow(memory.applied)
     free = tuple(where(unchanged, each, 0.0) for each in memory.free)
-    lag, trusted = memory.lag, memory.free
+    lag, isolated = memory.lag, (1.0,)
     if pressing is not None and par.interaction is not None and isinstance(held, InteractionMemory):
         rest = rested(par.interaction, held)  # a surface is no load, no friction and no lag
-        free, trusted = (tuple(mul(each, rest) for each in row) for row in (free, trusted))
+        free, isolated = (tuple(mul(each, rest) for each in row) for row in (free, isolated))
         held = dataclasses.replace(held, gap=demand.gap)
-    free, trusted = (unmoved(par.admittance, yields, row) for row in (free, trusted))
+    free, isolated = (unmoved(par.admittance, yields, row) for row in (free, isolated))
     if par.lag is not None and isinstance(lag, LagMemory):
-        lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
+        lag = learn(par.lag, lag, told, measurement, memory.started, memory.free, isolated[0], dt)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
