@@ -267,5 +267,5 @@ def test_lanes_are_drawn_once_begun_and_only_where_they_are_asked_for():
     with pytest.raises(skyarm.ScenarioError, match=r"render: must come after reset\(\)"):
         envs.render()
     # a single environment has no lanes to choose from
-    with pytest.raises(skyarm.ScenarioError, match="render_options: 'lanes': .*must be one of"):
+    with pytest.raises(skyarm.ScenarioError, match=r"render_options: 'lanes': .*must be one of"):
         Environment(**bare(render_mode="rgb_array", render_options={"lanes": [0]}))

@@ -136,6 +136,8 @@ def test_other_arguments_of_environments_are_refused():
         ({"num_envs": 10**9}, "num_envs = 1000000000: must be a whole number, at most 1000000"),
         ({"copy": "x"}, "copy = 'x': must be True or False"),
         ({"rewards": ["alive"]}, "rewards = .*: unknown argument; did you mean 'reward'"),
+        ({"render_option": {"width": 96}}, "unknown argument; did you mean 'render_options'"),
+        ({"width": 96}, "width = 96: unknown argument; .*there are .*, render_options"),
         ({"threads": 0}, "threads = 0"),
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):

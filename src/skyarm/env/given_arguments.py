@@ -66,13 +66,14 @@ def require_options(given: Any, known: Sequence[str]) -> None:
             raise ScenarioError(f"options = {shown(dict(given))}: {allowed}")
 
 
-def require_arguments(given: Mapping[str, Any], make: Callable[..., Any]) -> None:
-    """Refuse arguments of an environment that its task does not take.
+def require_arguments(given: Mapping[str, Any], make: Callable[..., Any], *also: str) -> None:
+    """Refuse arguments of an environment that its task does not take; ``also`` names those of the environment itself.
 
     Raises:
         ScenarioError: one line with the argument and those that there are.
     """
     known = [name for name in inspect.signature(make).parameters if name != "scenario"]
+    known += also
     for name, value in given.items():
         if name not in known:
             meant = did_you_mean(name, known)

@@ -54,7 +54,7 @@ class Environment(gymnasium.Env[Array, Array]):
         self.page: LanePage | None = None
         pictures, page = options_of_modes(render_options)
         self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, pictures, 1, also=(HUMAN,))
-        require_arguments(task, make_task)
+        require_arguments(task, make_task, "render_mode", "render_options")
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         if render_mode == HUMAN:
             self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", page)

@@ -62,7 +62,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, render_options, count, choose=True)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
-        require_arguments(task, make_task)
+        require_arguments(task, make_task, "render_mode", "render_options")
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
