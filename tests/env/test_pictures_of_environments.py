@@ -269,3 +269,15 @@ def test_lanes_are_drawn_once_begun_and_only_where_they_are_asked_for():
     # a single environment has no lanes to choose from
     with pytest.raises(skyarm.ScenarioError, match=r"render_options: 'lanes': .*must be one of"):
         Environment(**bare(render_mode="rgb_array", render_options={"lanes": [0]}))
+
+
+@pytest.mark.parametrize("make", [Environment, VectorEnvironment])
+def test_the_size_of_a_picture_is_an_argument_as_in_other_environments(make):
+    envs = make(**bare(render_mode="rgb_array", width=96, height=64))
+    envs.reset(seed=1)
+    assert np.shape(envs.render())[-3:] == (64, 96, 3)
+    envs.close()
+    for given in ({"width": 0}, {"height": "tall"}, {"width": 64, "render_options": {"width": 32}}):
+        with pytest.raises(skyarm.ScenarioError, match=next(iter(given))) as error:
+            make(**bare(render_mode="rgb_array"), **given)
+        assert "\n" not in str(error.value)

@@ -120,3 +120,18 @@ def _chosen(given: Any, lanes: int) -> list[int]:
     if len(numbers) != len(given) or not 1 <= len(numbers) <= MOST or len(set(numbers)) != len(numbers):
         raise ScenarioError(f"{wanted}, each once")
     return numbers
+
+
+def with_size(options: Any, width: int | None, height: int | None) -> Any:
+    """Render options with the size of a picture, which Gymnasium's environments take as arguments of their own.
+
+    Raises:
+        ScenarioError: a size that stands in both.
+    """
+    size = {name: value for name, value in (("width", width), ("height", height)) if value is not None}
+    if not size or not isinstance(options, (Mapping, type(None))):
+        return options
+    for name, value in size.items():
+        if name in (options or {}):
+            raise ScenarioError(f"{name} = {shown(value)}: must not stand in render_options, too")
+    return {**(options or {}), **size}

@@ -14,7 +14,7 @@ from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
 from skyarm.env.given_arguments import require_actions, require_arguments, require_open, require_options
 from skyarm.env.lane_page import HUMAN, LanePage, options_of_modes
-from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures
+from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures, with_size
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -32,6 +32,7 @@ class Environment(gymnasium.Env[Array, Array]):
         render_mode: None; "rgb_array": :meth:`render` gives a picture; "human": a page of the studio shows every step.
         render_options: of a picture: width, height, camera, ghost, fine, as a film has them; of a page: port, speed,
             plain, browser. Each mode takes its own of them.
+        width, height: of a picture, pixels; in place of those in ``render_options``.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
@@ -48,13 +49,15 @@ class Environment(gymnasium.Env[Array, Array]):
         scenario: Scenario | str = "case3",
         render_mode: str | None = None,
         render_options: Mapping[str, Any] | None = None,
+        width: int | None = None,
+        height: int | None = None,
         **task: Any,
     ) -> None:
         self.render_mode = render_mode
         self.page: LanePage | None = None
-        pictures, page = options_of_modes(render_options)
+        pictures, page = options_of_modes(with_size(render_options, width, height))
         self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, pictures, 1, also=(HUMAN,))
-        require_arguments(task, make_task, "render_mode", "render_options")
+        require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         if render_mode == HUMAN:
             self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", page)

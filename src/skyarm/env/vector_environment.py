@@ -16,7 +16,7 @@ from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_program import LARGEST
 from skyarm.env.env_task import Task, make_task
 from skyarm.env.given_arguments import require_arguments, require_lanes, require_open, require_options
-from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures
+from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures, with_size
 from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -39,6 +39,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         render_mode: None, or "rgb_array": :meth:`render` gives pictures.
         render_options: of pictures: width, height, camera, ghost, fine, as a film has them; lanes: numbers of those
             that are drawn, all of them if left out.
+        width, height: of a picture, pixels; in place of those in ``render_options``.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
@@ -55,14 +56,17 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         threads: int = 1,
         render_mode: str | None = None,
         render_options: Mapping[str, Any] | None = None,
+        width: int | None = None,
+        height: int | None = None,
         **task: Any,
     ) -> None:
         self._mode = _mode(autoreset_mode)
         count = require_lanes(num_envs)
-        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, render_options, count, choose=True)
+        options = with_size(render_options, width, height)
+        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, options, count, choose=True)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
-        require_arguments(task, make_task, "render_mode", "render_options")
+        require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
