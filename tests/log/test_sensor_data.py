@@ -17,6 +17,7 @@ from estimated_flight import COMPASS, GPS, document, estimated
 from logged_flights import same
 from skyarm.estimate.estimator import Estimator
 from skyarm.log.log_columns import columns
+from skyarm.log.viewer_layouts import plots
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.sensors.noise import SensorNoise
 from skyarm.sensors.sensor import Sensor
@@ -248,6 +249,12 @@ def test_columns_have_names_and_units_of_their_records(tmp_path):
     )
     assert set(flown().units) == set(flown().arrays())
     assert flown().units["readings.imu.rate"].words == "rad/s, base axes"
+
+
+def test_panels_of_viewers_show_the_estimate_beside_the_truth():
+    curves = {title: [name for _, name in shown] for title, shown in plots(flown())}
+    assert {"position_x", "estimate_position_x"} <= set(curves["position, m"])
+    assert {"joint_1", "estimate_joint_1"} <= set(curves["joints, rad or m"])
 
 
 def test_messages_are_those_of_ros_at_the_instants_at_which_readings_arrive(tmp_path):
