@@ -101,9 +101,10 @@ def test_an_arm_on_an_airframe_takes_its_meshes_along(file: Path) -> None:
         '[[attach]]\narm = "r.urdf"\nto = "base"\nposition = [0.0, 0.0, -0.1]\nprefix = "p_"\n'
     )
     found, alone = meshes(load_vehicle(own)), meshes(load_vehicle(file))
-    assert {name: body for name, (body, _) in found.items()} == {"root": BASE, "upper": 0, "cover": 0}
-    assert corners(found["root"][1]) == corners(1e-3 * CORNERS - [0.0, 0.0, 0.1])
-    assert corners(found["cover"][1]) == corners(alone["cover"][1])
+    assert {name: body for name, (body, _) in found.items()} == {"p_root": BASE, "p_upper": 0, "p_cover": 0}
+    assert corners(found["p_root"][1]) == corners(1e-3 * CORNERS - [0.0, 0.0, 0.1])
+    assert corners(found["p_cover"][1]) == corners(alone["cover"][1])
+    assert "hull" in [shape.name for shape in vehicle_shapes(load_vehicle(own))], "the airframe has no mesh"
 
 
 def test_a_file_that_has_gone_leaves_the_guesses(file: Path) -> None:

@@ -28,7 +28,9 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     """
     reach = longest_boom(vehicle)
     own = [_mesh_shape(i, look) for i, look in enumerate(vehicle.looks) if meshes and mesh_or_none(look.file)]
-    covered = {shape.body for shape in own}
+    # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
+    merged = {frame.name for frame in vehicle.frames}
+    covered = {look.link for look in vehicle.looks if meshes and look.name not in merged and mesh_or_none(look.file)}
     hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
     shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)

@@ -128,7 +128,8 @@ def _renamed(arm: RigidBodies, prefix: str) -> RigidBodies:
     )
     frames = tuple(replace(frame, name=prefix + frame.name) for frame in arm.frames)
     mimics = {prefix + name: replace(each, joint=prefix + each.joint) for name, each in arm.mimics.items()}
-    return replace(arm, root=prefix + arm.root, links=links, frames=frames, mimics=mimics)
+    looks = tuple(replace(look, name=prefix + look.name) for look in arm.looks)
+    return replace(arm, root=prefix + arm.root, links=links, frames=frames, mimics=mimics, looks=looks)
 
 
 def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount) -> None:
