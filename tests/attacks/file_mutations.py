@@ -8,6 +8,7 @@ import json
 import math
 import random
 import re
+import struct
 import tomllib
 import xml.etree.ElementTree as ET
 import zipfile
@@ -15,6 +16,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+from skyarm.log.mcap import container, scan
 
 DEPTHS = (3, 40, 90, 300, 1000, 3000)
 
@@ -184,6 +187,114 @@ def in_archive(content: bytes, rng: random.Random) -> bytes:
             made.writestr(name, held)
     whole = stream.getvalue()
     return at_bytes(whole, rng) if rng.random() < 0.5 else whole
+
+
+def changed(document: Any, rng: random.Random) -> Any:
+    """Plain data with values of other types, or without some; most often at the top."""
+    held = copy.deepcopy(document)
+    for _ in range(rng.choice((1, 1, 2))):
+        places = _places(held)
+        top = [place for place in places if place[0] is held]
+        container, key = rng.choice(top if rng.random() < 0.5 and top else places)
+        if rng.random() < 0.2:
+            del container[key]
+        else:
+            other, other_key = rng.choice(places)
+            container[key] = copy.deepcopy(rng.choice((*JUNK, other[other_key]) if other_key in other else JUNK))
+    return held
+
+
+def in_description(content: bytes, rng: random.Random) -> bytes:
+    """A log whose description was forged, with checksums that fit, in any of its formats."""
+    if content.startswith(b"PK"):
+        with np.load(io.BytesIO(content)) as data:
+            arrays = {name: data[name] for name in data.files}
+        arrays["info"] = np.array(_json(changed(json.loads(str(arrays["info"])), rng)))
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)
+        return stream.getvalue()
+    if content.startswith(b"PAR1"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pq.read_table(pa.BufferReader(content))
+        info = _json(changed(json.loads(table.schema.metadata[b"skyarm"]), rng)).encode("utf-8", "surrogatepass")
+        sink = pa.BufferOutputStream()
+        pq.write_table(table.replace_schema_metadata({b"skyarm": info}), sink)
+        return bytes(sink.getvalue())
+    attachment, end = (container.ATTACHMENT, container.DATA_END)
+    chosen = rng.choice(("info.json", "info.json", "scenario.json"))
+    made = bytearray(container.MAGIC)
+    for opcode, begin, stop in scan._records(content, len(container.MAGIC), len(content)):
+        record = content[begin:stop]
+        if opcode == attachment:
+            name, at = scan._text(record, 16, len(record))
+            _, at = scan._text(record, at, len(record))
+            data = record[at + 8 : -4]
+            if name == chosen:
+                data = _json(changed(json.loads(data), rng)).encode("utf-8", "surrogatepass")
+            record = record[:at] + struct.pack("<Q", len(data)) + data + bytes(4)
+        made += container._record(opcode, bytes(4) if opcode == end else record)
+        if opcode == end:
+            break
+    return bytes(made + container.MAGIC)
+
+
+def _json(document: Any) -> str:
+    """Text of plain data; without whole numbers of more digits than Python writes."""
+    try:
+        return json.dumps(document)
+    except ValueError:
+        return "{}"
+
+
+def in_numbers(content: bytes, rng: random.Random) -> bytes:
+    """An XML document in which whole numbers are huge, and elements stand in replicates, twice or a thousand times."""
+    root = ET.fromstring(content)
+    for _ in range(rng.randint(1, 3)):
+        every = list(root.iter())
+        element = rng.choice(every)
+        size = str(rng.choice((7, 100, 3000, 10**5, 10**6, 10**9, 10**12)))
+        what = rng.randrange(4)
+        if what == 0:
+            tag, names = rng.choice(BULKY)
+            below = root if tag in ("size", "compiler") else ET.SubElement(root, _section(tag))
+            ET.SubElement(below, tag, dict.fromkeys(names, size) | _needs(tag))
+        elif what == 1:
+            inner = ET.SubElement(rng.choice(list(root.iter("body"))), "replicate", {"count": size})
+            inner.append(copy.deepcopy(rng.choice(list(root.iter("body")) + list(root.iter("geom")))))
+        elif what == 2 and element.attrib:
+            element.set(rng.choice(list(element.attrib)), size)
+        else:
+            element.extend([copy.deepcopy(child) for child in element] * rng.choice((1, 1, 30)))
+    return ET.tostring(root)
+
+
+BULKY = (
+    ("hfield", ("nrow", "ncol")), ("texture", ("width", "height")), ("texture", ("width",)), ("mesh", ("params",)),
+    ("size", ("nkey",)), ("size", ("nuser_body",)), ("size", ("nuserdata",)), ("numeric", ("size",)),
+    ("user", ("dim",)),
+    ("clock", ("nsample",)), ("clock", ()), ("contact", ("num",)), ("general", ("actdim",)), ("flexcomp", ("count",)),
+)  # fmt: skip
+"""Elements that a size makes large, and its attributes."""
+
+
+def _section(tag: str) -> str:
+    places = {"numeric": "custom", "user": "sensor", "clock": "sensor", "contact": "sensor", "general": "actuator"}
+    return places.get(tag, "worldbody" if tag == "flexcomp" else "asset")
+
+
+def _needs(tag: str) -> dict[str, str]:
+    """What the element must have besides."""
+    return {
+        "hfield": {"name": "h", "size": "1 1 1 1"},
+        "texture": {"name": "t", "builtin": "flat", "type": "2d"},
+        "mesh": {"name": "m", "builtin": "supersphere"},
+        "numeric": {"name": "n", "data": "1"},
+        "clock": {"delay": "0.1"},
+        "general": {"joint": "pitch", "dyntype": "user"},
+        "flexcomp": {"name": "f", "type": "grid"},
+    }.get(tag, {})
 
 
 def _array(values: np.ndarray) -> bytes:

@@ -15,12 +15,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from file_mutations import Mutation, at_bytes, at_words, in_archive, in_elements, in_tables
+from file_mutations import Mutation, at_bytes, at_words, in_archive, in_description, in_elements, in_numbers, in_tables
 
+from skyarm.drawing.stl_mesh import read_stl
 from skyarm.files.one_line import LONGEST_LINE, one_line, shown
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
+from skyarm.log.log_columns import columns
 from skyarm.log.mcap.flight_file import CutLogWarning
+from skyarm.log.phase_timeouts import timed_out
+from skyarm.log.ros.topics import FlightTopics
+from skyarm.metrics.windows import windows_of
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -119,6 +124,15 @@ effort_limit = 2.0
 name = "left_tip"
 link = "g_left"
 """
+
+STL = b"solid a\n" + b"".join(
+    b"facet normal 0 0 1\nouter loop\n%s\nendloop\nendfacet\n"
+    % b"\n".join(b"vertex %d %d %d" % corner for corner in face)
+    for face in (
+        ((0, 0, 0), (1, 0, 0), (0, 1, 0)), ((0, 0, 0), (0, 0, 1), (1, 0, 0)),
+        ((0, 0, 0), (0, 1, 0), (0, 0, 1)), ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    )
+) + b"endsolid a\n"  # fmt: skip
 
 STUDY = b"""schema = 1
 name = "small"
@@ -228,11 +242,29 @@ def _log(kind: str) -> bytes:
         return save_log(run(load_scenario("case1", duration=0.02)), Path(folder) / f"log.{kind}").read_bytes()
 
 
-def _cut_off_or_whole(path: Path) -> Log:
-    """A log, of which it may be said that it was cut off."""
+def _used(path: Path) -> Log:
+    """A log, of which it may be said that it was cut off, and what everything that reads a log asks of it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CutLogWarning)
-        return load_log(path)
+        log = load_log(path)
+    try:
+        assert isinstance(log.status, str)
+        columns(log)
+        list(log.phase_ends), list(log.contact_periods), list(log.grasp_periods)
+        timed_out(log)
+        FlightTopics(log)
+        windows_of(log)
+        log.scenario  # noqa: B018
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return log
+
+
+def _mesh(path: Path) -> Any:
+    try:
+        return read_stl(path)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 LOADERS = {
@@ -240,10 +272,12 @@ LOADERS = {
     "urdf": Loader(
         load_vehicle, VehicleError, ".urdf", (URDF, GRIPPER_SOUND), (at_bytes, at_words, in_elements, in_elements)
     ),
-    "mjcf": Loader(load_vehicle, VehicleError, ".xml", (MJCF,), (at_bytes, at_words, in_elements, in_elements)),
+    "mjcf": Loader(load_vehicle, VehicleError, ".xml", (MJCF,), (at_bytes, at_words, in_elements, in_numbers)),
     "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
-    "log": Loader(Log.load_npz, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive)),
-    "messages": Loader(_cut_off_or_whole, ValueError, ".mcap", (_log("mcap"),), (at_bytes,)),
+    "log": Loader(_used, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive, in_description)),
+    "messages": Loader(_used, ValueError, ".mcap", (_log("mcap"),), (at_bytes, in_description, in_description)),
+    "columns": Loader(_used, ValueError, ".parquet", (_log("parquet"),), (at_bytes, in_description, in_description)),
+    "mesh": Loader(_mesh, ValueError, ".stl", (STL,), (at_bytes, at_words)),
     "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
     "study": Loader(load_study, StudyError, ".toml", (*_shipped(STUDIES), STUDY, STUDY, STUDY)),
 }
@@ -324,7 +358,7 @@ def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_pa
     loader = LOADERS[name]
     (tmp_path / "gripper.urdf").write_bytes(loader.beside)
     for healthy in loader.seeds:
-        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap") else (b"",):
+        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".parquet", ".stl") else (b"",):
             file = tmp_path / f"healthy{loader.suffix}"
             file.write_bytes(mark + healthy)
             loader.load(file)
@@ -381,6 +415,8 @@ QUICK = {
     "study": 75,
     "log": 100,
     "messages": 50,
+    "columns": 50,
+    "mesh": 50,
 }
 
 

@@ -187,5 +187,5 @@ def test_a_text_of_too_many_triangles_is_refused_before_its_numbers_are_read(tmp
 def test_a_corner_without_three_numbers_is_no_stl(line: str, tmp_path: Path) -> None:
     file = tmp_path / "wrong.stl"
     file.write_text(f"solid\nvertex 0 0 0\nvertex 1 0 0\n{line}\nendsolid\n")
-    with pytest.raises(ValueError, match="^must be an STL file, binary or text$"):
+    with pytest.raises(ValueError, match=r"^must be an STL file, binary or text$"):
         read_stl(file)

@@ -8,7 +8,7 @@ from skyarm.tune.explain import ALL, _Probe
 from skyarm.tune.law_knobs import Knob
 
 KNOBS = tuple(
-    Knob(path=f"gains.{name}", unit=unit, numbers=((("k",), 2.0),)) for name, unit in (("a", "1/s^2"), ("b", "1/s"))
+    Knob(path=f"{name}.k", unit=unit, numbers=(((f"{name}.k",), 2.0),)) for name, unit in (("a", "1/s^2"), ("b", "1/s"))
 )
 
 
@@ -31,3 +31,9 @@ def test_every_group_of_gains_with_which_one_settles_is_a_remedy():
     slower = remedies(lambda gains: all(value < 2.0 for value in gains.values()))
     assert slower
     assert all(each.share == 0.8 for each in slower)
+
+
+def test_a_group_with_which_none_settles_keeps_no_other_one_from_being_a_remedy():
+    for path in ("controller.a.k", "controller.b.k"):
+        (found,) = remedies(lambda gains, path=path: list(gains) == [path])
+        assert list(found.gains) == [path]

@@ -47,7 +47,7 @@ HUGE = {
         model('<compiler assetdir="deeper"/><asset><hfield file="../big.png" size="1 1 1 1"/></asset>'), NUMBERS
     ),
     "meshes": (
-        model("<asset>" + '<mesh file="large.stl"/>' * 3 + "</asset>"), "bytes of files up to here, must be at most 1000"
+        model("<asset>" + '<mesh file="large.stl"/>' * 3 + "</asset>"), "bytes of files up to here, must be at most"
     ),
     "built-in mesh": (model('<asset><mesh builtin="wedge" params="400 400 90 90 0.1"/></asset>'), NUMBERS),
     "keyframes": (model('<size nkey="100000"/>'), "<size>: 1e+05 keyframes up to here, must be at most 5000"),

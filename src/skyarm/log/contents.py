@@ -124,6 +124,23 @@ def _require_description(info: dict[str, Any]) -> None:
         for name in ("phase", "at", "timeout"):
             fields.number(name)
 
+    contact = (info.get("scenario_record") or {}).get("contact")
+    if contact is not None:
+        _require_world(Fields(contact, "info.scenario_record.contact"))
+
+
+def _require_world(world: Fields) -> None:
+    """Check the names of a world's parts, of which columns and periods of contact are named."""
+    for of in ("points", "surfaces", "objects", "mechanisms", "grippers", "parts"):
+        rows = world.take(of, None) or []
+        if not isinstance(rows, list):
+            raise ValueError(f"{world.at(of)} = {shown(rows)}: must be a list")
+        for k, row in enumerate(rows):
+            part = Fields(row, f"{world.at(of)}[{k}]")
+            if not isinstance(part.take("name"), str):
+                raise ValueError(f"{part.at('name')} = {shown(row['name'])}: must be a text")
+            _require_world(part)
+
 
 def columns_in(info: Any) -> list[str]:
     """Names of the columns of all arrays that a description states, each once.

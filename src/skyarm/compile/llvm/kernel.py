@@ -6,6 +6,7 @@ Needs llvmlite, a core dependency. No C compiler is involved. What is kept: :mod
 from __future__ import annotations
 
 import ctypes
+import warnings
 from functools import lru_cache
 from typing import Any
 
@@ -18,7 +19,7 @@ from skyarm.compile.llvm.llvm_rounds import HELP, LEAD
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.rounds import GUESS, Pace, Rounds
 from skyarm.compile.llvm.thread_pool import ThreadPools
-from skyarm.compile.machine_code import llvm_needed, require_floor
+from skyarm.compile.machine_code import LongCompilationWarning, llvm_needed, require_floor
 from skyarm.compile.tracing.repeat import operations
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 
@@ -172,9 +173,32 @@ def _compiled(text: str, effort: int) -> Any:
     identity = _identity(text, effort)
     content = object_cache.load(identity)
     if content is None:
+        announce(len(text), effort)
         content = build(text, effort)
         object_cache.store(identity, content)
     return _loaded(content)
+
+
+LONG = 30.0
+"""s of compiling that are announced."""
+
+SECONDS = (0.9e-6, 5.5e-6)
+"""s a byte of assembly takes to compile, without and with optimisation: of 2.5 to 8 MB, on one core of a server."""
+
+
+def announce(size: int, effort: int) -> None:
+    """Warn before code is compiled that takes long: thousands of sensors, a handful of free bodies in contact.
+
+    Args:
+        size: bytes of assembly.
+        effort: of the compiler.
+    """
+    seconds = size * SECONDS[effort > 0]
+    if seconds > LONG:
+        words = f"{size / 1e6:.0f} MB of equations are being made into machine code, which takes about"
+        warnings.warn(
+            f"{words} {seconds / 60.0:.0f} min and is kept for the next time", LongCompilationWarning, stacklevel=2
+        )
 
 
 @llvm_needed()
