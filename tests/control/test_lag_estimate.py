@@ -13,8 +13,8 @@ from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_
 from skyarm.control.blocks.lag_estimate import (
     CANDIDATES,
     IGNORED,
-    LagGains,
     PRIOR,
+    LagGains,
     LagMemory,
     estimate,
     first_lag,

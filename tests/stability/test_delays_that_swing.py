@@ -9,6 +9,7 @@ import pytest
 from swinging_flights import TABLE, hover, swings_from
 
 import skyarm
+from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_named
 from skyarm.stability.hover_delay import ENOUGH, believed_delay, hover_delay, hover_of
 
@@ -93,3 +94,25 @@ def test_a_controller_made_for_a_vehicle_is_asked_in_a_hover_of_it():
     other = make_named("centroidal_tip", believed, {"control_period": 0.005})
     told = dataclasses.replace(other, par=dataclasses.replace(other.par, delay_periods=2))
     assert (hover_of(told).delays.measurement, believed_delay(hover_of(told))) == (0.01, 0.01)
+
+
+def test_a_planar_model_is_asked_in_a_hover_of_the_body_that_moves_like_it():
+    """No plant flies the paper's Table 1; its twin, with moments of inertia moved from the base to the links, does."""
+    found = []
+    for name in ("hummingbird_arm2", "hummingbird_arm2_twin"):
+        believed = skyarm.Model(vehicle=skyarm.load_vehicle(name), gravity=9.81)
+        controller = make_named("centroidal_joint", believed, {"control_period": 0.005})
+        found.append(hover_delay(hover_of(controller)).margin)
+        assert hover_of(controller).controller.par.model.vehicle == believed.vehicle
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_a_planar_model_that_no_body_moves_like_is_refused():
+    """About two axes the moments that a link needs would show in the motion."""
+    planar = skyarm.load_vehicle("hummingbird_arm2")
+    first, second = planar.links
+    crossed = dataclasses.replace(second, joint=dataclasses.replace(second.joint, axis=Vec3(1.0, 0.0, 0.0)))
+    vehicle = dataclasses.replace(planar, links=(first, crossed))
+    controller = make_named("centroidal_joint", skyarm.Model(vehicle=vehicle, gravity=9.81), {"control_period": 0.005})
+    with pytest.raises(ValueError, match="planar = True: must be false in a plant"):
+        hover_of(controller)

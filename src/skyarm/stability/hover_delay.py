@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 from skyarm.actuation import AllocationError
+from skyarm.algebra import E_Z, Mat3, Sym3
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import Controller, ControllerError, innermost
 from skyarm.plant.interface import Truth
@@ -14,6 +16,7 @@ from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioErr
 from skyarm.stability.along import SETTLING, frozen_instants, hovering
 from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
 from skyarm.stability.margins import delay_margin
+from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.5
 """Margin over the believed delay below which it is warned of; the belief may be wrong by as much as it is large."""
@@ -119,7 +122,7 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
         rate: Hz, of the control.
 
     Raises:
-        ValueError: no such rate, or a vehicle that is a belief only.
+        ValueError: no such rate, or a planar model that no body moves like.
     """
     model, own = controller.par.model, innermost(controller.par)
     joints = tuple(min(max(0.0, float(j.lower)), float(j.upper)) for j in (link.joint for link in model.vehicle.links))
@@ -129,12 +132,37 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
     return Scenario(
         name=model.vehicle.name,
         rates=Rates(physics=physics, control=rate, reference=reference),
-        world=Truth(vehicle=model.vehicle, gravity=model.gravity),
+        world=Truth(vehicle=_embodied(model.vehicle), gravity=model.gravity),
         controller=controller,
         trajectory=hover((0.0, 0.0, HEIGHT), joints=joints),
         duration=SETTLING,
         delays=Delays(measurement=float(getattr(own, "delay_periods", 0)) / rate),
     )
+
+
+def _embodied(vehicle: Vehicle) -> Vehicle:
+    """A vehicle whose planar links are real bodies and which moves as a planar model does; else the model itself.
+
+    Moments a (1 - n n^T), moved from the base to a link that turns about n alone, change no kinetic energy: the link's
+    part is a (w^2 - (n w)^2), w the base's angular velocity, at any angle of its joints.
+    """
+    about = vehicle.links[0].joint.axis if vehicle.n else E_Z
+    alike = all(
+        link.joint.kind == "revolute" and link.joint.axis == about and link.joint.rotation == Mat3.identity()
+        for link in vehicle.links
+    )
+    if not vehicle.planar or vehicle.followers or vehicle.base.planar or not alike:
+        return vehicle
+    across = Sym3.isotropic(1.0) - Sym3.of_matrix(Mat3.columns(*(about * each for each in about)))
+    base, links = vehicle.base, []
+    for link in vehicle.links:
+        body = link.body
+        if body.planar:
+            moved = across * float(about.dot(body.inertia.full().apply(about)))
+            body = dataclasses.replace(body, inertia=body.inertia + moved, planar=False)
+            base = dataclasses.replace(base, inertia=base.inertia - moved)
+        links.append(dataclasses.replace(link, body=body))
+    return dataclasses.replace(vehicle, base=base, links=tuple(links))
 
 
 HEIGHT = 10.0

@@ -82,7 +82,7 @@ _SHIPPED: Mapping[str, Preset] = {
         {"mode": "joint", "preset": "gusts"},
     ),
     "centroidal_joint_stiff": Preset(
-        "the centroidal law, base and joints on their references, for perfect state",
+        "the centroidal law of higher gains for perfect state, base and joints on their references",
         "centroidal",
         {"mode": "joint", "preset": "stiff"},
     ),
@@ -105,7 +105,7 @@ _SHIPPED: Mapping[str, Preset] = {
         {"mode": "tip", "preset": "gusts"},
     ),
     "centroidal_tip_stiff": Preset(
-        "the centroidal law, the tip on its reference, for perfect state",
+        "the centroidal law of higher gains for perfect state, the tip on its reference",
         "centroidal",
         {"mode": "tip", "preset": "stiff"},
     ),

@@ -96,8 +96,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
-"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
-10 ms of delay that they do not know. "adaptive" has the gains of "robust" and eleven parts more, each left out by 0 or
+"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state, where base and
+joints are off by half as much as with "adaptive", but not the tip along a path; both survive 10 ms of delay that they
+do not know. "adaptive" has the gains of "robust" and eleven parts more, each left out by 0 or
 False: motion of the base's shift, the pace of the arm's swing and of the path, an attitude towards upright at low
 thrust, a limit of what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust
 ahead of the motors, joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave
