@@ -130,7 +130,7 @@ def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
     lines = text.splitlines()
     assert lines[0] == "case3: completed at 1 s"
     assert lines[1] == "law hybrid_computed_torque on hummingbird_arm2_rotors, plant rigid_body (rk4), seed 3"
-    assert " ".join(lines[2].split()) == "error mean, [0.3333, 1) s max, [0.3333, 1) s max, whole flight"
+    assert " ".join(lines[2].split()) == "error (continuous) mean, [0.3333, 1) s max, [0.3333, 1) s max, whole flight"
     assert "made/here/case3.npz" in lines[-1]
     log = Log.load_npz(tmp_path / "made" / "here" / "case3.npz")
     assert (log.info["seed"], log.time.size) == (3, 200)

@@ -194,14 +194,15 @@ def test_the_numbers_of_a_document_are_those_of_the_flight() -> None:
 
 def test_an_error_of_one_name_has_one_value_in_every_command() -> None:
     """run, score, replay and diff: against the continuous reference where the name says so, else the held one."""
-    found = json.loads(skyarm("run", "case3", "--duration", "2", "--json").out)
+    found = json.loads(skyarm("run", "case3", "--duration", "12", "--json").out)
     (file, *_), again = found["logs"], package.load_log(found["logs"][0])
     scored = package.score(again, ["standard", "standard_continuous"])
     for what, name in (("position", "position"), ("joints", "joint"), ("tip", "ee")):
         for how in ("mean", "max"):
             value = found["errors_continuous"][what][how]
             assert value == pytest.approx(scored[f"{name}_error_{how}_continuous"], rel=1e-9)
-            assert value != pytest.approx(scored[f"{name}_error_{how}"], rel=1e-9)
+            # the largest may be at rest, where the held reference is the continuous one
+            assert how == "max" or value != pytest.approx(scored[f"{name}_error_{how}"], rel=1e-9)
     told = skyarm("diff", file, file).out
     assert re.findall(r"^(position_error_mean\w*)", told, re.M) == ["position_error_mean_continuous"]
     assert f"{scored['position_error_mean_continuous']:.4g}" in told

@@ -81,7 +81,8 @@ def prepared(name: str) -> dict[str, str]:
 def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
-    if name == "extending.md":  # its Python is a plugin and parts of laws: tests/test_docs_extending.py
+    # a plugin and parts of laws: tests/test_docs_extending.py; JAX, which reads its flags once a process
+    if name in ("extending.md", "environments_in_jax.md"):
         return [block for block in found if block.language == "sh"]
     if name == "export_c.md":  # its C is compiled by tests/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
@@ -126,7 +127,6 @@ SLOW = {
     "delays.md",
     "disturbances_and_payloads.md",
     "environments.md",
-    "environments_in_jax.md",
     "export_c.md",
     "films.md",
     "first_flight.md",
