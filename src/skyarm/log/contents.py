@@ -52,7 +52,7 @@ OTHERS: Mapping[str, type] = {
 OF_TEXTS = ("plugins", "code", "versions", "phases")
 """Tables and lists of texts alone."""
 
-KINDS = {dict: "table", list: "list", str: "text"}
+KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
 def log_of(content: Mapping[str, Any], info: Any) -> Log:

@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.files import needs_extra, shown
 from skyarm.files.atomic import writing_atomically
-from skyarm.files.unpacked import TooLargeError, parquet_file
+from skyarm.files.unpacked import TooLargeError, require_parquet_size
 from skyarm.log.contents import LAYOUT, arrays_of, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns, layout
@@ -63,10 +63,11 @@ def read_parquet(path: Path) -> Log:
     Raises:
         OSError: the file cannot be read. ValueError: one line: it is no such file, or pyarrow is missing.
     """
-    pa, _ = _parquet()
+    pa, pq = _parquet()
     name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
     try:
-        file = parquet_file(content)
+        file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+        require_parquet_size(file, content)
         if any(each != pa.float64() for each in file.schema_arrow.types):
             raise TypeError
         said = file.schema_arrow.metadata or {}

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.files.unpacked import parquet_file
+from skyarm.files.unpacked import require_parquet_size
 from skyarm.scenario.endings import STATUSES
 from skyarm.sweep.seal import PLACE, SEAL, is_whole
 
@@ -144,11 +144,14 @@ def _fits(field: Any) -> bool:
 def parquet(content: bytes) -> Any:
     """A Parquet file; None for anything else, and for one that would unpack to too much."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
     try:
-        return parquet_file(content)
+        found = pq.ParquetFile(pa.BufferReader(content))
+        require_parquet_size(found, content)
     except (pa.ArrowException, OSError, ValueError):
         return None
+    return found
 
 
 def columns_of(found: Any, names: list[str]) -> Any:

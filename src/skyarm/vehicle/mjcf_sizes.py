@@ -221,7 +221,7 @@ def _pixels(file: Path) -> float:
     except OSError:
         return 0.0
     width, height = struct.unpack(">II", head[16:24]) if head.startswith(PNG) and len(head) == 24 else (0, 0)
-    return float(width) * height
+    return float(width * height)
 
 
 def _refuse(tag: str, found: str, most: float) -> NoReturn:
