@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from commanded import skyarm
 from skyarm.compare import comparison, envelope_suite
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.suite import conditions
-from skyarm.identify.study_reader import read_identification
+from skyarm.identify.identification import result_digest
 from skyarm.paper import inferred_settings, reproduce
 
 LAWS = ("paper_pd", "paper_ct")
@@ -28,31 +27,27 @@ def test_the_paper_is_reproduced(tmp_path: Path) -> None:
     assert (tmp_path / "report.html").is_file()
 
 
-@pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The paper's five cases, without the variations and what flies beyond the paper."""
-    monkeypatch.setattr(reproduce, "run_campaign", _few)
-
-
 @pytest.mark.thorough
-@pytest.mark.usefixtures("few")
-def test_a_small_search_is_shown_in_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study = (inferred_settings.LIBRARY / inferred_settings.STUDY).read_text("utf-8")
-    whole = read_identification(study.encode(), Path(), inferred_settings.STUDY)
-    few_of = {name: getattr(whole, name)[:1] for name in ("ladder", "rivals", "predictions")}
-    made = dataclasses.replace(whole, population=4, generations=1, **few_of)
-    monkeypatch.setattr("skyarm.paper.infer.unstated_study", lambda: made)
-    found: list[Any] = []
-    monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: found.append(evidence) or _few(*a, **k))
+def test_a_search_is_continued_and_shown_in_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of the search's stages but the first are there; of minutes some seconds are left."""
+    shipped = inferred_settings.shipped_evidence()
+    stages = {name: found for name, found in shipped["stages"].items() if name != "stated"}
+    there = {**shipped, "digest": result_digest(inferred_settings.unstated_study()), "stages": stages}
+    file = tmp_path / inferred_settings.FOUND
+    file.write_text(json.dumps(there), "utf-8")
+    flown: list[Any] = []
+    monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: flown.append(evidence) or _few(*a, **k))
     done = skyarm("reproduce", "--infer", "--plant", "rigid_body", "--out", str(tmp_path))
     assert done.code == 0, done.err
-    assert found == [json.loads((tmp_path / inferred_settings.FOUND).read_text("utf-8"))]
+    (evidence,) = flown
+    assert evidence == json.loads(file.read_text("utf-8"))
+    assert list(evidence["stages"]) == list(shipped["stages"])
     assert (tmp_path / "report.html").is_file()
 
 
 @pytest.mark.thorough
-@pytest.mark.usefixtures("few")
 def test_a_small_comparison_is_shown_in_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reproduce, "run_campaign", _few)
     entrants = {name: ENTRANTS[name] for name in LAWS}
     made = partial(comparison.Comparison, entrants=entrants, conditions={"perfect": conditions()["perfect"]})
     monkeypatch.setattr(comparison, "Comparison", made)
