@@ -1,8 +1,10 @@
-"""Along a scenario's reference: what rotors and joints would have to give, against their limits."""
+"""Along a scenario's reference: demand on rotors and joints, with all loads, against their limits."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -10,14 +12,15 @@ import numpy as np
 
 from skyarm.actuation import make_mixer
 from skyarm.actuation.motion_demand import Demand, demand_of_motion, motion_of
-from skyarm.assess.arm_poses import Array
-from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.finding import FAULT, LEVELS, NOTE, OK, WARNING, Finding
+from skyarm.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import Allocation
+from skyarm.assess.mass_balance import center_of_mass_shift
 from skyarm.assess.servo_speeds import OFTEN, servo_speeds, servos
-from skyarm.environment import ForceWind
+from skyarm.assess.thrust_margin import thrust_margin
 from skyarm.records.leaves import field_names
-from skyarm.reference.path_time import governed
 from skyarm.scenario.scenario_record import Scenario
 
 INSTANTS, FEWEST = 2000, 9
@@ -25,6 +28,9 @@ INSTANTS, FEWEST = 2000, 9
 
 SHORTEST = 1e-3
 """s: of a stretch."""
+
+POSES_HELD = 100
+"""Poses of the reference while a load is held, in which a level hover is looked at."""
 
 JUMP = 1e-9
 """s before a switch of the reference at which it is looked at for a jump."""
@@ -34,29 +40,75 @@ LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
 
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A flight that follows its reference exactly.
+
+    Attributes:
+        demand: of rotors and joints. rotors, joints: their shares (rotors or n, K) of what they give.
+    """
+
+    demand: Demand
+    rotors: Array
+    joints: Array
+
+
 def along_reference(scenario: Scenario) -> list[Finding]:
     """Reference against joint limits, and instants at which rotors or joints would saturate.
 
-    The plant follows its reference exactly, with the constant force of the wind; gusts, turbulence and drag are left
-    out, and so is what the control adds.
+    The plant follows its reference exactly, with the loads that it holds and what wind, forces, faults and a wanted
+    contact do to it; turbulence is left out, and so is what the control adds.
     """
-    demand = demand_of(scenario)
-    vehicle = scenario.world.vehicle
+    parts = flight_parts(scenario)
+    followed = follow(parts)
+    demand, vehicle = followed.demand, scenario.world.vehicle
     found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
-    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
-    parts = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
-    found.append(_saturation("rotors along the reference", demand, demand.squared / top, parts, demand.squared < 0.0))
+    fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
+    found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
     if vehicle.n:
-        parts = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
-        found.append(_saturation("joints along the reference", demand, _shares(scenario, demand), parts))
+        fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
+        found.append(_saturation("joints along the reference", demand, followed.joints, fields))
         found += servo_speeds(scenario, demand.time, demand.rates)
-    return found
+    return [*found, *_hovers_with_loads(parts)]
 
 
-def _shares(scenario: Scenario, demand: Demand) -> Array:
+def follow(parts: Sequence[FlightPart]) -> Followed:
+    """Rotor speeds and joint efforts that follow a scenario's reference exactly, and their shares of the limits."""
+    pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
+    names = field_names(Demand) or ()
+    demands = [piece.demand for piece in pieces]
+    return Followed(
+        Demand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
+        np.concatenate([piece.rotors for piece in pieces], axis=1),
+        np.concatenate([piece.joints for piece in pieces], axis=1),
+    )
+
+
+def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
+    """Thrust and balance of a level hover with what is held, in the poses of the reference meanwhile.
+
+    Of several loads each question is answered for the worst, of equal ones for the heaviest.
+    """
+    answers: dict[str, list[Finding]] = {}
+    loaded = [part for part in parts if part.words]
+    for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
+        vehicle, gravity = part.vehicle, float(part.scenario.world.gravity)
+        reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
+        poses = ArmPoses.only(vehicle, lanes(reference.joints, POSES_HELD).T)
+        found = [
+            *thrust_margin(vehicle, Allocation.of(make_mixer(vehicle)), poses, gravity, part.words),
+            *center_of_mass_shift(vehicle, poses, gravity, part.words),
+        ]
+        for each in found:
+            answers.setdefault(each.question.removesuffix(part.words), []).append(each)
+    return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
+
+
+def _effort_shares(part: FlightPart, demand: Demand) -> Array:
     """Efforts (n, K) over what joints and servos give at the reference's own rates."""
-    limits = np.repeat(effort_limits(scenario.world.vehicle)[:, None], len(demand.time), axis=1)
-    for i, servo in servos(scenario):
+    vehicle = part.scenario.world.vehicle
+    limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
+    for i, servo in servos(part.scenario):
         low, high = (
             np.broadcast_to(np.asarray(b, dtype=float), limits[i].shape) for b in servo.bounds(demand.rates[i])
         )
@@ -65,17 +117,14 @@ def _shares(scenario: Scenario, demand: Demand) -> Array:
     return np.asarray(np.abs(demand.efforts) / limits)
 
 
-def demand_of(scenario: Scenario) -> Demand:
-    """Rotor speeds and joint efforts that follow a scenario's reference exactly."""
-    pieces = [_stretch(scenario, time) for time in _stretches(scenario)]
-    names = field_names(Demand) or ()
-    return Demand(*(np.concatenate([getattr(piece, name) for piece in pieces], axis=-1) for name in names))
+def _stretches(part: FlightPart, end: float) -> list[Array]:
+    """Instants of a part between the reference's jumps, (K,) each, right-hand ends left out.
 
-
-def _stretches(scenario: Scenario) -> list[Array]:
-    """Instants between the reference's jumps, (K,) each, right-hand ends left out."""
-    end = scenario.duration
-    cuts = [0.0, *(t for t in _switches(scenario) if 0.0 < t < end), end]
+    Args:
+        part: of a flight.
+        end: of the flight, s.
+    """
+    cuts = [part.start, *(t for t in _switches(part.scenario) if part.start < t < part.stop), part.stop]
     found = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
@@ -86,19 +135,18 @@ def _stretches(scenario: Scenario) -> list[Array]:
 
 
 def _switches(scenario: Scenario) -> list[float]:
-    """Times of the flight at which what the law is told may jump, in order, s."""
+    """Times of the flight at which the reference that the law receives may jump, in order, s."""
     path, times = scenario.path_time, scenario.trajectory.switch_times()
     return list(times) if path is None else [path.when(t) for t in times if t > 0.0]
 
 
-def _stretch(scenario: Scenario, time: Array) -> Demand:
-    vehicle, gravity = scenario.world.vehicle, float(scenario.world.gravity)
-    path = scenario.path_time
-    reference = scenario.trajectory.at(time) if path is None else governed(scenario.trajectory, path, time)
-    wind = np.zeros((3, 1))
-    if isinstance(scenario.wind, ForceWind):
-        wind = np.array([[float(c)] for c in scenario.wind.force_W])
-    return demand_of_motion(vehicle, gravity, motion_of(reference, time), wind)
+def _stretch(part: FlightPart, time: Array) -> Followed:
+    vehicle, scenario = part.vehicle, part.scenario
+    motion = motion_of(reference_at(scenario, time), time)
+    disturbance = disturbance_of(part, time)
+    demand = demand_of_motion(vehicle, float(scenario.world.gravity), motion, disturbance=disturbance)
+    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
+    return Followed(demand, demand.squared / top, _effort_shares(part, demand))
 
 
 def _jumps(scenario: Scenario) -> list[Finding]:
@@ -163,5 +211,5 @@ def _saturation(
         field=f"{who}.{field}",
         value=float(share[i, k]),
         limit=1.0,
-        remedy="a slower or smaller reference, less wind, or stronger rotors and drives",
+        remedy="a slower or smaller reference, less load or wind, or stronger rotors and drives",
     )

@@ -42,6 +42,7 @@ class ArmPoses:
             nothing drives hang.
         seed: of the points' random shift and of the local search.
         vehicle: whose joints without a drive hang in all of them; None leaves them where the search puts them.
+        searched: whether the search may leave the sampled poses.
     """
 
     low: Array
@@ -49,12 +50,19 @@ class ArmPoses:
     joints: Array
     seed: int
     vehicle: Vehicle | None = None
+    searched: bool = True
+
+    @classmethod
+    def only(cls, vehicle: Vehicle, joints: Array) -> ArmPoses:
+        """Poses (count, n) of a vehicle and no others; its hanging joints are at rest."""
+        none = np.zeros(vehicle.n)
+        return cls(none, none, joints, 0, searched=False).of(vehicle)
 
     def of(self, vehicle: Vehicle) -> ArmPoses:
         """The same poses of the vehicle under another load, its hanging joints at rest."""
         return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle)
 
-    def worst(self, quantities: Quantities, *, search: bool = True) -> tuple[Array, Array]:
+    def worst(self, quantities: Quantities) -> tuple[Array, Array]:
         """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
 
         A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
@@ -62,7 +70,7 @@ class ArmPoses:
         values = in_parts(quantities, self.joints)
         at = np.argmin(values, axis=1)
         least, best = values[np.arange(len(values)), at], self.joints[at]
-        if not search or not self.joints.shape[1] or self.joints.shape[0] < 2:
+        if not self.searched or not self.joints.shape[1] or self.joints.shape[0] < 2:
             return least, best
         rng, spread, count = np.random.default_rng(self.seed), 0.1, len(values)
         for _ in range(ROUNDS):

@@ -29,8 +29,6 @@ SETTLES = 0.08
 """s, twice: windows of the means that the attitude follows of the thrust's direction. A tilt that is to jump is reached
 by the attitude loop of a vehicle of this size within about 0.15 s."""
 
-NO_WIND = np.zeros((3, 1))
-
 LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
@@ -117,12 +115,12 @@ class Limits:
     def shares(self, motion: Motion) -> Array:
         """(limits, K) what a motion asks for, over its limit: beyond 1 it is too much."""
         settled = self._settled(motion.time)
-        demand = demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled)
+        demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
         found = self._shares(demand)
         if self._tip:
             # a law may hold the tip or the base: the vehicle must be able to do both
             motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
-            demand = demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled)
+            demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
             found = np.maximum(found, self._shares(demand))
         return found
 
@@ -145,7 +143,7 @@ class Limits:
             rates=nothing(motion.rates), accelerations=nothing(motion.accelerations),
         )  # fmt: skip
         # turned by nothing but the posture, which does not change
-        demand = demand_of_motion(self._vehicle, self._gravity, still, NO_WIND, _upright)
+        demand = demand_of_motion(self._vehicle, self._gravity, still, _upright)
         return self._shares(demand)
 
     def _shares(self, demand: Demand) -> Array:
