@@ -6,7 +6,7 @@ points, the heading the rest, their changes the angular velocity and acceleratio
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,7 +99,7 @@ ROUNDS = 30
 leaves 1e-9 of the error, one of six that gives none 5e-6."""
 
 SETTLED = 1e-6
-"""Share of the largest squared speed by which no other changes any more."""
+"""Share of the largest of them by which neither squared speeds nor the wrench change any more."""
 
 
 def demand_of_motion(
@@ -136,18 +136,17 @@ def demand_of_motion(
     rate, turning = rates_of(R, motion.time)
     inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
     outside = Disturbance(np.zeros((3, 1)), np.zeros((3, 1)), np.zeros((1, 1)))
-    squared = np.zeros((len(vehicle.rotors), count))
+    squared, wrench = np.zeros((len(vehicle.rotors), count)), np.zeros((6, count))
     for again in reversed(range(1 if disturbance is None else ROUNDS)):
-        before, base = squared, proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+        before, base = (squared, wrench), proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
         force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force) - outside.force)
-        thrust = np.einsum("ik,ik->k", R[:, 2], needed)
-        squared = inverse @ np.vstack([lanes(force.torque) - outside.torque, thrust[None]])
-        if disturbance is not None and again:
-            if np.max(np.abs(squared - before)) < SETTLED * np.max(np.abs(squared)):
-                break
-            R = attitude(settled(needed), yaw)
-            outside = disturbance(R, rate, squared)
+        wrench = np.vstack([lanes(force.torque) - outside.torque, needed])
+        squared = inverse @ np.vstack([wrench[:3], np.einsum("ik,ik->k", R[:, 2], needed)[None]])
+        if disturbance is None or not again or _settled(before, (squared, wrench)):
+            break
+        R = attitude(settled(needed), yaw)
+        outside = disturbance(R, rate, squared)
     friction = [
         float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
         for k, rates in zip(vehicle.links, qd, strict=True)
@@ -161,6 +160,10 @@ def demand_of_motion(
         np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),
         np.linalg.norm(turning, axis=0),
     )
+
+
+def _settled(before: Sequence[Array], now: Sequence[Array]) -> bool:
+    return all(np.max(np.abs(b - a)) < SETTLED * np.max(np.abs(b)) for a, b in zip(before, now, strict=True))
 
 
 def attitude(force: Array, yaw: Array) -> Array:

@@ -198,14 +198,31 @@ def _setpoints(
     for drive, held, effort, q, qd, qdd in rows:
         begun = drive.settled(held, q, drive.standing(effort, q))
         now = blend(memory.started > 0.5, held, begun)
-        # means of the motion from where the setpoint is heard to one period later
-        ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
-        square = add(mul(ahead, ahead), dt * dt / 12.0)
-        mean = add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square)))
-        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead)), dt))
+        setpoint = data(drive.setpoint(now, effort, *_mean_motion(drive, q, qd, qdd, dt), dt))
         setpoints.append(setpoint)
         kept.append(drive.advance(now, setpoint, q, qd, dt))
     return tuple(setpoints), tuple(kept)
+
+
+def _mean_motion(drive: Any, q: Any, qd: Any, qdd: Any, dt: Any) -> tuple[Any, Any]:
+    """Mean position and rate from where a setpoint arrives to one period later, of a joint that accelerates evenly."""
+    ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
+    square = add(mul(ahead, ahead), dt * dt / 12.0)
+    return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(qd, mul(qdd, ahead))
+
+
+def effort_at_rest(drive: Any, effort: Any, acceleration: Any, dt: float) -> Any:
+    """Effort (N m or N) of a drive whose setpoint was chosen for an accelerating joint, while the joint stands still.
+
+    Args:
+        drive: of a joint at zero, where it stays.
+        effort: that the law commands, N m or N.
+        acceleration: predicted for the joint, rad/s^2 or m/s^2.
+        dt: control period, s.
+    """
+    memory = drive.begin(0.0, drive.standing(effort, 0.0), dt)
+    setpoint = drive.setpoint(memory, effort, *_mean_motion(drive, 0.0, 0.0, acceleration, dt), dt)
+    return drive.effort(drive.settled(memory, 0.0, setpoint), setpoint, 0.0, 0.0)
 
 
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Any, ...]:
