@@ -62,7 +62,7 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("envelope-suite", "--laws", "paper_ct", "--vehicle", "crazyflie_arm1"), "2 values, must be 1"),
         (
             ("contact-suite", "--axes", "circle"),
-            "--axes: must be left out for contact-suite, whose",
+            "--axes: must be left out for contact-suite; only envelope-suite has it",
         ),
         (("contact-suite", "--tasks", "press_and_holt"), "--tasks = 'press_and_holt': did you mean 'press_and_hold'?"),
         (("contact-suite", "--tasks", ","), "--tasks: must name at least one"),
@@ -71,11 +71,26 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
         (("contact-suite", "--worlds", "0"), "--worlds = 0: must be from 1 to "),
         (("contact-suite", "--worlds", "3", "--quick"), "--worlds: must be left out beside --quick, which flies 16"),
-        (("envelope-suite", "--tasks", "slide_up"), "--tasks: must be left out; only contact-suite has it"),
-        (("paper-suite", "--worlds", "3"), "--worlds: must be left out; only contact-suite has it"),
-        (("paper-suite", "--axes", "circle"), "--axes: must be left out; only envelope-suite has it"),
-        (("case3", "--quick"), "--quick: must be left out; only envelope-suite and contact-suite have it"),
-        (("paper-suite", "--vehicle", "hexarotor_arm6"), "--vehicle: must be left out; only envelope-suite has it"),
+        (("envelope-suite", "--tasks", "slide_up"), "--tasks: must be left out for envelope-suite; only contact-suite has it"),
+        (("paper-suite", "--worlds", "3"), "--worlds: must be left out for paper-suite; only contact-suite has it"),
+        (("paper-suite", "--axes", "circle"), "--axes: must be left out for paper-suite; only envelope-suite has it"),
+        (("case3", "--quick"), "--quick: must be left out for scenario case3; only envelope-suite and contact-suite have it"),
+        (
+            ("paper-suite", "--vehicle", "hexarotor_arm6"),
+            "--vehicle: must be left out for paper-suite; only envelope-suite has it",
+        ),
+        (
+            ("case3", "--plants", "1000"),  # given with its usual value
+            "--plants: must be left out for scenario case3; only paper-suite has it",
+        ),
+        (
+            ("envelope-suite", "--seeds", "4"),
+            "--seeds: must be left out for envelope-suite; only paper-suite and a scenario have it",
+        ),
+        (
+            ("case3", "--one-by-one", "4"),
+            "--one-by-one: must be left out for scenario case3; only paper-suite and contact-suite have it",
+        ),
         (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, or a scenario"),
     ],
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any
 
 import typer
@@ -63,6 +63,19 @@ def workers(option: str, value: int) -> int:
     if not 0 <= value <= MOST_WORKERS:
         raise ValueError(f"{option} = {value}: must be from 0 to {MOST_WORKERS}")
     return value or cores()
+
+
+def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
+    """Refuse options that are on the command line, their usual values too, where they would have no effect.
+
+    Raises:
+        ValueError: one line: the first of them, and why.
+    """
+    names = {word: each.name for each in context.command.params for word in each.opts}
+    for option in options:
+        source = context.get_parameter_source(str(names[option]))
+        if source is not None and source.name != "DEFAULT":
+            raise ValueError(f"{option}: must be left out{why}")
 
 
 def tell(line: str) -> None:

@@ -8,14 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.app import app, console, tell
+from skyarm.cli.app import app, console, require_left_out, tell
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 
+OF_FILMS = ("--size", "--title", "--plot", "--fine")
+"""Options without which a recording does: it has neither pixels nor a text above them."""
+
 
 @app.command()
 def film(
+    context: typer.Context,
     flights: Annotated[
         list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios (names or .toml) that are flown first")
     ],
@@ -47,8 +51,11 @@ def film(
     to be served.
     """
     from skyarm.film.film_settings import FilmSettings, size_of
+    from skyarm.film.recording import SUFFIXES
     from skyarm.film.video_files import usual_size_and_rate
 
+    if Path(file).suffix.removeprefix(".") in ("", *SUFFIXES):
+        require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
     usual = usual_size_and_rate(Path(file))
     width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
+from skyarm.cli.app import NOT_COMPLETED, Out, app, console, require_left_out, tell, workers
 from skyarm.cli.lines import say, say_if_many, say_steps, say_unlikely
 from skyarm.cli.machine_output import give, is_document_wanted
 from skyarm.cli.progress import bar, waiting
@@ -83,6 +83,7 @@ def _evidence(out: str, threads: int) -> dict[str, Any]:
 
 @app.command()
 def run(
+    context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml), a log, or the name of a shipped one")],
     out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body, mujoco or mujoco_contacts for the file's")] = None,
@@ -124,6 +125,8 @@ def run(
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.simulate import run as fly
 
+    if logs:
+        require_left_out(context, ["--out"], " beside --log, whose files say where")
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
@@ -183,6 +186,7 @@ def list_(
 
 @app.command()
 def show(
+    context: typer.Context,
     vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
     ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
@@ -212,6 +216,7 @@ def show(
         if given and drawing is None:
             raise ValueError(f"{option}: must come with --drawing FILE")
     if drawing is not None:
+        require_left_out(context, ["--gravity", "--ops"], " beside --drawing, which shows no numbers of it")
         from skyarm.cli.plot_command import draw_vehicle
 
         picture = draw_vehicle(vehicle, drawing, "paper" if style is None else style, dark=dark)
@@ -219,6 +224,7 @@ def show(
         return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
+        require_left_out(context, ["--gravity"], " beside --ops, which counts operations")
         say_if_many(loaded.name, loaded.n)
         with waiting(f"{loaded.name}: counting operations", console):
             found = operations(loaded)

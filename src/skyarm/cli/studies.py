@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.app import NOT_COMPLETED, Out, app, console, workers
+from skyarm.cli.app import NOT_COMPLETED, Out, app, console, require_left_out, workers
 
 MOST = 1_000_000
 """Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
@@ -23,6 +23,7 @@ OLD_ORDER = {"allow_extra_args": True}
 
 @app.command()
 def sweep(
+    context: typer.Context,
     study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
     controller: Annotated[
         list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")
@@ -37,6 +38,8 @@ def sweep(
     """
     from skyarm.cli.sweep_command import sweep as perform
 
+    if ray is not None:
+        require_left_out(context, ["--workers"], " beside --ray, whose cluster says how many fly")
     perform(study, out, workers("--workers", flying), ray, console, controller)
 
 
@@ -120,6 +123,7 @@ def basin(
 
 @app.command()
 def tune(
+    context: typer.Context,
     target: Annotated[
         str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
     ],
@@ -142,6 +146,8 @@ def tune(
     from skyarm.cli.tune_command import tune as perform
 
     if explain:
+        searching = ("--out", "--candidates", "--plants", "--seed", "--workers")
+        require_left_out(context, searching, " beside --explain, which tunes nothing")
         tell_why(target, controller, knobs, console)
         return
     met = perform(
@@ -175,6 +181,7 @@ def bench(
 
 @app.command()
 def compare(
+    context: typer.Context,
     suite: Annotated[
         str, typer.Argument(help="paper-suite, envelope-suite, contact-suite, or a scenario (.toml or shipped)")
     ] = "paper-suite",
@@ -222,12 +229,10 @@ def compare(
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     if worlds is not None and not 1 <= worlds <= MOST:
         raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
-    in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None, "--films": films}
+    _require_effect(context, suite)
     if suite == "contact-suite":
         from skyarm.cli.contact_command import contact
 
-        others = {"--conditions": conditions is not None, "--axes": axes is not None, "--vehicle": vehicle is not None}
-        _left_out(others, " for contact-suite, whose tasks say their own")
         contact(
             out or "out/contact",
             laws=laws,
@@ -242,12 +247,9 @@ def compare(
             console=console,
         )
         return
-    _left_out(in_contact, "; only contact-suite has it")
     if suite == "envelope-suite":
         from skyarm.cli.envelope_command import envelope
 
-        if conditions is not None:
-            raise ValueError("--conditions: must be left out for envelope-suite, whose axes say their own")
         envelope(
             out or "out/envelope",
             laws=laws,
@@ -260,8 +262,6 @@ def compare(
             console=console,
         )
         return
-    _left_out({"--axes": axes is not None, "--vehicle": vehicle is not None}, "; only envelope-suite has it")
-    _left_out({"--quick": quick}, "; only envelope-suite and contact-suite have it")
     perform(
         suite,
         out or "out/compare",
@@ -277,8 +277,23 @@ def compare(
     )
 
 
-def _left_out(given: dict[str, bool], why: str) -> None:
-    """Refuse options that another suite has."""
-    for option, is_given in given.items():
-        if is_given:
-            raise ValueError(f"{option}: must be left out{why}")
+OF_SUITES = {
+    "paper-suite": ("--conditions", "--plants", "--seeds", "--one-by-one"),
+    "envelope-suite": ("--axes", "--vehicle", "--quick"),
+    "contact-suite": ("--tasks", "--worlds", "--films", "--quick", "--one-by-one"),
+}
+"""Suite -> options that not every comparison has."""
+
+OF_A_SCENARIO = ("--seeds",)
+"""Those that a comparison on a scenario has."""
+
+
+def _require_effect(context: typer.Context, suite: str) -> None:
+    """Refuse options that this comparison does not read."""
+    own = OF_SUITES.get(suite, OF_A_SCENARIO)
+    for option in dict.fromkeys(each for options in OF_SUITES.values() for each in options if each not in own):
+        there = [name for name, options in OF_SUITES.items() if option in options]
+        there += ["a scenario"] if option in OF_A_SCENARIO else []
+        have = " and ".join(there) + (" have it" if len(there) > 1 else " has it")
+        of = suite if suite in OF_SUITES else f"scenario {suite}"
+        require_left_out(context, [option], f" for {of}; only {have}")

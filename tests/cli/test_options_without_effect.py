@@ -1,0 +1,26 @@
+"""An option that a command would not read where it stands is refused, also with its usual value."""
+
+from __future__ import annotations
+
+import pytest
+
+from commanded import refused, skyarm
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("tune", "case3", "--explain", "--plants", "24"), "--plants: must be left out beside --explain"),
+        (("tune", "case3", "--explain", "--out", "here"), "--out: must be left out beside --explain"),
+        (("run", "case3", "--log", "a.npz", "--out", "out/run"), "--out: must be left out beside --log"),
+        (("show", "hummingbird", "--ops", "--gravity", "9.81"), "--gravity: must be left out beside --ops"),
+        (("show", "hummingbird", "--drawing", "a.png", "--ops"), "--ops: must be left out beside --drawing"),
+        (("sweep", "robustness", "--ray", "local", "--workers", "2"), "--workers: must be left out beside --ray"),
+        (("film", "case3", "a.viser", "--size", "640x360"), "--size: must be left out of a recording"),
+        (("film", "case3", "folder", "--no-plot"), "--plot: must be left out of a recording"),
+    ],
+)
+def test_an_option_without_effect_is_refused_before_anything_is_done(words, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(skyarm(*words), said)
+    assert list(tmp_path.iterdir()) == []
