@@ -82,7 +82,9 @@ def test_a_payload_is_picked_where_the_reference_comes_to_its_place():
     (_, held) = flight_parts(placed)
     angle = 2.0 * math.pi * 0.08 * (held.start - 6.0)  # of the circle of 0.3 m, and half a turn to the other side
     assert 0.75 * math.pi < angle < math.pi
-    never = dataclasses.replace(placed, payloads=(TimedPayload(mass=0.1, pick_place=Reach(within=0.1, of=Vec3(9, 9, 9))),))
+    never = dataclasses.replace(
+        placed, payloads=(TimedPayload(mass=0.1, pick_place=Reach(within=0.1, of=Vec3(9, 9, 9))),)
+    )
     assert [part.words for part in flight_parts(never)] == [""]
 
 

@@ -141,7 +141,11 @@ def servo_vehicle(folder, servo):
     shipped = (Path(str(LIBRARY)) / "hummingbird_arm2_rotors.toml").read_text("utf-8")
     drives = "".join(f"[drives.{joint}]\n{servo}\n\n" for joint in ("joint1", "joint2"))
     file = folder / "servos.toml"
-    file.write_text(shipped.replace("[links.joint]\n", "[links.joint]\narmature = 2e-3\n").replace("[sources]", drives + "[sources]"))
+    file.write_text(
+        shipped.replace("[links.joint]\n", "[links.joint]\narmature = 2e-3\n").replace(
+            "[sources]", drives + "[sources]"
+        )
+    )
     return file.name
 
 

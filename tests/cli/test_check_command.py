@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
+from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY
 
 FEW = ("--arm-poses", "4")
@@ -16,6 +17,10 @@ FEW = ("--arm-poses", "4")
 
 def shipped(name: str) -> str:
     return (Path(str(LIBRARY)) / f"{name}.toml").read_text("utf-8")
+
+
+def scenario_text(name: str) -> str:
+    return (Path(str(SCENARIOS)) / f"{name}.toml").read_text("utf-8")
 
 
 @pytest.fixture
@@ -29,6 +34,8 @@ def test_a_vehicle_that_flies_ends_with_zero_and_says_so():
     assert done.code == 0
     assert done.out.rstrip().endswith("can fly: no fault, 0 warnings")
     assert "agreement with MuJoCo" in done.out
+    assert not re.search(r"^(ok|fault|warning) ", done.out, re.MULTILINE)
+    assert re.search(r"^\d+ without an alarm: .*thrust\s+margin\s+[\d.]+;", done.out, re.MULTILINE | re.DOTALL)
 
 
 def test_a_fault_ends_with_one_and_names_field_number_limit_and_remedy():
@@ -37,6 +44,27 @@ def test_a_fault_ends_with_one_and_names_field_number_limit_and_remedy():
     line = next(each for each in done.out.splitlines() if each.startswith("fault in joints[shoulder].effort_limit"))
     assert re.search(r"\(0\.5\d+ N m, limit 0\.26 N m\): a stronger drive", line)
     assert "cannot fly as described: " in done.out
+
+
+def test_alarms_come_first_and_the_fine_answers_in_short_behind_them():
+    done = skyarm("check", "pelican_arm2", "--payload", "0.2", *FEW, columns=300)
+    levels = [line.split()[0] for line in done.out.splitlines() if re.match(r"(fault|warning|note|\d+ without) ", line)]
+    places = {level: levels.index(level) for level in dict.fromkeys(levels) if not level.isdigit()}
+    assert next(iter(places)) == "fault"
+    assert levels[-1].isdigit()
+    assert not re.search(r"^ok ", done.out, re.MULTILINE)
+
+
+def test_a_plan_that_its_arm_hardly_reaches_is_no_question_of_units(here):
+    text = (
+        Path("pick.toml"),
+        scenario_text("pick_and_carry").replace("posture = [-0.45, -0.9]", "posture = [0.0, 0.0]"),
+    )
+    text[0].write_text(text[1], "utf-8")
+    findings = json.loads(skyarm("check", "pick.toml", "--json", *FEW).out)["findings"]
+    said = {each["question"]: each for each in findings if each["level"] == "warning"}
+    assert said["plan of the reference"]["text"].startswith("reference.tip")
+    assert [each["level"] for each in findings if each["question"] == "units"] == ["ok", "ok"]
 
 
 def test_a_scenario_is_checked_along_its_reference():
@@ -116,7 +144,7 @@ def test_rotors_that_cannot_turn_it_are_a_fault_with_the_rank(here):
     (here / "stacked.toml").write_text(text, "utf-8")
     done = skyarm("check", "stacked.toml", *FEW, columns=200)
     assert (done.code, done.err) == (1, "")
-    assert re.search(r"allocation of 4 rotors has rank [12]", done.out)
+    assert re.search(r"allocation of 4 rotors has rank [12]: must be 4; no roll torque, pitch torque", done.out)
 
 
 def test_rotors_without_a_highest_speed_leave_the_margin_open(here):

@@ -71,10 +71,16 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
         (("contact-suite", "--worlds", "0"), "--worlds = 0: must be from 1 to "),
         (("contact-suite", "--worlds", "3", "--quick"), "--worlds: must be left out beside --quick, which flies 16"),
-        (("envelope-suite", "--tasks", "slide_up"), "--tasks: must be left out for envelope-suite; only contact-suite has it"),
+        (
+            ("envelope-suite", "--tasks", "slide_up"),
+            "--tasks: must be left out for envelope-suite; only contact-suite has it",
+        ),
         (("paper-suite", "--worlds", "3"), "--worlds: must be left out for paper-suite; only contact-suite has it"),
         (("paper-suite", "--axes", "circle"), "--axes: must be left out for paper-suite; only envelope-suite has it"),
-        (("case3", "--quick"), "--quick: must be left out for scenario case3; only envelope-suite and contact-suite have it"),
+        (
+            ("case3", "--quick"),
+            "--quick: must be left out for scenario case3; only envelope-suite and contact-suite have it",
+        ),
         (
             ("paper-suite", "--vehicle", "hexarotor_arm6"),
             "--vehicle: must be left out for paper-suite; only envelope-suite has it",

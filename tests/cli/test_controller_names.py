@@ -105,9 +105,13 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("name", ["lqr", "exact_tuned", "indi_tuned_tuned", ""])
-def test_an_unknown_name_is_refused_with_all_there_are(folder: Path, command: tuple[str, ...], name: str) -> None:
-    words = ("a preset (paper_ct, ", "a law (rotors_sim_position, ", ", centroidal)", "LAW_tuned", "all laws have but")
-    refused(skyarm(*(each.format(name) for each in command)), f"controller = {name!r}: ", "must be", *words)
+def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
+    folder: Path, command: tuple[str, ...], name: str
+) -> None:
+    words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm list' shows all)")
+    outcome = skyarm(*(each.format(name) for each in command))
+    refused(outcome, f"controller = {name!r}: ", *words)
+    assert outcome.err.partition(" ...;")[0].count(", ") < 6
     assert not list(folder.iterdir())
 
 

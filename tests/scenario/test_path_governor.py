@@ -14,7 +14,8 @@ import skyarm
 from skyarm.actuation.hover import highest_thrust
 from skyarm.actuation.motion_demand import Motion
 from skyarm.actuation.servo import PositionServo
-from skyarm.assess.along_reference import demand_of
+from skyarm.assess.along_reference import follow
+from skyarm.assess.flight_loads import flight_parts
 from skyarm.contact.gripper import Command
 from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.reference.compose import Product, Windowed, sequence
@@ -104,7 +105,7 @@ def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
 @pytest.mark.parametrize("name", ["circle", "drop", "swing"])
 def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
     def shares(scenario):
-        demand, vehicle = demand_of(scenario), scenario.world.vehicle
+        demand, vehicle = follow(flight_parts(scenario)).demand, scenario.world.vehicle
         top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
         limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[:, None]
         return demand.squared / top, np.abs(demand.efforts) / limits
@@ -120,7 +121,7 @@ def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
 def test_a_climb_keeps_below_the_rotors_most():
     up = Ramp(start=0.4, duration=0.3, height=0.9, shape="quintic")
     climb = skyarm.govern(flight(2.0, z=Sum((Constant(1.0), up))), reserve=0.5)
-    demand, most = demand_of(climb), float(climb.world.vehicle.rotors[0].max_speed) ** 2
+    demand, most = follow(flight_parts(climb)).demand, float(climb.world.vehicle.rotors[0].max_speed) ** 2
     assert 0.4 * most < demand.squared.max() < 0.5 * most * 1.01
 
 

@@ -39,7 +39,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
         "scenarios are",
     ),
     ({"scenario": 9}, "scenario = 9: must be the name of a shipped scenario or a path"),
-    ({"controllers": ["lqr"]}, "controller = 'lqr': must be a preset (paper_ct"),
+    ({"controllers": ["lqr"]}, "controller = 'lqr': must be a preset, a law or LAW_tuned ("),
     ({"controllers": []}, "controllers = []: must be a list of different presets"),
     ({"controllers": ["paper_ct", "paper_ct"]}, "must be a list of different presets"),
     ({"vary": {"mass": {"uniform": [0, 1]}}}, "vary.\"mass\": path = 'mass': must start with one of plant, model"),

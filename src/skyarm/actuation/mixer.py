@@ -29,6 +29,10 @@ LARGEST = 1e100
 """Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
 
 
+AXES = ("roll torque", "pitch torque", "yaw torque", "thrust", "force along x", "force along y")
+"""Rows of an allocation matrix."""
+
+
 class AllocationError(ValueError):
     """The rotors cannot produce independent torques and thrust."""
 
@@ -121,10 +125,12 @@ def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
     rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
     if rank < len(A):
-        needed = "4 (torque about x, y, z and thrust)" if len(A) == 4 else "6 (torque and force along x, y, z)"
+        # an axis is lost where the others' rows span its own
+        others = [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
+        lost = [name for name, left in zip(AXES, others, strict=False) if np.linalg.matrix_rank(left, tol=1e-6) == rank]
         raise AllocationError(
-            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: "
-            f"must be {needed}; check rotor positions, axes and directions"
+            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: must be {len(A)}; "
+            f"no {', '.join(lost or AXES[: len(A)])} of its own; check rotor positions, axes and directions"
         )
 
 

@@ -18,7 +18,7 @@ from skyarm.assess.lag_margin import motor_lag
 from skyarm.assess.largest_payload import largest_payload
 from skyarm.assess.largest_wind import largest_wind
 from skyarm.assess.level_hover import Allocation
-from skyarm.assess.likely_units import units_of_scenario, units_of_vehicle
+from skyarm.assess.likely_units import units_of_vehicle, warnings_of_scenario
 from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
 from skyarm.assess.mujoco_certificate import certificate
 from skyarm.assess.push_limits import push_limits
@@ -112,7 +112,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     except AllocationError:  # said by the vehicle's own findings
         along = []
     aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
-    findings = (*about.findings, *units_of_scenario(scenario), *aloft, *along)
+    findings = (*about.findings, *warnings_of_scenario(scenario), *aloft, *along)
     if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
         findings = (*findings, *delay_margin(scenario))
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)

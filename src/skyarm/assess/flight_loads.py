@@ -19,7 +19,7 @@ from skyarm.contact.gripper import Gripper
 from skyarm.control.controller import presses
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import NO_WIND, Component, TimedPayload, Wrench
+from skyarm.environment import NO_WIND, Component, Wrench
 from skyarm.environment.component import Force
 from skyarm.environment.faults import effectiveness_at
 from skyarm.plant.loads import STEADY, applied_force
@@ -108,12 +108,8 @@ def _payloads(scenario: Scenario) -> list[Load]:
                 stop = math.ceil(t * rate - 1e-9) / rate
             memory = dataclasses.replace(memory, held=held, caught=caught, gone=gone, place=place)
         name = payload.name or f"payloads[{i}]"
-        found.append(Load(name, start, stop, float(payload.mass), _body_of(payload)))
+        found.append(Load(name, start, stop, float(payload.mass), payload.body))
     return found
-
-
-def _body_of(payload: TimedPayload) -> Callable[[Vehicle], tuple[int, Body]]:
-    return lambda vehicle: payload.body(vehicle)
 
 
 def _gripped(scenario: Scenario) -> list[Load]:
@@ -221,7 +217,9 @@ def disturbance_of(part: FlightPart, time: Array) -> DisturbanceAt | None:
 
     def disturbance(R: Array, rate: Array, squared: Array) -> Disturbance:
         pairs = zip(vehicle.rotors, np.maximum(squared, 0.0), strict=True)
-        speeds = tuple(speed_of_push(rotor, push) if rotor.table is not None else np.sqrt(push) for rotor, push in pairs)
+        speeds = tuple(
+            speed_of_push(rotor, push) if rotor.table is not None else np.sqrt(push) for rotor, push in pairs
+        )
         flying = State(
             position=reference.position,
             quaternion=_quaternion(R),

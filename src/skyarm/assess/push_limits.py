@@ -47,7 +47,13 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     at = max((scenario.trajectory.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
     if not float(at.push[0]) > 0.0:
         return []  # no contact is asked for at any time
-    return [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_servos(scenario, at), *_tip_mass(scenario, at)]
+    return [
+        *_law(scenario),
+        *_joints(scenario, at),
+        *_yaw(scenario, at),
+        *_servos(scenario, at),
+        *_tip_mass(scenario, at),
+    ]
 
 
 def _law(scenario: Scenario) -> list[Finding]:
@@ -188,7 +194,9 @@ def _servos(scenario: Scenario, at: Reference) -> list[Finding]:
             field=f"drives.{name}",
             value=share,
             limit=MISSED,
-            remedy="" if share <= MISSED else "a force sensor at the tip (force_sensor = true), or joints that take torques",
+            remedy=""
+            if share <= MISSED
+            else "a force sensor at the tip (force_sensor = true), or joints that take torques",
             joints=joints,
         )
     ]

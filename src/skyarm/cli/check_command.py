@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -53,21 +54,36 @@ def page_file(name: str) -> Path:
 
 
 def sheet(found: Assessment) -> RenderableType:
-    """Findings as a table: level, question, answer; then what to change."""
-    table = table_of("", "", "", left=3)
-    for each in found.findings:
-        table.add_row(
-            Text(each.level, style=STYLES[each.level]), Text(printable(each.question)), Text(printable(each.text))
-        )
-    parts: list[RenderableType] = [Text(printable(title(found)), style="bold"), table, Text("")]
+    """Alarms with what to change, then notes, then all other answers in short."""
     alarms = found.alarms()
+    parts: list[RenderableType] = [Text(printable(title(found)), style="bold")]
+    if alarms:
+        parts += [_rows(alarms), Text("")]
     for each in alarms:
         numbers = "" if math.isnan(each.value) or not each.field else f" ({_against_limit(each)})"
         line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
         parts.append(Text(printable(line), style=STYLES[each.level]))
-    if alarms:
-        parts.append(Text(""))
-    return Group(*parts, Text(printable(verdict(found)), style="bold"))
+    notes, well = ([each for each in found.findings if each.level == level] for level in (NOTE, OK))
+    parts += [Text(""), _rows(notes)] if notes else []
+    short = "; ".join(dict.fromkeys(map(_in_short, well)))
+    fine = Text(printable(f"{len(well)} without an alarm: {short}"), style=STYLES[OK])
+    return Group(*parts, Text(""), fine, Text(""), Text(printable(verdict(found)), style="bold"))
+
+
+def _in_short(each: Finding) -> str:
+    """A question with its number; without one that is rounding, or none."""
+    found = number(each.value, each)
+    return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
+
+
+def _rows(findings: Iterable[Finding]) -> RenderableType:
+    """A table of findings: level, question, answer."""
+    table = table_of("", "", "", left=3)
+    for each in findings:
+        table.add_row(
+            Text(each.level, style=STYLES[each.level]), Text(printable(each.question)), Text(printable(each.text))
+        )
+    return table
 
 
 def title(found: Assessment) -> str:

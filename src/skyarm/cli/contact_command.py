@@ -70,7 +70,9 @@ def _laws(words: str | None) -> tuple[str, ...]:
     names = split_names("--laws", words)
     for name in names:
         if name not in OWN and not is_named(name):
-            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be one of {', '.join(OWN)}, or {choices()}")
+            raise ValueError(
+                f"--laws = {shown(name)}: {meant(name)}must be one of {', '.join(OWN)}, or {choices(name)}"
+            )
     return _once("--laws", (name if name in OWN else full_name(name) for name in names))
 
 

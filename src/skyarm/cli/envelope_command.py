@@ -66,5 +66,5 @@ def _laws(words: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
     require_different(names, "--laws")
     for name in names:
         if not is_named(name):
-            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {choices()}")
+            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {choices(name)}")
     return tuple(full_name(name) for name in names)

@@ -159,7 +159,7 @@ def _title(controller: str) -> str:
 def _require_known(controller: str) -> None:
     if controller not in list_scenarios() and Path(controller).suffix != ".toml":
         raise ValueError(
-            f"controller = {shown(controller)}: {meant(controller)}must be {choices()}, "
+            f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}, "
             f"or a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
         )
     if controller not in list_scenarios() and not Path(controller).is_file():

@@ -84,7 +84,7 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
         ValueError: one line.
     """
     if controller != OWN and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {OWN!r}, {choices()}")
+        raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {OWN!r}, {choices(controller)}")
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=None if controller == OWN else controller)
     say_if_many(loaded.name, loaded.world.vehicle.n)

@@ -151,7 +151,9 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     from skyarm.tune.gains_result import words_of
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"--controller = {shown(controller)}: {meant(controller)}must be {choices()}; or a .toml file")
+        raise ValueError(
+            f"--controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}; or a .toml file"
+        )
     if _is_vehicle(target):
         scenario = of_vehicle(load_vehicle(target), controller)
         words = words_of(controller or scenario.controller.name)

@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import Fields, one_line, read_toml, shown
+from skyarm.files import Fields, all_wrong_words, one_line, read_toml, shown
 from skyarm.identify.records import IdentificationStudy, Prediction, Rival, Rung
 from skyarm.identify.study_checks import require_consistent, require_flyable
 from skyarm.identify.study_tables import (
@@ -61,7 +61,8 @@ def read_identification(content: bytes, folder: Path, source: str) -> Identifica
         IdentificationError: one line with file, field, value and what is allowed.
     """
     try:
-        return _study(Fields(read_toml(content), ""), folder)
+        with all_wrong_words():
+            return _study(Fields(read_toml(content), ""), folder)
     except ValueError as error:
         raise IdentificationError(one_line(f"{source}: {error}")) from None
 

@@ -47,7 +47,7 @@ def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Contr
     """The preset of a table, which takes no options."""
     name = fields.take("preset", None)
     if name is None:
-        raise ValueError(f"{fields.where}: must have a preset ({', '.join(PRESETS)}) or a law ({', '.join(LAWS)})")
+        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm list' shows all")
     if isinstance(name, str) and name not in PRESETS and name in LAWS:
         raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
     for word, value in fields.table.items():
@@ -78,7 +78,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     law, best = fields.take("law"), fields.take("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
-        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law)}{hint}")
+        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm list')}{hint}")
     if not isinstance(best, bool):
         raise ValueError(f"{fields.at('tuned')} = {shown(best)}: must be true or false")
     law = full_name(law)

@@ -50,7 +50,17 @@ from typing import Any
 
 from skyarm.control.model import Model
 from skyarm.environment import NO_WIND, faults_from, wind_from
-from skyarm.files import Fields, did_you_mean, file_name, number, one_line, read_toml, shown, unreadable
+from skyarm.files import (
+    Fields,
+    all_wrong_words,
+    did_you_mean,
+    file_name,
+    number,
+    one_line,
+    read_toml,
+    shown,
+    unreadable,
+)
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.metrics.windows import Windows, windows_from
 from skyarm.plant.interface import Truth
@@ -151,7 +161,8 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
+        with all_wrong_words():
+            return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
 

@@ -54,18 +54,26 @@ LOOKS = 200
 
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
-    """Lines about numbers of a scenario that are probably in other units; empty where there is none."""
-    return (
-        *(f"plant: {line}" for line in unlikely_in_vehicle(scenario.world.vehicle)),
-        *_belief(scenario),
-        *_surroundings(scenario),
-        *_sensing(scenario),
-        *_reference(scenario),
-        *_plan(scenario),
-        *_start(scenario),
-        *law_of_undriven(scenario),
-        *law_without_priorities(scenario),
-    )
+    """Lines about numbers of a scenario that are allowed and hardly meant; empty where there is none."""
+    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.world.vehicle))
+    return (*vehicle, *unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario))
+
+
+def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
+    """Lines about numbers that are probably in other units, without those of the plant's vehicle."""
+    parts = (_belief, _surroundings, _sensing, _reference, _start)
+    return tuple(line for part in parts for line in part(scenario))
+
+
+def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
+    """Lines about limits that the plan of a tip's reference does not keep."""
+    found = feasibility_of(scenario)
+    return tuple(found.warnings()) if found is not None else ()
+
+
+def law_warnings(scenario: Scenario) -> tuple[str, ...]:
+    """Lines about a law that the vehicle's joints or rotors do not suit."""
+    return (*law_of_undriven(scenario), *law_without_priorities(scenario))
 
 
 def _belief(scenario: Scenario) -> Iterator[str]:
@@ -142,12 +150,6 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     for i, link in enumerate(links):
         most = max((float(look.joints[i]) for look in looks), key=abs)
         yield from _joint(f"reference.joints[{i}]", most, link.joint.kind, "reaches")
-
-
-def _plan(scenario: Scenario) -> Iterator[str]:
-    """What the plan of a tip's reference lacks."""
-    found = feasibility_of(scenario)
-    yield from found.warnings() if found is not None else ()
 
 
 def _start(scenario: Scenario) -> Iterator[str]:

@@ -22,7 +22,7 @@ def require_laws(source: str, laws: Sequence[str]) -> None:
     prepared = load_fleet(source).prepared
     for law in laws:
         if law not in law_names():
-            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law)}")
+            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law, 'skyarm list')}")
         prepared.under(law)
 
 

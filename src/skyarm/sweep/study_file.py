@@ -34,7 +34,17 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import full_name, require_different
-from skyarm.files import Fields, did_you_mean, file_name, number, one_line, read_toml, shown, unreadable
+from skyarm.files import (
+    Fields,
+    all_wrong_words,
+    did_you_mean,
+    file_name,
+    number,
+    one_line,
+    read_toml,
+    shown,
+    unreadable,
+)
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.files.old_names import renamed
 from skyarm.metrics.metric_catalogue import metric_names
@@ -119,7 +129,8 @@ def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "",
         StudyError: one line with field, value and what is allowed.
     """
     try:
-        return _study(Fields(dict(document), ""), Path(folder), source)
+        with all_wrong_words():
+            return _study(Fields(dict(document), ""), Path(folder), source)
     except ValueError as error:
         raise StudyError(one_line(str(error))) from None
 

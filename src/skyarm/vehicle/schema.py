@@ -10,6 +10,7 @@ from typing import Any, Literal, NoReturn, get_args
 
 from pydantic import BaseModel, Field, ValidationError
 
+from skyarm.files import did_you_mean
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.schema_tables import (
     AttachTable,
@@ -71,8 +72,17 @@ def parse(document: Mapping[str, Any]) -> VehicleFile:
         return VehicleFile.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    # an unknown field first: it is often the misspelt name of one that is then said to be missing
-    _report(document, min(errors, key=lambda each: each["type"] != "extra_forbidden"))
+    # unknown fields first, all of them: they are often misspelt names of those that are then said to be missing
+    unknown = [_refusal(document, each) for each in errors if each["type"] == "extra_forbidden"]
+    raise VehicleError("; ".join(map(str, unknown)) if unknown else str(_refusal(document, errors[0])))
+
+
+def _refusal(document: Mapping[str, Any], error: Any) -> VehicleError:
+    """An error of the schema as a line."""
+    try:
+        _report(document, error)
+    except VehicleError as line:
+        return line
 
 
 def _report(document: Mapping[str, Any], error: Any) -> NoReturn:
@@ -82,7 +92,8 @@ def _report(document: Mapping[str, Any], error: Any) -> NoReturn:
         if location[-1] in CLOSURES:
             refuse(field, error["input"], "closed chains are not supported")
         table = _fields(location[:-1])
-        refuse(field, error["input"], f"unknown field; allowed: {', '.join(table)}")
+        meant = did_you_mean(location[-1], table)
+        refuse(field, error["input"], f"unknown field; {meant}allowed: {', '.join(table)}")
     allowed = next((text for end in range(len(location), 0, -1) if (text := _allowed(location[:end]))), error["msg"])
     if error["type"] == "missing":
         raise VehicleError(f"{field} = (missing): must be {allowed}")

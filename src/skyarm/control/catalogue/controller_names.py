@@ -12,7 +12,7 @@ from skyarm.control.catalogue.presets import PRESETS, canonical_preset, preset
 from skyarm.control.catalogue.tuned_gains import make_tuned, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
-from skyarm.files import did_you_mean, shown
+from skyarm.files import did_you_mean, nearest, shown
 from skyarm.registry.plugins import law_of_file_key
 from skyarm.registry.registrations import canonical
 from skyarm.registry.shipped import ALIASES, TUNED
@@ -64,20 +64,25 @@ def is_named(name: Any) -> bool:
     return name in PRESETS or name in LAWS or (name.endswith(TUNED) and _is_tuned(name.removesuffix(TUNED)))
 
 
-def choices() -> str:
-    """The names there are, in words."""
-    without = ", ".join(law for law in LAWS if law not in tuned_factors())
-    return (
-        f"a preset ({', '.join(PRESETS)}), a law ({', '.join(LAWS)}), "
-        f"LAW{TUNED} for its tuned gains, which all laws have but {without}; or FILE.py:make on the command line"
-    )
+SEE = "skyarm list"
+"""Shows the names of all presets and laws."""
+
+
+def choices(name: Any) -> str:
+    """Allowed names in place of one that is none, in words: the nearest, and where all are shown."""
+    near = ", ".join(nearest(name, _every_name()))
+    return f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or FILE.py:make on the command line"
+
+
+def _every_name() -> tuple[str, ...]:
+    return (*PRESETS, *PRESET_ALIASES, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
 
 
 def meant(name: Any) -> str:
     """What an unknown name may have meant, as a message begins; empty where nothing is alike."""
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
-    return did_you_mean(name, (*PRESETS, *PRESET_ALIASES, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors())))
+    return did_you_mean(name, _every_name())
 
 
 def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
@@ -93,7 +98,7 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not is_named(name):
-        raise ControllerError(f"controller = {shown(name)}: {meant(name)}must be {choices()}")
+        raise ControllerError(f"controller = {shown(name)}: {meant(name)}must be {choices(name)}")
     name = full_name(name)
     if name in PRESETS:
         return preset(name, model, known)

@@ -185,7 +185,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not isinstance(name, str) or name not in LAWS:
-        raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name)}")
+        raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, 'skyarm list')}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     name = full_name("law", name)

@@ -143,7 +143,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
         ControllerError: unknown name, or gains for another number of joints.
     """
     if not isinstance(name, str) or name not in PRESETS:
-        raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name)}")
+        raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, 'skyarm list')}")
     name = canonical_preset(name)
     try:
         law, options = PRESETS[name].law, PRESETS[name].options
