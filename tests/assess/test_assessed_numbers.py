@@ -18,6 +18,7 @@ from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.delay_margin import delay_margin
 from skyarm.assess.finding import Finding
+from skyarm.assess.flight_loads import flight_parts
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.lag_margin import largest_lag
 from skyarm.assess.largest_wind import drag_in_wind, thrust_in_wind
@@ -207,7 +208,7 @@ def reference(**more):
 
 def test_the_demand_along_a_reference_is_what_a_flight_of_it_gives():
     scenario = reference()
-    log, demand = skyarm.run(scenario), along_reference.demand_of(scenario)
+    log, demand = skyarm.run(scenario), along_reference.follow(flight_parts(scenario)).demand
     late = log.time > 2.0
     for i in range(2):
         expected = np.interp(log.time[late], demand.time, demand.efforts[i])

@@ -208,7 +208,7 @@ def test_poses_lie_within_the_limits_that_are_stated(kind, limits, expected):
     ],
 )
 def test_a_line_about_units_becomes_field_and_remedy(line, field, remedy):
-    found = _finding(line, WARNING)
+    found = _finding(line, "units", WARNING)
     assert (found.field, found.remedy) == (field, f"check {field}: {remedy}")
 
 

@@ -70,7 +70,7 @@ def test_a_scenario_names_gains_that_lie_beside_it(tmp_path):
         (('preset = "paper_ct"', 'tuned = "other.toml"'), "one file does not name another"),
         (("schema = 1", "schema = 2"), "schema = 2: must be 1"),
         (("[about]", "[abuot]"), "abuot"),
-        (("[law]", "[lawn]"), "law: is missing"),
+        (("[law]", "[lawn]"), "lawn = {'preset': 'paper_ct'}: unknown field; did you mean 'law'?"),
         (("schema = 1", "schema = "), "tuned.toml"),
     ],
 )

@@ -128,7 +128,7 @@ def test_a_climb_keeps_below_the_rotors_most():
 def test_joints_keep_their_efforts_and_servos_theirs():
     swing = flight(3.0, joints=SWING.trajectory.joints)
     weak = skyarm.with_numbers(swing, {"model.vehicle.links.link1.joint.effort_limit": 0.06})
-    efforts = np.abs(demand_of(skyarm.govern(weak)).efforts[0])
+    efforts = np.abs(follow(flight_parts(skyarm.govern(weak))).demand.efforts[0])
     # the plan's attitude is smoother than this one's: that is what the reserve is for
     assert 0.035 < efforts.max() < 0.06
     vehicle = weak.controller.par.model.vehicle

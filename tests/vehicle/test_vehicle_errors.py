@@ -68,8 +68,18 @@ CASES = [
     # path, value, field in the message, what it must say
     (("mas",), 1.0, "mas = 1.0", "unknown field; allowed: schema, name, title, urdf, base, links"),
     (("base", "weight"), 1.0, "base.weight = 1.0", "unknown field; allowed: mass, com, inertia, planar, parts"),
-    ((*JOINT, "axes"), 1, "links[arm].joint.axes = 1", "unknown field; allowed: lower, upper, effort_limit"),
-    ((*FRONT, "thrust"), 1, "rotors[front].thrust = 1", "unknown field; allowed: axis, thrust_coefficient"),
+    (
+        (*JOINT, "axes"),
+        1,
+        "links[arm].joint.axes = 1",
+        "unknown field; did you mean 'axis'? allowed: lower",
+    ),
+    (
+        (*FRONT, "thrust"),
+        1,
+        "rotors[front].thrust = 1",
+        "unknown field; did you mean 'thrust_table'? allowed: axis",
+    ),
     (("schema",), 2, "schema = 2", "must be 1"),
     (("schema",), None, "schema = (missing)", "must be 1"),
     (("name",), 3, "name = 3", "must be text"),

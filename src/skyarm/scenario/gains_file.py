@@ -23,7 +23,7 @@ from typing import Any
 from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.files import Fields, did_you_mean, number, read_toml, shown, unreadable
+from skyarm.files import Fields, all_wrong_words, did_you_mean, number, read_toml, shown, unreadable
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.replace_parts import replaced
@@ -104,7 +104,8 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
     try:
         document = read_toml(path.read_bytes())
         require_kind(document, "gains")
-        return _controller(Fields(document, ""), model, known)
+        with all_wrong_words():
+            return _controller(Fields(document, ""), model, known)
     except OSError as error:
         raise ValueError(f"{field} = {shown(os.fspath(path))}: must be readable ({error.strerror})") from None
     except ValueError as error:
