@@ -43,7 +43,7 @@ def test_an_unknown_mixer_policy_is_refused_with_the_choices():
 
 
 def test_an_unknown_preset_is_refused_with_the_choices():
-    with pytest.raises(ControllerError, match=r"preset = 'paper'.*paper_ct, paper_ct_euler, paper_pd"):
+    with pytest.raises(ControllerError, match=r"preset = 'paper': did you mean 'paper_pd'\? must be one of paper_pd, "):
         preset("paper", MODEL)
 
 

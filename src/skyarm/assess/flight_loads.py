@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -174,7 +174,7 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     return lanes(motion.position(*motion.frame(frame or None)), len(time))
 
 
-def lanes(values: Sequence[Any], count: int) -> Array:
+def lanes(values: Iterable[Any], count: int) -> Array:
     """Numbers or arrays as rows (..., K)."""
     rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
     return np.stack(rows) if rows else np.zeros((0, count))
@@ -248,5 +248,5 @@ def _quaternion(R: Array) -> Quaternion:
     w = np.sqrt(np.maximum(0.5 * (1.0 + z), 1e-12))
     tilt = Quaternion(w, -0.5 * y / w, 0.5 * x / w, 0.0)
     ahead = tilt.rotation().apply_T(Vec3(*R[:, 0]))
-    half = 0.5 * np.arctan2(ahead.y, ahead.x)
+    half = 0.5 * np.arctan2(np.asarray(ahead.y), np.asarray(ahead.x))
     return tilt * Quaternion(np.cos(half), 0.0, 0.0, np.sin(half))
