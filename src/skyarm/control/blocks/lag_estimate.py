@@ -10,7 +10,7 @@ gust is one event, an oscillation many.
 
 A lag may begin at any time: no lag falls further behind the likeliest one than ``lead``, so that what was ruled out for
 minutes is found as quickly as what was never looked for (the bounded evidence of a cumulative sum test, Page 1954).
-The acceleration a(t) follows from the commands within the actuators' limits, so that it is known at a limit, too. Periods
+The acceleration a(t) follows from the commands within the actuators' limits, so that it is known there, too. Periods
 with a rotor at its limit count less (``at_limit``): a jump of the reference takes it there once, a loop that swings
 again and again.
 
