@@ -45,7 +45,7 @@ def file(tmp_path: Path) -> Path:
     text = f"""<robot name="r">
     <link name="root">{INERTIAL}{visual()}</link>
     <link name="upper">{INERTIAL}{visual(turned)}</link><link name="cover">{visual(scale="-0.002 0.001 0.001")}</link>
-    <link name="lower">{INERTIAL.replace('<mass', '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
+    <link name="lower">{INERTIAL.replace("<mass", '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
     <joint name="a" type="revolute"><parent link="root"/><child link="upper"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
       <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
     <joint name="f" type="fixed"><parent link="upper"/><child link="cover"/><origin xyz="0 0.5 0"/></joint>
