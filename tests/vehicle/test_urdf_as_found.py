@@ -130,7 +130,6 @@ def test_meshes_that_are_not_there_are_noted_and_packages_are_found(tmp_path):
     (package / "urdf").mkdir(parents=True)
     (package / "meshes").mkdir()
     (package / "meshes" / "a.stl").write_bytes(b"solid")
-    (package / "meshes" / "a.dae").write_bytes(b"")
     (package / "package.xml").write_text("<package/>", encoding="utf-8")
 
     def notes(*addresses):

@@ -45,10 +45,11 @@ def file(tmp_path: Path) -> Path:
     text = f"""<robot name="r">
     <link name="root">{INERTIAL}{visual()}</link>
     <link name="upper">{INERTIAL}{visual(turned)}</link><link name="cover">{visual(scale="-0.002 0.001 0.001")}</link>
-    <link name="lower">{INERTIAL.replace('<mass', '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
+    <link name="lower">{INERTIAL.replace("<mass", '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
     <joint name="a" type="revolute"><parent link="root"/><child link="upper"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
       <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-    <joint name="f" type="fixed"><parent link="upper"/><child link="cover"/><origin xyz="0 0.5 0"/></joint>
+    <joint name="f" type="fixed"><parent link="upper"/><child link="cover"/>
+      <origin xyz="0 0.5 0" rpy="0 0 1.5707963267948966"/></joint>
     <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.4"/>
       <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
     path = tmp_path / "r.urdf"
@@ -73,7 +74,7 @@ def test_links_are_drawn_as_their_meshes_where_the_files_are(file: Path) -> None
     assert corners(found["root"][1]) == corners(1e-3 * CORNERS)
     x, y, z = (1e-3 * CORNERS).T
     assert corners(found["upper"][1]) == corners(np.stack([-y, x, z + 0.1], axis=1))
-    assert corners(found["cover"][1]) == corners(np.stack([-2.0 * x, y + 0.5, z], axis=1))
+    assert corners(found["cover"][1]) == corners(np.stack([-y, 0.5 - 2.0 * x, z], axis=1))
     names = [shape.name for shape in vehicle_shapes(vehicle)]
     assert "hull" not in names
     assert not [name for name in names if name.startswith("link/upper")]

@@ -9,7 +9,7 @@ from typing import Any
 
 from skyarm.records.leaves import Place, is_record, parts
 from skyarm.records.replace_parts import part
-from skyarm.records.units import Unit, units
+from skyarm.records.units import Unit, declared_fields, units
 from skyarm.reference import Trajectory
 from skyarm.reference.polynomials import Polynomials
 from skyarm.scenario.names_of_fields import names
@@ -167,12 +167,15 @@ def _below(value: Any, path: str) -> Iterator[str]:
     if not is_record(value) and not isinstance(value, tuple):
         return
     words, fields = names(value), parts(value)
+    # counts are structure, which machine code cannot vary
+    declared = declared_fields(type(value)) if is_record(value) else {}
+    counts = {(name,) for name, (kind, _) in declared.items() if kind is int}
     own = [word for word in words if word not in fields and not word.isdigit()]
     # items of a tuple that have names of their own go by them
     chosen = own if own and isinstance(value, tuple) else [*own, *fields]
     for word in chosen:
         places = words.get(word)
-        if isinstance(places, tuple):
+        if isinstance(places, tuple) and places[0] not in counts:
             yield from _below(part(value, places[0]), f"{path}.{word}")
 
 
