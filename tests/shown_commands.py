@@ -26,7 +26,6 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare contact-suite": ("--quick", "--tasks", "press_and_hold"),
     "compare paper-suite": (*FEW, "--conditions", "perfect,plants"),
     "compare --laws": (*FEW, "--conditions", "perfect,plants"),
-    "compare": FEW,
     "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
     "sweep my_study.toml --ray local": ("--out", "out/on_ray"),
 }
