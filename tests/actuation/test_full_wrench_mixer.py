@@ -111,5 +111,5 @@ def test_without_a_force_across_none_is_given():
 
 
 def test_flat_rotors_are_refused_in_one_line():
-    with pytest.raises(AllocationError, match=r"^vehicle 'hexa': allocation of 6 rotors has rank 4: must be 6 \("):
+    with pytest.raises(AllocationError, match=r"^vehicle 'hexa': allocation of 6 rotors has rank 4: must be 6; no "):
         make_mixer(LAYOUTS["hexa"], "priority", sideways=True)

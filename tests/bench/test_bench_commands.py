@@ -49,6 +49,7 @@ def instant(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(contact_speed, name, one)
     monkeypatch.setattr(engines, "flights", lambda _scenario: {"rk4": None})
     monkeypatch.setattr(engines, "python", lambda _flight: one()[0])
+    monkeypatch.setattr(bench_report, "configure_cpu", lambda: None)  # of a process whose other tests started JAX
     monkeypatch.setattr(bench_report, "accuracy", lambda *_: {"rk4 f64": 1.5e-9})
     monkeypatch.setattr(bench_report, "latency", lambda *_: {"compiled": {"p50_us": 0.25, "p99_us": 0.31}})
     monkeypatch.setattr(bench_report, "start", lambda _rounds: {"python_alone": 0.12})

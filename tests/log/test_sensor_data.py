@@ -177,6 +177,7 @@ def test_the_full_states_reading_stands_beside_an_estimate_where_it_is_not_the_t
     state = log.readings["state"]
     assert 0.0 < np.abs(state["position"] - log.position).max() < 0.06
     assert "state" not in flown().readings
+    assert "state" not in skyarm.run(estimated(duration=0.05, sensors__position=0.0)).readings
 
 
 def test_parts_of_a_flight_without_estimate_have_none():

@@ -39,7 +39,7 @@ def log(**arrays: Array | Callable[[Array], Array]) -> Log:
     values: dict[str, Any] = {
         field.name: np.zeros(shapes.get(field.name, (n, 3)))
         for field in dataclasses.fields(Log)
-        if field.name not in ("info", "path_time", "phase")
+        if field.name not in ("info", "received", "path_time", "phase")
     }
     values["time"] = t
     values["quaternion"][:, 0] = 1.0

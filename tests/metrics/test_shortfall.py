@@ -84,6 +84,13 @@ def test_a_law_that_cuts_its_own_commands_for_a_moment_says_nothing(hover):
     assert len(changed(hover, rotor_commands=sent).shortfall.lines) == 1
 
 
+@pytest.mark.parametrize(("beyond", "counts"), [(0.0, False), (1e-6, True)])
+def test_a_setpoint_at_the_end_of_its_range_is_carried_out(hover, monkeypatch, beyond, counts):
+    sent = np.full(hover.time.size, -beyond)
+    monkeypatch.setattr("skyarm.metrics.shortfall._limited", lambda _: [("joint elbow", "rad", sent, 0.0, 1.0)])
+    assert (hover.shortfall.saturation is not None) is counts
+
+
 def test_a_command_that_is_no_number_counts(hover):
     sent = hover.rotor_commands.copy()
     sent[-1, 0] = np.nan
@@ -130,6 +137,15 @@ def test_a_push_whose_force_is_never_there_and_phases_without_end(press):
     assert [each.reference for each in changed(press, contact_force=pressed).shortfall.unreached] == ["phase"]
     pressed *= 0.69 / 0.71
     assert "at most 0.69 N of 1 N" in changed(press, contact_force=pressed).shortfall.unreached[0].words
+
+
+def test_a_push_is_not_reached_by_the_contact_of_a_skid(press, monkeypatch):
+    monkeypatch.setattr("skyarm.metrics.shortfall.contact_pairs", lambda _: (("wall", "tip"), ("wall", "skid")))
+    force = np.zeros((press.time.size, 2))
+    force[:, 1] = 8.0
+    assert "at most 0 N of 1 N" in changed(press, contact_force=force).shortfall.unreached[0].words
+    pressed = changed(press, contact_force=force[:, ::-1].copy())
+    assert "force" not in [each.reference for each in pressed.shortfall.unreached]
 
 
 def test_while_the_tip_presses_its_place_along_the_normal_is_open(press):

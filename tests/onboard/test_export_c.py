@@ -485,7 +485,10 @@ def test_a_scenario_is_exported_as_it_flies(tmp_path, monkeypatch, capsys):
 
 
 ERRORS = [
-    (("nope", "--vehicle", "hummingbird_arm2"), ("controller = 'nope'", "paper_ct", "decoupled_pd", "case3")),
+    (
+        ("nope", "--vehicle", "hummingbird_arm2"),
+        ("controller = 'nope'", "paper_ct", "'skyarm list' shows all", "case3"),
+    ),
     (("nope",), ("controller = 'nope'", "paper_ct")),
     (("gone.toml",), ("gone.toml",)),
     (("paper_ct",), ("--vehicle", "is missing", "'paper_ct'")),

@@ -270,6 +270,8 @@ def test_an_older_or_damaged_log_is_refused_in_one_line(damage: str, tmp_path: P
     said = f"skyarm {skyarm.__version__} wrote it"
     if damage in ("another number", "another digest", "no digest"):
         refused(path, f"scenario_record: must be of the log's digest; it was changed after {said}")
+    elif damage == "text":
+        refused(path, "info.scenario_record = 'case1': must be a table")
     else:
         refused(path, f"scenario_record: must hold the scenario as this version writes it; {said}")
 

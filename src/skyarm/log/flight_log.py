@@ -25,7 +25,7 @@ PICTURES = "skyarm.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
 
 SHORTFALL = "skyarm.metrics.shortfall"
-"""Where it is judged, likewise."""
+"""Module of the shortfall, imported likewise."""
 
 HELD = "reference as published and held"
 

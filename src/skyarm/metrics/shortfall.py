@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.log.contact_periods import contact_pairs
 from skyarm.log.log_columns import names_of
 from skyarm.metrics.contact_totals import BAND
 from skyarm.metrics.path_distance import path_distance
@@ -32,6 +33,9 @@ LARGEST_ERROR = 0.5
 SELDOM = 0.01
 """Share of the periods below which commands exactly at a limit are not worth a line: a step of the reference."""
 
+PLACES = ("rad", "m")
+"""Units of setpoints."""
+
 ROUNDING = 1e-9
 """Share of a limit by which a law that cuts its own commands may stay below it."""
 
@@ -42,7 +46,7 @@ class Saturation:
 
     Attributes:
         share: of the control periods in which any command is.
-        actuator: whose largest command is furthest beyond its limit. command, limit: largest size of its command, and
+        actuator: the one whose largest command is furthest beyond its limit. command, limit: largest size of its command, and
             the limit on its side, in ``unit``.
     """
 
@@ -84,7 +88,7 @@ class Unreached:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shortfall:
-    """What a flight lacks; printed, a line for each.
+    """Saturation and unreached references of a flight; printed, a line for each.
 
     Attributes:
         saturation: None where every command stayed within its limits.
@@ -116,7 +120,9 @@ def _saturation(log: Log) -> Saturation | None:
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(over))
         limit = low if low - sent[worst] > sent[worst] - high else high
-        at_limit = (over >= -ROUNDING * abs(limit)) & math.isfinite(limit)
+        # an angle or a place at the end of its range is carried out as it is; a speed or an effort there was cut
+        least = ROUNDING if unit in PLACES else -ROUNDING
+        at_limit = (over >= least * (abs(limit) or 1.0)) & math.isfinite(limit)
         beyond |= at_limit
         if at_limit.any():
             found.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
@@ -184,7 +190,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
 
 def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
     """Pushes whose force stayed below the band about the wanted one all the time that it was asked for."""
-    force = log.contact_force.sum(axis=1) if log.contact_force.size else np.zeros(log.time.size)
+    force = _force_at_tip(log)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
     for first, after in edges.reshape(-1, 2):
         most, aim = float(force[first:after].max()), float(wanted[first:after].max())
@@ -192,6 +198,16 @@ def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
             start, stop = float(log.time[first]), float(log.time[after - 1])
             words = f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N of {aim:.3g} N"
             yield Unreached(reference="force", start=start, stop=stop, words=words)
+
+
+def _force_at_tip(log: Log) -> Array:
+    """Normal force at the points of the tip's frame (N,), at all points where it has none; skids and objects apart."""
+    record = log.info.get("scenario_record") or {}
+    tip = ((record.get("world") or {}).get("vehicle") or {}).get("end_effector")
+    at_tip = {str(each["name"]) for each in (record.get("contact") or {}).get("points") or () if each["frame"] == tip}
+    chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
+    force = log.contact_force[:, chosen] if chosen else log.contact_force
+    return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)
 
 
 def _phases(log: Log) -> Iterator[Unreached]:

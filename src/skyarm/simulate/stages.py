@@ -83,7 +83,8 @@ class Stages:
         asked = self.tip_sensor is not None and senses_torque(scenario.controller.par)
         self.twist_at = sensor_offset(self.sensors, scenario.world.vehicle) if asked else None
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
-        full = [FULL_STATE] if scenario.estimates and leaves(scenario.sensors) else []
+        noisy = [sigma for sigma in leaves(scenario.sensors) if type(sigma) is not float or sigma > 0.0]
+        full = [FULL_STATE] if scenario.estimates and noisy else []
         self.logged = (*full, *(each.name for each in scenario.instruments))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
