@@ -82,7 +82,7 @@ def at(time: float, path: str, value: Any) -> dict[str, Any]:
         (at(0.1, "rates.control", 100), r"changes\[0\].path = 'rates.control': rates must be as the flight began; wh"),
         (at(0.1, "initial.roll", 1), r"changes\[0\].path = 'initial.roll': initial must be as the flight began"),
         (at(0.1, "seed", 1), r"changes\[0\].path = 'seed': seed must be as the flight began"),
-        (at(0.1, "delays.command", 0.01), r"changes\[0\].path = 'delays.command': delays must be as the flight began"),
+        (at(0.1, "delays.command", 0.01), r"changes\[0\].path = 'delays.command': delays.longest_command is missing"),
         (at(0.1, "changes.0.value", 1), r"changes\[0\].path = 'changes.0.value': changes must be as the flight began"),
         (at(0.1, "plant.gravity", -1), r"changes\[0\]: world.gravity = -1.0: must be at least 0"),
         (at(0.1, "controller.law", "ind"), r"changes\[0\]: controller.law = 'ind': did you mean 'indi'\? must be a pr"),

@@ -46,8 +46,8 @@ class Saturation:
 
     Attributes:
         share: of the control periods in which any command is.
-        actuator: the one whose largest command is furthest beyond its limit. command, limit: largest size of its command, and
-            the limit on its side, in ``unit``.
+        actuator: the one whose largest command is furthest beyond its limit.
+        command, limit: largest size of its command, and the limit on its side, in ``unit``.
     """
 
     share: float
