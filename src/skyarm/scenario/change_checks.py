@@ -126,7 +126,9 @@ def _require_changeable(scenario: Scenario, path: str) -> None:
     if path in WHOLE_PARTS or (path in LATER and scenario.delays.longest_command is not None):
         return
     if path in LATER:
-        raise ScenarioError(f"path = {path!r}: delays.longest_command is missing; it bounds delays that change in flight")
+        raise ScenarioError(
+            f"path = {path!r}: delays.longest_command is missing; it bounds delays that change in flight"
+        )
     for word in FIXED:
         if path == word or path.startswith(f"{word}."):
             raise ScenarioError(f"path = {path!r}: {word} must be as the flight began; {MAY}")
