@@ -15,10 +15,11 @@ from skyarm.assess.along_reference import along_reference, follow
 from skyarm.assess.finding import FAULT, OK, worst_level
 from skyarm.assess.flight_loads import flight_parts
 from skyarm.assess.push_limits import push_limits
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.environment import Fault, ForceWind, HangingPayload, MovingAir, Reach, TimedPayload
 from skyarm.environment.disturbance_signals import Disturbance
 from skyarm.environment.signal_vector import SignalVector
-from skyarm.reference.signals import Constant
+from skyarm.reference.signals import Constant, Ramp
 from skyarm.scenario.changes import Change
 from skyarm.scenario.scenario_file import list_scenarios
 from thorough import sampled
@@ -88,8 +89,22 @@ def test_a_payload_is_picked_where_the_reference_comes_to_its_place():
     assert [part.words for part in flight_parts(never)] == [""]
 
 
-def test_what_a_gripper_takes_is_held_until_it_opens():
-    parts = flight_parts(skyarm.load_scenario("pick_and_carry"))
+@pytest.mark.parametrize("duration", [20.0, 600.0])
+def test_a_place_that_is_passed_fast_is_found_in_a_flight_of_any_length(duration):
+    """At 2.5 m/s a sphere of 0.1 m takes 80 ms, 16 control periods of which a long flight may skip none."""
+    scenario = skyarm.load_scenario("case3", duration=duration)
+    vehicle = scenario.world.vehicle
+    across = Ramp(start=duration - 10.0, duration=3.0, height=7.5)
+    passing = dataclasses.replace(scenario.trajectory, x=across, y=Constant(0.0), joints=(Constant(0.0),) * vehicle.n)
+    tip = passing.at(duration - 8.45).position + frame_pose(vehicle, vehicle.frame(), (0.0,) * vehicle.n).p
+    payload = TimedPayload(mass=8.0, pick_place=Reach(within=0.1, of=tip))
+    placed = dataclasses.replace(scenario, trajectory=passing, payloads=(payload,))
+    assert [part.words for part in flight_parts(placed)] == ["", " with 8 kg (payloads[0])"]
+
+
+@pytest.mark.parametrize("duration", [15.0, 600.0])
+def test_what_a_gripper_takes_is_held_until_it_opens(duration):
+    parts = flight_parts(skyarm.load_scenario("pick_and_carry", duration=duration))
     assert [part.words for part in parts] == ["", " with 0.1 kg (box)", ""]
     assert parts[1].start == pytest.approx(4.0, abs=1.5)
     assert parts[1].stop == pytest.approx(11.2, abs=0.01)
@@ -148,6 +163,15 @@ def test_a_wanted_contact_is_borne_by_the_rotors():
     pressing = (time > 2.0) & (time < 4.5)
     assert force[pressing] == pytest.approx(math.hypot(weight(scenario), 1.0), rel=1e-4)
     assert force[time < 0.9] == pytest.approx(weight(scenario))
+
+
+@pytest.mark.parametrize(
+    "wind", [MovingAir(velocity_W=Vec3(1e160, 0.0, 0.0)), ForceWind(force_W=Vec3(1e200, 0.0, 0.0))]
+)
+def test_a_demand_that_is_no_number_is_a_fault(hover, wind):
+    said = found(dataclasses.replace(hover, wind=wind))["rotors along the reference"]
+    assert said.level == FAULT
+    assert "a demand that is no finite number" in said.text
 
 
 @pytest.mark.parametrize("name", sampled((*list_scenarios(), *EXAMPLES), 29, keep=["pick_and_carry", "slide_up"]))

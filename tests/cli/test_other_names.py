@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -209,6 +210,14 @@ def test_a_comparison_takes_other_names_as_the_same_law() -> None:
 
     for words in ("exact_ee, exact_ee without observer", "centroidal_tip,centroidal_tip without observer"):
         assert list(_chosen("--laws", words, ENTRANTS)) == ["centroidal_tip", "centroidal_tip without observer"]
+
+
+def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
+    from skyarm.cli.compare_command import _chosen
+    from skyarm.compare.entrants import ENTRANTS
+
+    with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
+        _chosen("--laws", "xyzzy", ENTRANTS)
 
 
 def old(value: object, name: str) -> None:

@@ -107,12 +107,23 @@ def test_a_planar_model_is_asked_in_a_hover_of_the_body_that_moves_like_it():
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
-def test_a_planar_model_that_no_body_moves_like_is_refused():
-    """About two axes the moments that a link needs would show in the motion."""
-    planar = skyarm.load_vehicle("hummingbird_arm2")
+def crossed(planar):
+    """The arm with its second joint about another axis: the moments that a link needs would show in the motion."""
     first, second = planar.links
-    crossed = dataclasses.replace(second, joint=dataclasses.replace(second.joint, axis=Vec3(1.0, 0.0, 0.0)))
-    vehicle = dataclasses.replace(planar, links=(first, crossed))
+    turned = dataclasses.replace(second, joint=dataclasses.replace(second.joint, axis=Vec3(1.0, 0.0, 0.0)))
+    return dataclasses.replace(planar, links=(first, turned))
+
+
+def heavy(planar):
+    """Links with more moment of inertia than the base could give: the remainder would be no body's."""
+    bodies = (dataclasses.replace(each.body, inertia=each.body.inertia * 100.0) for each in planar.links)
+    links = zip(planar.links, bodies, strict=True)
+    return dataclasses.replace(planar, links=tuple(dataclasses.replace(link, body=body) for link, body in links))
+
+
+@pytest.mark.parametrize("changed", [crossed, heavy])
+def test_a_planar_model_that_no_body_moves_like_is_refused(changed):
+    vehicle = changed(skyarm.load_vehicle("hummingbird_arm2"))
     controller = make_named("centroidal_joint", skyarm.Model(vehicle=vehicle, gravity=9.81), {"control_period": 0.005})
     with pytest.raises(ValueError, match="planar = True: must be false in a plant"):
         hover_of(controller)

@@ -8,6 +8,7 @@ import pytest
 
 import added_components as own
 import skyarm
+from skyarm.environment import Wrench
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
 from skyarm.stability.hover_delay import hover_delay
@@ -39,9 +40,24 @@ class Swing(own.RandomPush):
     coupled = True
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LaggedDrag(own.RandomPush):
+    """Its memory follows the vehicle's velocity from one control period to the next."""
+
+    gain: float = 0.0
+    uniforms = 0
+
+    def advance(self, memory, t, dt, state, draws):
+        return (memory[0] + dt / 0.1 * (state.velocity.x - memory[0]),)
+
+    def wrenches(self, memory, t, motion, rotor_speeds):
+        return (Wrench(force_W=skyarm.Vec3(self.gain * memory[0], 0.0, 0.0)),)
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
+        ({"forces": (LaggedDrag(gain=30.0),)}, r"environment.forces\[0\] = LaggedDrag: "),
         ({"forces": (own.RandomPush(), Swing())}, r"environment.forces\[1\] = Swing: "),
         ({"instruments": (NamedSensor(name="gps", sensor=own.Fix()),)}, "sensors.gps = Fix: "),
         ({"estimator": own.Blend(), "instruments": ()}, "estimator = Blend: "),

@@ -168,7 +168,8 @@ def _settled(before: Sequence[Array], now: Sequence[Array]) -> bool:
 
 def attitude(force: Array, yaw: Array) -> Array:
     """R_WB (3, 3, K) whose z is along the force and whose x heads along the yaw (Mellinger, Kumar 2011)."""
-    z = force / np.maximum(np.linalg.norm(force, axis=0), 1e-12)
+    length = np.linalg.norm(force, axis=0)
+    z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))  # a square that overflows: no direction
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
     y = np.cross(z, heading, axis=0)
     y /= np.maximum(np.linalg.norm(y, axis=0), 1e-12)

@@ -74,7 +74,8 @@ def along_reference(scenario: Scenario) -> list[Finding]:
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
     """Rotor speeds and joint efforts that follow a scenario's reference exactly, and their shares of the limits."""
-    pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
+    with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
+        pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
     names = field_names(Demand) or ()
     demands = [piece.demand for piece in pieces]
     return Followed(
@@ -191,12 +192,15 @@ def _saturation(
     question: str, demand: Demand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
 ) -> Finding:
     """One finding for all rotors or all joints: when the first saturates, which, and for how much of the flight."""
-    outside = share > 1.0 if reversed_ is None else (share > 1.0) | reversed_
+    within = share <= 1.0  # false for what is no number
+    outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)
     often = float(np.mean(at_any))
-    i, k = np.unravel_index(int(np.argmax(share)), share.shape)
+    i, k = np.unravel_index(int(np.argmax(share)), share.shape)  # the first that is no number, if any
     name, field = parts[int(i)]
-    text = f"at most {share[i, k]:.3g} of the limit ({name}, at {demand.time[k]:.3g} s)"
+    finite = bool(np.isfinite(share[i, k]))
+    most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"
+    text = f"{most} ({name}, at {demand.time[k]:.3g} s)"
     if not often:
         return Finding(
             question=question, level=OK, text=text, field=f"{name}.{field}", value=float(share[i, k]), limit=1.0
@@ -206,7 +210,7 @@ def _saturation(
     text = f"saturates first at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
     return Finding(
         question=question,
-        level=FAULT if often > OFTEN else WARNING,
+        level=FAULT if often > OFTEN or not finite else WARNING,
         text=text,
         field=f"{who}.{field}",
         value=float(share[i, k]),

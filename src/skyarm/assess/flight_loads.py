@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -31,8 +31,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
-LOOKS = 2001
-"""Instants of a flight at which the frames of its reference are looked at for places and grips."""
+AT_ONCE = 1 << 14
+"""Control periods whose frames are computed at once: bounds the memory of a long flight."""
 
 BESIDE = 0.02
 """m beyond a gripper's reach within which its reference takes an object: what is left to the object's own shape."""
@@ -94,22 +94,32 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
 
 def _payloads(scenario: Scenario) -> list[Load]:
     """Payloads, held from the first control period after their instants, or where the reference comes to a place."""
-    rate, found = scenario.rates.control, []
+    found = []
     for i, payload in enumerate(scenario.payloads):
-        times = np.union1d(np.linspace(0.0, scenario.duration, LOOKS), [payload.pick, min(payload.drop, 1e300)])
-        times = times[times < scenario.duration]
-        at = _along(scenario, payload.frame, times)
-        memory, start, stop = payload.start(1.0 / rate, ()), math.inf, math.inf
-        for k, t in enumerate(times):
-            held, caught, gone, place = payload.passed(memory, t, Vec3(*at[:, k]))
-            if caught:
-                start = math.ceil(t * rate - 1e-9) / rate
-            if gone and not memory.gone:
-                stop = math.ceil(t * rate - 1e-9) / rate
-            memory = dataclasses.replace(memory, held=held, caught=caught, gone=gone, place=place)
+        start = stop = math.inf
+        for times in _control_instants(scenario):
+            pick, drop = payload.reached(times, Vec3(*_along(scenario, payload.frame, times)))
+            if math.isinf(start):
+                start = _first(times, pick)
+            stop = _first(times, drop & (times > start))
+            if math.isfinite(stop):
+                break
         name = payload.name or f"payloads[{i}]"
         found.append(Load(name, start, stop, float(payload.mass), payload.body))
     return found
+
+
+def _control_instants(scenario: Scenario) -> Iterator[Array]:
+    """Beginnings of the flight's control periods, s, (K,) at a time: the instants at which loads are taken and left."""
+    rate = scenario.rates.control
+    count = math.ceil(scenario.duration * rate - 1e-9)
+    for first in range(0, count, AT_ONCE):
+        yield np.arange(first, min(first + AT_ONCE, count)) / rate
+
+
+def _first(times: Array, found: Array) -> float:
+    """First of the times at which something holds; inf for none."""
+    return float(times[np.argmax(found)]) if np.any(found) else math.inf
 
 
 def _gripped(scenario: Scenario) -> list[Load]:
@@ -117,30 +127,31 @@ def _gripped(scenario: Scenario) -> list[Load]:
     contact = scenario.contact
     if contact is None or not contact.objects:
         return []
-    times = np.linspace(0.0, scenario.duration, LOOKS)
+    times = np.concatenate(list(_control_instants(scenario)))
     where = {each.name: np.array([float(c) for c in each.position]) for each in contact.objects}
     found = []
     for gripper in contact.grippers:
         if gripper.kind == "hook":
             continue  # takes hold by its motion, which the reference alone does not fix
-        at = _along(scenario, gripper.frame, times)
         closed = np.broadcast_to(np.asarray(gripper.closed.at(times), dtype=bool), len(times))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(int)))
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
+        at = _along(scenario, gripper.frame, times[np.minimum(edges, len(times) - 1)]).T
+        for k, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+            closing, opening = at[2 * k], at[2 * k + 1]
             near = [
                 each
                 for each in contact.objects
-                if np.linalg.norm(where[each.name] - at[:, first])
+                if np.linalg.norm(where[each.name] - closing)
                 <= float(gripper.reach) + max(float(c) for c in each.size) + BESIDE
             ]
             if not near:
                 continue
-            taken = min(near, key=lambda each: float(np.linalg.norm(where[each.name] - at[:, first])))
+            taken = min(near, key=lambda each: float(np.linalg.norm(where[each.name] - closing)))
             stop = float(times[last]) if last < len(times) else math.inf
             mass = float(taken.mass)
             found.append(Load(taken.name, float(times[first]), stop, mass, _point_at(gripper, mass)))
             if last < len(times):
-                where[taken.name] = at[:, last]
+                where[taken.name] = opening
     return found
 
 
@@ -194,7 +205,7 @@ class Pressing(Force):
 
 
 def disturbance_of(part: FlightPart, time: Array) -> DisturbanceAt | None:
-    """What wind, air, forces, faults and a wanted contact do to a vehicle on its reference; None without any of them.
+    """Disturbance by wind, air, forces, faults and a desired contact along the reference; None without any of them.
 
     Gusts and signals count, turbulence and noise do not.
     """

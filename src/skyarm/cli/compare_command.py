@@ -100,8 +100,7 @@ def _chosen(
     added = {name: found for name in names if name not in there and (found := more(name)) is not None}
     for name in names:
         if name not in there and name not in added:
-            see = "skyarm list" if option == "--laws" else ""
-            raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name, see)}")
+            raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
     if len({each.name for each in added.values()}) < len(added):
         raise ValueError(f"{option} = {shown(words)}: must not name two files and makers of the same names")
     chosen = {name: each for name, each in there.items() if name in names}

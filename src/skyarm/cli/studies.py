@@ -285,7 +285,7 @@ OF_SUITES = {
 """Suite -> options that not every comparison has."""
 
 OF_A_SCENARIO = ("--seeds",)
-"""Those that a comparison on a scenario has."""
+"""Options of :data:`OF_SUITES` that a comparison on a scenario has, too."""
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:

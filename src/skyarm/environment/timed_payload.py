@@ -125,16 +125,21 @@ class TimedPayload(Component):
     def passed(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
         """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
-        pick, drop = t >= self.pick, t >= self.drop
-        if self.pick_place is not None:
-            pick = logical_and(pick, self.pick_place.holds(position_W))
-        if self.drop_place is not None:
-            drop = logical_and(drop, self.drop_place.holds(position_W))
+        pick, drop = self.reached(t, position_W)
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(held, where(drop, 1.0, 0.0), 0.0)
         now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
         place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
+
+    def reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
+        """Whether instant and place of the grasp and of the release are reached, with the frame at a place (m)."""
+        pick, drop = t >= self.pick, t >= self.drop
+        if self.pick_place is not None:
+            pick = logical_and(pick, self.pick_place.holds(position_W))
+        if self.drop_place is not None:
+            drop = logical_and(drop, self.drop_place.holds(position_W))
+        return pick, drop
 
     def body(self, vehicle: Vehicle, share: Any = 1) -> tuple[int, Body]:
         """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""

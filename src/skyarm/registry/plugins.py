@@ -113,7 +113,7 @@ def installed_modules() -> dict[str, ModuleType]:
 
 
 def known_names() -> set[str]:
-    """What a file may say that it needs: names as results carry them, and files of installed plugins."""
+    """Names of plugins that a file may require: those in results, and files of installed plugins."""
     return {*identities(), *(Path(file).name for file in installed_modules())}
 
 

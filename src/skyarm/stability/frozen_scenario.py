@@ -6,10 +6,12 @@ import dataclasses
 from typing import Any
 
 from skyarm.actuation.servo import PositionServo
-from skyarm.compile import leaves
+from skyarm.compile import leaves, trace
 from skyarm.control.controller import innermost, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
-from skyarm.environment import MovingAir, Wind
+from skyarm.dynamics.state import State
+from skyarm.environment import Component, MovingAir, Wind
+from skyarm.plant.compiled import example_state
 from skyarm.records.coerce import concrete
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState
@@ -32,8 +34,8 @@ def nominal(scenario: Scenario) -> Scenario:
     Rotors that tilt stay at rest under a law that does not turn them.
 
     Raises:
-        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or a force whose
-            memory moves with the plant.
+        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or air or a force
+            whose memory moves with the plant or follows its state.
     """
     scenario = _without_tilts(scenario)
     calm: Wind = scenario.wind
@@ -61,21 +63,35 @@ def disturbances(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
-    """Air or forces without a memory, and the fields of the others, whose memory has its own clock.
+    """Air or forces without a memory, and the fields of the others, whose memory follows nothing of the vehicle.
 
     Raises:
-        ScenarioError: a force whose memory moves with the plant: the loop without it is another.
+        ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
     """
     kept, left_out = list[Any](), list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
-        remembers = leaves(part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms)))
-        if not remembers:
+        memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
+        if not leaves(memory):
             kept.append(part)
         else:
-            _require_none(part.coupled, name, part)
+            _require_none(part.coupled or _follows_state(part, memory, scenario), name, part)
             left_out.append(f"{name} = {type(part).__name__}")
     return tuple(kept), left_out
+
+
+def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
+    """Whether a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
+    period, vehicle = 1.0 / scenario.rates.control, scenario.world.vehicle
+    state = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
+
+    def advance(memory: Any, time: Any, state: State, draws: Any) -> Any:
+        return part.advance(memory, time[0], period, state, draws)
+
+    program = trace(advance, memory, (0.0,), state, (0.5,) * part.uniforms)
+    needed = {node.index for node in program.nodes}
+    start = len(leaves(memory)) + 1
+    return any(node.index in needed for node in program.inputs[start : start + len(leaves(state))])
 
 
 def _without_tilts(scenario: Scenario) -> Scenario:

@@ -16,6 +16,7 @@ from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioErr
 from skyarm.stability.along import SETTLING, frozen_instants, hovering
 from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
 from skyarm.stability.margins import delay_margin
+from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.5
@@ -162,7 +163,10 @@ def _embodied(vehicle: Vehicle) -> Vehicle:
             body = dataclasses.replace(body, inertia=body.inertia + moved, planar=False)
             base = dataclasses.replace(base, inertia=base.inertia - moved)
         links.append(dataclasses.replace(link, body=body))
-    return dataclasses.replace(vehicle, base=base, links=tuple(links))
+    try:
+        return dataclasses.replace(vehicle, base=base, links=tuple(links))
+    except VehicleError:  # what is left to the base is no body's inertia
+        return vehicle
 
 
 HEIGHT = 10.0

@@ -22,7 +22,7 @@ def fleet_under(source: str, laws: Sequence[str]) -> Fleet:
     fleet = load_fleet(source)
     for law in laws:
         if law not in law_names():
-            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law, 'skyarm list')}")
+            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law)}")
         fleet.prepared.under(law)
     return fleet
 
