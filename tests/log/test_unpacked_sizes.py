@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.files.unpacked import LARGEST, RATIO, TooLargeError, require_size
+from skyarm.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_size
 
 
 def npz_bomb(path):
@@ -57,6 +57,35 @@ def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(suffix
         assert tracemalloc.get_traced_memory()[1] < 50e6
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_member_that_is_unpacked_as_a_whole_is_refused(method):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive, archive.open("time.npy", "w") as member:
+        np.lib.format.write_array(member, np.zeros(1_000_000))
+    small = bytearray(stream.getvalue())
+    # the directory's entry says a header and eight bytes
+    at = small.rindex(b"PK\1\2") + 24
+    small[at : at + 4] = (136).to_bytes(4, "little")
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"^must be an npz file: members must be stored or deflated$"):
+            npz_arrays(bytes(small))
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("broken", ["cut", "no archive", "compression"])
+def test_whatever_is_wrong_with_an_npz_file_is_a_value_error(broken):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, a=np.arange(100.0))
+    content = bytearray(stream.getvalue())
+    content[60:80] = bytes(20)
+    wrong = {"cut": content[:100], "no archive": b"x", "compression": content}[broken]
+    with pytest.raises(ValueError, match=r"^must be an npz file: "):
+        npz_arrays(bytes(wrong))
 
 
 def test_a_large_file_may_hold_what_numbers_shrink_to():

@@ -38,13 +38,22 @@ def npz_arrays(content: bytes) -> dict[str, Any]:
     """Arrays of an npz file, by name; none of Python's objects.
 
     Raises:
-        TooLargeError: it unpacks to too much. Any other error of NumPy's and zipfile's: it is no such file.
+        TooLargeError: it unpacks to too much. ValueError: it is no such file.
     """
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+        # zipfile unpacks whole blocks of other methods, which savez does not write; of these no more than it is asked
+        if any(each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for each in members):
+            raise ValueError("members must be stored or deflated")
         # a member yields no more than its entry says; entries may overlap in the file
-        require_size(sum(each.file_size for each in archive.infolist()), content)
-    with np.load(io.BytesIO(content), allow_pickle=False) as data:
-        return {name: data[name] for name in data.files}
+        require_size(sum(each.file_size for each in members), content)
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except TooLargeError:
+        raise
+    except Exception as error:  # archive, compression, header and numbers have readers with errors of their own
+        raise ValueError(f"must be an npz file: {error}") from None
 
 
 def require_parquet_size(found: Any, content: bytes) -> None:
