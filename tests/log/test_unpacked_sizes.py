@@ -138,6 +138,13 @@ def test_rows_that_a_footer_leaves_out_are_counted_by_their_columns(monkeypatch)
         checked(content)
 
 
+def test_sizes_of_pages_beyond_32_bits_are_refused():
+    content, at, _ = column_file(np.random.default_rng(0).random(1000))
+    content[at : at + 13] = bytes([0x15, 0, 0x15, 0, 0x15, *[0x80] * 5, 1, 0, 0])
+    with pytest.raises(ValueError, match="field 3: must have 32 bits"):
+        checked(content)
+
+
 def test_strings_that_repeat_each_other_are_refused():
     content, _, _ = column_file(["a" * 1000] * 100, column_encoding={"x": "DELTA_BYTE_ARRAY"})
     with pytest.raises(ValueError, match="pages must be plain or refer to a dictionary"):

@@ -121,6 +121,8 @@ def _thrift_struct(stream: io.BytesIO) -> dict[int, Any]:
         elif kind in (4, 5, 6):
             value = _thrift_integer(stream)
             if kind == 5:
+                if not -(2**31) <= value < 2**31:  # of more the reader takes the last 32 bits
+                    raise ValueError(f"field {field}: must have 32 bits")
                 found[field] = value
         elif kind == 8:
             stream.seek(_varint(stream), io.SEEK_CUR)
