@@ -270,6 +270,17 @@ def in_numbers(content: bytes, rng: random.Random) -> bytes:
     return ET.tostring(root)
 
 
+def behind_doctype(content: bytes, rng: random.Random) -> bytes:
+    """An MJCF file of huge numbers that MuJoCo's parser finds in a DOCTYPE, where ElementTree reads an empty model."""
+    hidden = in_numbers(content, rng).replace(b'"', b"'")
+    return b'<!DOCTYPE mujoco [<!ENTITY a ">%s<!--"> ]><mujoco>harmless</mujoco><!-- -->' % hidden
+
+
+def with_unbound_prefix(content: bytes, rng: random.Random) -> bytes:
+    """An XML document of huge numbers with a prefix that ElementTree refuses and MuJoCo's parser takes for a name."""
+    return in_numbers(content, rng).replace(b"<default", b'<default x:y="1"', 1)
+
+
 BULKY = (
     ("hfield", ("nrow", "ncol")), ("texture", ("width", "height")), ("texture", ("width",)), ("mesh", ("params",)),
     ("size", ("nkey",)), ("size", ("nuser_body",)), ("size", ("nuserdata",)), ("numeric", ("size",)),

@@ -15,7 +15,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from file_mutations import Mutation, at_bytes, at_words, in_archive, in_description, in_elements, in_numbers, in_tables
+from file_mutations import (
+    Mutation,
+    at_bytes,
+    at_words,
+    behind_doctype,
+    in_archive,
+    in_description,
+    in_elements,
+    in_numbers,
+    in_tables,
+    with_unbound_prefix,
+)
 
 from skyarm.drawing.stl_mesh import read_stl
 from skyarm.files.one_line import LONGEST_LINE, one_line, shown
@@ -272,7 +283,13 @@ LOADERS = {
     "urdf": Loader(
         load_vehicle, VehicleError, ".urdf", (URDF, GRIPPER_SOUND), (at_bytes, at_words, in_elements, in_elements)
     ),
-    "mjcf": Loader(load_vehicle, VehicleError, ".xml", (MJCF,), (at_bytes, at_words, in_elements, in_numbers)),
+    "mjcf": Loader(
+        load_vehicle,
+        VehicleError,
+        ".xml",
+        (MJCF,),
+        (at_bytes, at_words, in_elements, in_numbers, behind_doctype, with_unbound_prefix),
+    ),
     "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
     "log": Loader(_used, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive, in_description)),
     "messages": Loader(_used, ValueError, ".mcap", (_log("mcap"),), (at_bytes, in_description, in_description)),

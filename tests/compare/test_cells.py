@@ -17,6 +17,7 @@ from skyarm.compare.one_by_one import fly_one_by_one
 from skyarm.compare.perturbed_plants import Spread
 from skyarm.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, paired, pairs, summary
+from skyarm.files import unpacked
 from skyarm.metrics.windows import Windows
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import Delays, Window
@@ -86,6 +87,16 @@ FORGED = {
     "other lengths": {"identity": None, "status": np.array(["completed"]), "metric.x": np.zeros(2)},
     "words for numbers": {"identity": None, "status": np.array(["completed"]), "metric.x": np.array(["y"])},
 }
+
+
+def test_a_forged_cell_that_unpacks_to_too_much_counts_as_not_flown(tmp_path, monkeypatch):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({SUCCESS_METRIC: np.zeros(10_000)}, np.array(["completed"] * 10_000)))
+    assert cells.get(flights()) is not None
+    monkeypatch.setattr(unpacked, "LARGEST", 1000)
+    monkeypatch.setattr(unpacked, "RATIO", 0)
+    assert cells.get(flights()) is None
+    assert cells.plugins(flights()) == {}
 
 
 @pytest.mark.parametrize("name", FORGED)

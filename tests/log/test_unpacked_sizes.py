@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.files.unpacked import LARGEST, RATIO, TooLargeError, require_size
+from skyarm.files import unpacked
+from skyarm.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_parquet_size, require_size
 
 
 def npz_bomb(path):
@@ -57,6 +58,97 @@ def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(suffix
         assert tracemalloc.get_traced_memory()[1] < 50e6
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_member_that_is_unpacked_as_a_whole_is_refused(method):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive, archive.open("time.npy", "w") as member:
+        np.lib.format.write_array(member, np.zeros(1_000_000))
+    small = bytearray(stream.getvalue())
+    # the directory's entry says a header and eight bytes
+    at = small.rindex(b"PK\1\2") + 24
+    small[at : at + 4] = (136).to_bytes(4, "little")
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"^must be an npz file: members must be stored or deflated$"):
+            npz_arrays(bytes(small))
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("broken", ["cut", "no archive", "compression"])
+def test_whatever_is_wrong_with_an_npz_file_is_a_value_error(broken):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, a=np.arange(100.0))
+    content = bytearray(stream.getvalue())
+    content[60:80] = bytes(20)
+    wrong = {"cut": content[:100], "no archive": b"x", "compression": content}[broken]
+    with pytest.raises(ValueError, match=r"^must be an npz file: "):
+        npz_arrays(bytes(wrong))
+
+
+def column_file(values, codec="zstd", **options):
+    """A Parquet file of one column, and where its pages lie in it."""
+    pa = pytest.importorskip("pyarrow", reason="needs the extra 'logs'")
+    import pyarrow.parquet as pq
+
+    stream = io.BytesIO()
+    table = pa.table({"x": values})
+    pq.write_table(table, stream, compression=codec, write_statistics=False, **{"use_dictionary": False, **options})
+    chunk = pq.ParquetFile(stream).metadata.row_group(0).column(0)
+    return bytearray(stream.getvalue()), chunk.data_page_offset, chunk.total_compressed_size
+
+
+def checked(content):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    require_parquet_size(pq.ParquetFile(pa.BufferReader(bytes(content))), bytes(content))
+
+
+def test_pages_behind_a_footer_of_small_ones_are_refused(monkeypatch):
+    monkeypatch.setattr(unpacked, "LARGEST", 1e6)
+    large, at, size = column_file(np.zeros(1_000_000))
+    small, begin, length = column_file(np.random.default_rng(0).random(2 * size // 8 + 1000))
+    assert at == begin
+    assert length > size
+    checked(small)
+    # the rest is one page of nothing, whose header is nine bytes with its size as zigzag
+    rest = 2 * (length - size - 9)
+    header = bytes([0x15, 0, 0x15, 0, 0x15, rest & 127 | 128, rest >> 7 & 127 | 128, rest >> 14, 0])
+    small[begin : begin + size + 9] = large[at : at + size] + header
+    with pytest.raises(ValueError, match=r"unpack to at most 1 MB"):
+        checked(small)
+
+
+def test_rows_that_a_footer_leaves_out_are_counted_by_their_columns(monkeypatch):
+    monkeypatch.setattr(unpacked, "LARGEST", 1e6)
+    rows = 1_000_000
+    content, _, _ = column_file(np.zeros(rows), use_dictionary=True)
+    # a million rows as a varint of zigzag
+    written, forged = bytes([0x80, 0x89, 0x7A]), bytes([0x82, 0x80, 0x00])
+    footer = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
+    places = [k for k in range(footer, len(content)) if content[k : k + 3] == written]
+    assert len(places) > 2, "first of the file, then of the column's values, last of the group"
+    for k in (places[0], places[-1]):
+        content[k : k + 3] = forged
+    with pytest.raises(TooLargeError, match="would to 8 MB"):
+        checked(content)
+
+
+def test_sizes_of_pages_beyond_32_bits_are_refused():
+    content, at, _ = column_file(np.random.default_rng(0).random(1000))
+    content[at : at + 13] = bytes([0x15, 0, 0x15, 0, 0x15, *[0x80] * 5, 1, 0, 0])
+    with pytest.raises(ValueError, match="field 3: must have 32 bits"):
+        checked(content)
+
+
+def test_strings_that_repeat_each_other_are_refused():
+    content, _, _ = column_file(["a" * 1000] * 100, column_encoding={"x": "DELTA_BYTE_ARRAY"})
+    with pytest.raises(ValueError, match="pages must be plain or refer to a dictionary"):
+        checked(content)
 
 
 def test_a_large_file_may_hold_what_numbers_shrink_to():

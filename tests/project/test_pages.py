@@ -53,3 +53,20 @@ def test_the_options_that_security_names_are_options(option: str, command: tuple
     assert option in (ROOT / "SECURITY.md").read_text("utf-8")
     words = [sys.executable, "-m", "skyarm", *command, "--help"]
     assert option in subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
+PORTS = {
+    "cli/studio_command.py": "`skyarm studio` opens a port",
+    "studio/watched_episode.py": '`render_mode="human"` opens one',
+}
+"""Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""
+
+
+def test_security_names_all_that_opens_a_port() -> None:
+    source, said = ROOT / "src" / "skyarm", (ROOT / "SECURITY.md").read_text("utf-8")
+    opens = re.compile(r"(?<![\w.])(?:bound|socket\.socket|socket\.create_server|HTTPServer)\(")
+    found = {
+        path.relative_to(source).as_posix() for path in source.rglob("*.py") if opens.search(path.read_text("utf-8"))
+    }
+    assert found == {*PORTS, "studio/server.py"}
+    assert all(words in " ".join(said.split()) for words in PORTS.values())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.files import write_atomically
+from skyarm.files import unpacked, write_atomically
 from skyarm.tune.archive import Archive, ArchiveError
 from skyarm.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
 from skyarm.tune.law_knobs import Knob
@@ -74,6 +74,15 @@ def test_an_interrupted_search_goes_on_from_its_archive_with_the_same_bits(tmp_p
     rest, flown = judged(tmp_path / "cut")
     np.testing.assert_array_equal(whole, rest)
     assert flown == list(range(6, EFFORT.rounds + 1))
+
+
+def test_a_round_that_unpacks_to_too_much_is_judged_again(tmp_path, monkeypatch):
+    archive, asked = Archive(tmp_path, {}), np.zeros((100, len(BEST)))
+    archive.put(0, asked, scores_of(asked))
+    assert archive.get(0, asked) is not None
+    monkeypatch.setattr(unpacked, "LARGEST", 1000)
+    monkeypatch.setattr(unpacked, "RATIO", 0)
+    assert archive.get(0, asked) is None
 
 
 def test_an_archive_of_something_else_is_refused_by_what_differs(tmp_path):

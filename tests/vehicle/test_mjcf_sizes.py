@@ -140,3 +140,43 @@ def test_what_real_models_repeat_and_include_is_read(tmp_path):
     file = tmp_path / "x.xml"
     file.write_text(model(assets, inside))
     assert [link.name for link in load_vehicle(file).links] == ["arm", "p_b"]
+
+
+HIDDEN = "".join(["<mujoco><worldbody>", ARM.format(repeated(6000, "<site/>")), "</worldbody></mujoco>"]).replace(
+    '"', "'"
+)
+
+READ_BY_MUJOCO_ALONE = {
+    "a DOCTYPE": (
+        f'<!DOCTYPE mujoco [<!ENTITY a ">{HIDDEN}<!--"> ]><mujoco>harmless</mujoco><!-- -->',
+        "XML: has a DOCTYPE, must have none",
+    ),
+    "an unbound prefix": (
+        f'<mujocoinclude x:y="1">{repeated(6000, "<site/>")}</mujocoinclude>',
+        "XML = 'unbound prefix.*must be well-formed",
+    ),
+    "a namespace": (
+        f'<mujocoinclude xmlns="u">{repeated(6000, "<site/>")}</mujocoinclude>',
+        "XML: has elements of a namespace, must have none",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", READ_BY_MUJOCO_ALONE)
+@pytest.mark.parametrize("outer", ["itself", "included", "attached"])
+def test_a_file_that_mujoco_reads_otherwise_is_refused(name, outer, tmp_path):
+    text, message = READ_BY_MUJOCO_ALONE[name]
+    file = tmp_path / "x.xml"
+    file.write_text(
+        {
+            "itself": text,
+            "included": model(inside='<include file="part.xml"/>'),
+            "attached": model(
+                '<asset><model name="m" file="part.xml"/></asset>', '<attach model="m" body="base" prefix="p"/>'
+            ),
+        }[outer]
+    )
+    (tmp_path / "part.xml").write_text(text)
+    where = "" if outer == "itself" else "file = 'part.xml': "
+    with pytest.raises(VehicleError, match=rf"x\.xml: {where}{message}"):
+        load_vehicle(file)

@@ -7,7 +7,6 @@ import hashlib
 import io
 import json
 import math
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,6 +22,7 @@ from skyarm.compare.one_by_one import METRICS, counted_metrics, fly_one_by_one
 from skyarm.compare.perturbed_plants import draw
 from skyarm.compare.suite import CASES, Case, Condition
 from skyarm.files import versions, write_atomically
+from skyarm.files.unpacked import npz_arrays
 from skyarm.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.identity import identity
 from skyarm.records.own_files import own_files
@@ -178,12 +178,12 @@ class Cells:
         if content is None:
             return None
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as held:
-                if str(held["identity"]) != key(flights):
-                    return None
-                metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
-                status = held["status"]
-        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            held = npz_arrays(content)
+            if str(held["identity"]) != key(flights):
+                return None
+            metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
+            status = held["status"]
+        except (ValueError, KeyError):
             return None  # a checksum that fits is no proof: the folder may come from anyone
         fits = all(column.shape == status.shape and column.dtype == float for column in metrics.values())
         return Cell(metrics, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
@@ -192,9 +192,8 @@ class Cells:
         """Name and identity of the plugins that were loaded when a cell was flown; empty where none is there."""
         content = self._content(flights)
         try:
-            with np.load(io.BytesIO(content or b""), allow_pickle=False) as held:
-                found = json.loads(str(held["plugins"]))
-        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            found = json.loads(str(npz_arrays(content or b"")["plugins"]))
+        except (ValueError, KeyError, RecursionError):
             return {}
         return found if isinstance(found, dict) else {}
 

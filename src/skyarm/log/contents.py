@@ -47,7 +47,7 @@ OTHERS: Mapping[str, type] = {
     "waits": list,
     "digest": str,
 }
-"""What a description may have besides, and of which type."""
+"""Optional fields of a description and their types."""
 
 OF_TEXTS = ("plugins", "code", "versions", "phases")
 """Tables and lists of texts alone."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import shown, write_atomically
+from skyarm.files.unpacked import npz_arrays
 from skyarm.records.leaves import field_names, parts
 from skyarm.tune.objective import Scores
 
@@ -57,11 +57,11 @@ class Archive:
     def get(self, number: int, asked: Array) -> Scores | None:
         """Scores of a round, if it is there, whole, and of these candidates."""
         try:
-            with np.load(io.BytesIO(self._file(number).read_bytes()), allow_pickle=False) as held:
-                if not np.array_equal(held["asked"], asked):
-                    return None
-                found = Scores(**{name: held[name] for name in field_names(Scores) or ()})
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            held = npz_arrays(self._file(number).read_bytes())
+            if not np.array_equal(held["asked"], asked):
+                return None
+            found = Scores(**{name: held[name] for name in field_names(Scores) or ()})
+        except (OSError, ValueError, KeyError):
             return None
         return found if all(len(values) == len(asked) for values in parts(found).values()) else None
 

@@ -21,7 +21,7 @@ from skyarm.vehicle.couple import Mimic
 from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting, stands_still
 from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
-from skyarm.vehicle.mjcf_sizes import MOST_TEXT, require_bounded
+from skyarm.vehicle.mjcf_sizes import MOST_TEXT, require_bounded, xml_root
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import Frame
 
@@ -90,10 +90,7 @@ def _compiled(path: Path) -> Any:
     """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
     if (size := path.stat().st_size) > MOST_TEXT:
         raise VehicleError(f"XML: has {size / 1e6:.0f} MB, must have at most {MOST_TEXT / 1e6:.0f} MB")
-    try:
-        read = ET.fromstring(path.read_bytes().lstrip())
-    except (ET.ParseError, LookupError, ValueError) as error:
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
+    read = xml_root(path)
     if read.tag != "mujoco":
         refuse("root element", read.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
     _require_numbers(read)

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
+from skyarm.files import shown
 from skyarm.vehicle.check import VehicleError
 
 MOST_TEXT = 10e6
@@ -44,6 +45,26 @@ OBJECTS = ("objname", "site", "geom1", "geom2", "body1", "body2", "subtree1", "s
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def xml_root(path: Path) -> ET.Element:
+    """Root element of an XML file that ElementTree and MuJoCo's own parser, tinyxml2, read alike.
+
+    Raises:
+        VehicleError: one line, without the file's name: it is not well-formed, has a DOCTYPE or a default namespace.
+    """
+    content = path.read_bytes().lstrip()
+    # tinyxml2 ends a DOCTYPE at its first ">", wherever that stands
+    if b"<!DOCTYPE" in content:
+        raise VehicleError("XML: has a DOCTYPE, must have none")
+    try:
+        root = ET.fromstring(content)
+    except (ET.ParseError, LookupError, ValueError) as error:
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
+    # ElementTree puts a namespace before the name, tinyxml2 knows none
+    if any(element.tag.startswith("{") for element in root.iter()):
+        raise VehicleError("XML: has elements of a namespace, must have none")
+    return root
 
 
 def require_bounded(path: Path, root: ET.Element) -> None:
@@ -122,7 +143,7 @@ class _Expansion:
             _refuse(element.tag, f"{self._elements:.3g} {what}", MOST_ELEMENTS)
 
     def _parsed(self, name: str) -> Iterator[ET.Element]:
-        """Roots of the files that a name may mean; MuJoCo says what is wrong with one that cannot be read."""
+        """Roots of the files that a name may mean; one that cannot be read here is refused, for MuJoCo may read it."""
         for file in self._files(name):
             if file.resolve() not in self._roots:
                 self._text += file.stat().st_size
@@ -130,9 +151,9 @@ class _Expansion:
                     _refuse("include", f"{self._text} bytes of XML", MOST_TEXT)
                 self._folders[file.parent] = None
                 try:
-                    self._roots[file.resolve()] = ET.fromstring(file.read_bytes().lstrip())
-                except (ET.ParseError, LookupError, ValueError, OSError):
-                    continue
+                    self._roots[file.resolve()] = xml_root(file)
+                except VehicleError as error:
+                    raise VehicleError(f"file = {shown(name)}: {error}") from None
             yield self._roots[file.resolve()]
 
     def _weigh(self, element: ET.Element) -> None:
