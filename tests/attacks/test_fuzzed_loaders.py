@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 from file_mutations import Mutation, at_bytes, at_words, in_archive, in_description, in_elements, in_numbers, in_tables
 
-from skyarm.drawing.stl_mesh import read_stl
 from skyarm.files.one_line import LONGEST_LINE, one_line, shown
+from skyarm.files.stl_mesh import read_stl
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
 from skyarm.log.log_columns import columns
