@@ -60,11 +60,11 @@ def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
         content = where.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from None
-    corners = _binary(content) if _is_binary(content) else _text(content)
-    if not 1 <= len(corners) <= MOST:
-        raise ValueError(f"has {len(corners)} triangles, must have from 1 to {MOST}")
+    written = _binary(content) if _is_binary(content) else _text(content)
+    if not 1 <= len(written) <= MOST:
+        raise ValueError(f"has {len(written)} triangles, must have from 1 to {MOST}")
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
-        corners = corners * np.array(scale)
+        corners: Array = written * np.array(scale)
     largest = float(np.abs(corners).max())
     if not largest <= FARTHEST:  # NaN, too
         raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
