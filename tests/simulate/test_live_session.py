@@ -171,6 +171,7 @@ def test_the_scenario_of_a_log_flies_it_again_with_schedule_and_hand(scenario) -
     for _ in range(50):
         session.step()
     before = session.snapshot()
+    session.step()
     session.change({"environment.wind.force.y": 3.0})
     session.step()
     session.restore(before)
