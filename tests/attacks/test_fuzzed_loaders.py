@@ -28,8 +28,8 @@ from file_mutations import (
     with_unbound_prefix,
 )
 
-from skyarm.drawing.stl_mesh import read_stl
 from skyarm.files.one_line import LONGEST_LINE, one_line, shown
+from skyarm.files.stl_mesh import read_stl
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
 from skyarm.log.log_columns import columns

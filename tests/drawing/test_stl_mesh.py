@@ -14,9 +14,9 @@ from film_flights import needs_display
 from skyarm.contact import FreeObject, Mechanism, Surface
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.shapes import Shape
-from skyarm.drawing.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
 from skyarm.drawing.world_shapes import surface_shape, world_shapes
 from skyarm.figures.projection import surface as outline_points
+from skyarm.files.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
 from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore

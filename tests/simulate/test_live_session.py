@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.simulate import live_steps
 from skyarm.simulate.live_session import LiveSession
 
@@ -120,3 +121,65 @@ def test_a_number_that_cannot_be_leaves_the_session_as_it_was(scenario) -> None:
         session.change({"sensors.position": -1.0})
     session.step()
     assert session.scenario.sensors.position == 0.0
+
+
+def with_changes(scenario: skyarm.Scenario, *changes: tuple[float, str, float], **fields: object) -> skyarm.Scenario:
+    made = tuple(skyarm.Change(at=at, path=path, value=value) for at, path, value in changes)
+    return dataclasses.replace(scenario, duration=0.3, changes=made, **fields)
+
+
+def flown_alone(session: LiveSession) -> LiveSession:
+    while session.step():
+        pass
+    return session
+
+
+@pytest.mark.parametrize(
+    ("path", "other", "value"),
+    [
+        ("reference.z", "reference.base.z", 1.3),
+        ("reference.base.position.2", "reference.base.position.z", 1.3),
+        ("environment.faults.0.effectiveness", "environment.faults.front.effectiveness", 0.9),
+    ],
+)
+def test_a_scheduled_change_may_name_a_number_of_the_session_in_other_words(
+    scenario, path: str, other: str, value: float
+) -> None:
+    faults = (skyarm.Fault(rotor="front", effectiveness=1.0, start=0.0),)
+    changed = with_changes(scenario, (0.1, path, value), faults=faults)
+    log = flown_alone(LiveSession(changed, [other])).log
+    assert log.position.tobytes() == skyarm.run(changed).position.tobytes()
+    still = dataclasses.replace(changed, changes=())
+    assert log.position.tobytes() != skyarm.run(still).position.tobytes()
+
+
+def test_a_scheduled_change_of_several_numbers_of_which_one_is_a_path_is_flown_by_a_session(scenario) -> None:
+    joint = scenario.world.vehicle.links[0].name
+    changed = with_changes(scenario, (0.1, "plant.joints.damping", 0.02))
+    with pytest.raises(NoMachineCodeError, match="is the same number as"):
+        LiveSession(changed, [f"plant.vehicle.links.{joint}.joint.damping"])
+
+
+def test_the_scenario_of_a_log_flies_it_again_with_schedule_and_hand(scenario) -> None:
+    """The moves of a hand are changes of it, at their instants; those that were taken back are none."""
+    changed = with_changes(scenario, (0.1, "plant.gravity", 10.0))
+    session = LiveSession(changed, PATHS)
+    alone = flown_alone(session).log
+    assert alone.position.tobytes() == skyarm.run(changed).position.tobytes()
+    assert alone.scenario == changed
+    session = LiveSession(changed, PATHS)
+    for _ in range(50):
+        session.step()
+    before = session.snapshot()
+    session.step()
+    session.change({"environment.wind.force.y": 3.0})
+    session.step()
+    session.restore(before)
+    session.change({"environment.wind.force.y": 2.0})
+    session.change({"environment.wind.force.y": 1.0})
+    log = flown_alone(session).log
+    assert [(each.at, each.path, each.value) for each in log.scenario.changes] == [
+        (0.1, "plant.gravity", 10.0),
+        (50 / scenario.rates.control, "environment.wind.force.y", 1.0),
+    ]
+    assert log.position.tobytes() == skyarm.run(log.scenario).position.tobytes() != alone.position.tobytes()

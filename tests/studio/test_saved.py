@@ -6,6 +6,7 @@ import pytest
 
 import skyarm
 from skyarm.files import read_toml
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studio.documents import flown_document, prepare, read_document
 from skyarm.studio.fleet import Fleet, load_fleet, make_flight
 from skyarm.studio.saved import save_flights, saved_document
@@ -84,6 +85,32 @@ def test_an_untouched_flight_is_saved_as_the_scenario_was() -> None:
     document, folder = read_document("case1")
     kept = flown_document(prepare(document, folder), None, 30.0, (), Path())
     assert kept == document
+
+
+@pytest.mark.parametrize("path", ["delays.command", "environment.wind.force.x", "environment.faults.0.effectiveness"])
+def test_parts_of_the_file_that_its_changes_need_are_saved(tmp_path: Path, path: str) -> None:
+    values = {"delays.command": 0.01, "environment.wind.force.x": 2.0, "environment.faults.0.effectiveness": 0.9}
+    document, folder = read_document("case1")
+    document["duration"] = 1.0
+    del document["windows"]
+    document["environment"] = {
+        "wind": {"mode": "force_wind"},
+        "faults": [{"rotor": "front", "effectiveness": 1.0, "start": 0.0}],
+    }
+    document["delays"] = {"longest_command": 0.03}
+    document["changes"] = [{"at": 0.1, "path": path, "value": values[path]}]
+    fleet = Fleet(prepare(document, folder), "case1")
+    fleet.join(make_flight(fleet.prepared, None))
+    fleet.go(60)
+    kept = saved_document(fleet, fleet.flights[0], tmp_path)
+    assert [kept[table] for table in ("environment", "delays", "changes")] == [
+        document[table] for table in ("environment", "delays", "changes")
+    ]
+    save_flights(fleet, tmp_path)
+    log = skyarm.run(skyarm.load_scenario(next(tmp_path.glob("*.toml"))))
+    assert log.position.tobytes() == fleet.flights[0].session.log.position.tobytes()
+    del document["changes"]
+    assert log.position.tobytes() != skyarm.run(scenario_from({**document, "duration": 0.3}, folder)).position.tobytes()
 
 
 def test_a_lost_vehicle_is_lost_again(tmp_path: Path) -> None:

@@ -129,7 +129,8 @@ def test_meshes_that_are_not_there_are_noted_and_packages_are_found(tmp_path):
     package = tmp_path / "arm_description"
     (package / "urdf").mkdir(parents=True)
     (package / "meshes").mkdir()
-    (package / "meshes" / "a.stl").write_bytes(b"solid")
+    corners = " ".join(f"vertex {point}" for point in ("0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 0 0", "0 1 0"))
+    (package / "meshes" / "a.stl").write_text(f"solid {corners} endsolid", encoding="utf-8")
     (package / "package.xml").write_text("<package/>", encoding="utf-8")
 
     def notes(*addresses):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,10 @@ import pytest
 from skyarm import load_vehicle
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.files.stl_mesh import MOST
 from skyarm.plant.mujoco_model import build_spec
+from skyarm.records.identity import identity, log_digest
+from skyarm.records.plain import plain
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -83,6 +87,66 @@ def test_links_are_drawn_as_their_meshes_where_the_files_are(file: Path) -> None
     # who draws no meshes has the guesses
     assert "hull" in [shape.name for shape in vehicle_shapes(vehicle, meshes=False)]
     build_spec(vehicle, 9.81).compile()
+
+
+def test_where_its_meshes_lie_or_that_they_are_absent_changes_no_vehicle(file: Path, tmp_path: Path) -> None:
+    other, bare = (tmp_path / name for name in ("other", "bare"))
+    for folder in (other, bare):
+        folder.mkdir()
+        shutil.copy(file, folder)
+    shutil.copy(tmp_path / "part.stl", other)
+    found = [load_vehicle(each) for each in (file, other / "r.urdf", bare / "r.urdf")]
+    assert [len(each.looks) for each in found] == [3, 3, 0]
+    assert len({each.looks for each in found}) == 3, "or nothing is compared"
+    assert len({identity(each) for each in found}) == 1
+    assert len({log_digest(plain(each), {}) for each in found}) == 1
+
+
+WRONG = {
+    "two numbers": visual(scale="1 1"),
+    "NaN": visual(scale="nan 1 1"),
+    "zero": visual(scale="0 0.001 0.001"),
+    "tiny": visual(scale="1e-30 1e-30 1e-30"),
+    "huge": visual(scale="1e300 1 1"),
+    "beyond numbers": visual(scale="1e308 1e308 1e308"),
+    "kilometres": visual(scale="10 10 10"),
+    "letters": visual('<origin xyz="a b c"/>'),
+    "far": visual('<origin xyz="1e300 0 0"/>'),
+    "two origins": visual("<origin/><origin/>"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+def test_a_picture_that_cannot_be_drawn_is_noted_and_refuses_no_vehicle(file: Path, wrong: str) -> None:
+    file.write_text(file.read_text().replace(f"{INERTIAL}{visual()}", f"{INERTIAL}{wrong}"))
+    vehicle = load_vehicle(file)
+    assert [look.name for look in vehicle.looks] == ["upper", "cover"]
+    assert [note for note in vehicle.notes if note.startswith("link root: a mesh cannot be drawn (")]
+    build_spec(vehicle, 9.81).compile()
+
+
+def test_a_mesh_in_millimetres_over_a_metre_is_drawn(file: Path) -> None:
+    stl = file.with_name("part.stl")
+    stl.write_text(stl.read_text().replace("300.0", "3000.0"))
+    vehicle = load_vehicle(file)
+    assert len(vehicle.looks) == 3
+    assert meshes(vehicle)["root"][1].max() == 3.0
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (tetrahedron().replace("300.0", "0.0"), "has all of its vertices in one plane"),
+        ("solid " + 3 * (MOST + 1) * "vertex " + "endsolid", f"has {MOST + 1} triangles"),
+        ("", "must be an STL file"),
+    ],
+)
+def test_the_notes_tell_why_a_mesh_file_is_not_drawn(file: Path, content: str, reason: str) -> None:
+    file.with_name("part.stl").write_text(content)
+    vehicle = load_vehicle(file)
+    assert vehicle.looks == ()
+    note = next(note for note in vehicle.notes if reason in note)
+    assert note.startswith("links root, upper, cover: a mesh cannot be drawn (")
 
 
 def test_a_mirrored_mesh_keeps_its_outside(file: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.drawing.shapes import Shape
-from skyarm.drawing.stl_mesh import mesh_or_none
+from skyarm.files.stl_mesh import METRES, mesh_or_none
 
 Array = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int64]
@@ -64,12 +64,14 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
 
 def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
     """Vertices (m, axes of the shape) and triangles of a shape's file; None without one that can be read."""
-    found = mesh_or_none(shape.mesh) if shape.mesh else None
-    if found is None or shape.kind != "mesh":
+    if not shape.mesh:
+        return None
+    x, y, z = shape.size if shape.kind == "mesh" else METRES
+    found = mesh_or_none(shape.mesh, (x, y, z))
+    if found is None or x * y * z > 0.0:
         return found
     vertices, faces = found
-    # a mirrored mesh would be seen from inside
-    return vertices * np.array(shape.size), faces if np.prod(shape.size) > 0.0 else faces[:, ::-1]
+    return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
 
 
 def blade_mesh(radius: float) -> tuple[Array, Faces]:

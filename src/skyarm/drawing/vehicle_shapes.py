@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.drawing.meshes import own_mesh
 from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
-from skyarm.drawing.stl_mesh import mesh_or_none
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 
@@ -27,15 +27,16 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
         meshes: whether links are drawn as the meshes that their file names, where these are there.
     """
     reach = longest_boom(vehicle)
-    own = [_mesh_shape(i, look) for i, look in enumerate(vehicle.looks) if meshes and mesh_or_none(look.file)]
+    drawn = [(look, _mesh_shape(i, look)) for i, look in enumerate(vehicle.looks) if meshes]
+    drawn = [(look, shape) for look, shape in drawn if own_mesh(shape)]
     # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
     merged = {frame.name for frame in vehicle.frames}
-    covered = {look.link for look in vehicle.looks if meshes and look.name not in merged and mesh_or_none(look.file)}
+    covered = {look.link for look, _ in drawn if look.name not in merged}
     hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
     shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)
     shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
-    shapes += own
+    shapes += [shape for _, shape in drawn]
     for i, link in enumerate(vehicle.moving):
         if i not in covered:
             shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)

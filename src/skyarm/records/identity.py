@@ -8,10 +8,10 @@ from typing import Any
 from skyarm.records.own_files import all_files
 from skyarm.records.plain import digest, plain
 
-DRAWN = ("mesh",)
-"""Fields that hold paths of files that are drawn: where they lie changes no flight."""
+DRAWN = ("mesh", "looks", "notes")
+"""Fields on files that are drawn, and notes on files as they were read: where these lie changes no flight."""
 
-FOR_PEOPLE = ("title", "sources", "notes", *DRAWN)
+FOR_PEOPLE = ("title", "sources", *DRAWN)
 """Fields that change no flight."""
 
 
@@ -29,7 +29,7 @@ def log_digest(written: Any, files: Mapping[str, str]) -> str:
     """Digest of what a log says was flown.
 
     Args:
-        written: plain data of the scenario, titles included; paths of meshes are left out of the digest.
+        written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
         files: name -> identity of the files of someone's own code in it (:func:`own_files`).
     """
     flown = _without(written, DRAWN)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from skyarm.drawing.stl_mesh import read_stl
 from skyarm.files import shown
+from skyarm.files.stl_mesh import read_corners
 
 
 def with_meshes(table: Any, where: str, folder: Path) -> Any:
@@ -29,7 +29,7 @@ def with_meshes(table: Any, where: str, folder: Path) -> Any:
     if isinstance(mesh, str) and mesh:
         path = folder / mesh
         try:
-            read_stl(path)
+            read_corners(path)
         except ValueError as error:
             raise ValueError(f"{where}.mesh = {shown(mesh)}: {error}") from None
         found["mesh"] = str(path.absolute())  # a log is drawn from any folder

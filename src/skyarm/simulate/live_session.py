@@ -6,6 +6,7 @@ value; that is right for a flight that is planned, and stalls one that is watche
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,11 +16,12 @@ import numpy as np
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.log.flight_log import Log
-from skyarm.scenario.changes import in_order
-from skyarm.scenario.numbers import DERIVED, number_at, require_apart, with_numbers
+from skyarm.scenario.changes import Change, in_order
+from skyarm.scenario.numbers import DERIVED, known_as, number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.assemble_log import joined
+from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
 from skyarm.simulate.lane_rules import require_latencies
 from skyarm.simulate.live_steps import LiveSteps
@@ -31,11 +33,13 @@ class LiveSnapshot:
     """A live session at an instant.
 
     Attributes:
-        scenario, numbers: as they were then. tick: control periods flown. engine, held: what flew it, what it keeps.
+        scenario, numbers: as they were then. moves: made so far. tick: control periods flown.
+        engine, held: what flew it, what it keeps.
     """
 
     scenario: Scenario
     numbers: Mapping[str, float]
+    moves: tuple[Change, ...]
     tick: int
     engine: LiveSteps
     held: Any
@@ -54,23 +58,33 @@ class LiveSession:
 
     Raises:
         ScenarioError: not a scenario, or a path that leads to no number of it.
-        NoMachineCodeError: machine code cannot be made here, or the scenario changes a whole part in flight.
+        NoMachineCodeError: machine code cannot be made here, or not for a change of the scenario: of a whole part, of a
+            latency, of several numbers of which another path is one.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         require_flight(scenario)
+        known = require_paths(paths)
+        require_apart(scenario, known)
+        require_latencies(scenario, known)
         self._scheduled: dict[int, dict[str, float]] = {}
         for change in in_order(scenario.changes, scenario.rates.control):
             if not isinstance(change.value, float):
                 raise NoMachineCodeError(f"changes: {change.path} is no number; a Session changes whole parts")
-            self._scheduled.setdefault(change.tick(scenario.rates.control), {})[change.path] = change.value
-        scheduled = (path for values in self._scheduled.values() for path in values)
-        self._paths = tuple(dict.fromkeys((*require_paths(paths), *scheduled)))
-        require_apart(scenario, self._paths)
-        require_latencies(scenario, self._paths)
+            path = known_as(scenario, change.path, known)
+            if path not in known:
+                known = (*known, path)
+                try:
+                    require_apart(scenario, known)
+                    require_latencies(scenario, [path])
+                except ScenarioError as error:  # a Session flies it
+                    raise NoMachineCodeError(f"changes: {error}") from None
+            self._scheduled.setdefault(change.tick(scenario.rates.control), {})[path] = change.value
+        self._paths = known
         data = {path: number_at(scenario, path) for path in self._paths if not path.startswith(DERIVED)}
         self._origin = self.scenario = with_numbers(scenario, data)
         self._numbers: dict[str, float] = {}
+        self._moves: tuple[Change, ...] = ()
         self._engine = LiveSteps(self._origin, self._paths, self._origin)
         self._follow_schedule()
 
@@ -105,9 +119,16 @@ class LiveSession:
         return self._engine.now
 
     @property
+    def plan(self) -> Scenario:
+        """The scenario that :func:`skyarm.run` flies to the bits of what was flown: as it began, with all changes."""
+        rate = self._origin.rates.control
+        flown = (move for move in self._moves if move.tick(rate) < self.tick)
+        return dataclasses.replace(self._origin, changes=(*self._origin.changes, *flown))
+
+    @property
     def log(self) -> Log:
-        """What was flown so far; references are those of the scenario as it is now."""
-        return self._engine.log
+        """What was flown so far: of :attr:`plan`; references are those of the scenario as it is now."""
+        return joined(self.plan, [self._engine.piece], self.ended or going_on(self.scenario, self.tick))
 
     def step(self) -> bool:
         """Fly one control period; whether the episode goes on."""
@@ -119,7 +140,7 @@ class LiveSession:
     def _follow_schedule(self) -> None:
         """Make the changes of the scenario that the next period begins with."""
         if self.tick in self._scheduled:
-            self.change(self._scheduled[self.tick])
+            self._set(self._scheduled[self.tick])
 
     def change(self, values: Mapping[str, float]) -> None:
         """Give numbers by path other values, from the next period on; they replace, and do not add up.
@@ -131,6 +152,12 @@ class LiveSession:
         for path in require_values(values):
             if path not in self._paths:
                 raise ScenarioError(f"path = {path!r}: must be one of those that the session was made for")
+        self._set(values)
+        kept = (move for move in self._moves if move.at != self.time or move.path not in values)
+        self._moves = (*kept, *(Change(at=self.time, path=path, value=float(value)) for path, value in values.items()))
+
+    def _set(self, values: Mapping[str, float]) -> None:
+        """Fly on with other numbers."""
         numbers = {**self._numbers, **{path: float(value) for path, value in values.items()}}
         scenario = with_numbers(self._origin, numbers)
         require_within_queue(self._origin, {path: np.array([value]) for path, value in numbers.items()})
@@ -145,11 +172,13 @@ class LiveSession:
 
     def snapshot(self) -> LiveSnapshot:
         """The session now."""
-        return LiveSnapshot(self.scenario, self._numbers, self.tick, self._engine, self._engine.snapshot())
+        held = self._engine.snapshot()
+        return LiveSnapshot(self.scenario, self._numbers, self._moves, self.tick, self._engine, held)
 
     def restore(self, snapshot: LiveSnapshot) -> None:
         """Go back, or forward again, to a snapshot of this session."""
         self._engine = snapshot.engine
         self._engine.restore(snapshot.held)
         self.scenario, self._numbers = snapshot.scenario, dict(snapshot.numbers)
+        self._moves = snapshot.moves
         self._engine.set_numbers(snapshot.scenario, {})

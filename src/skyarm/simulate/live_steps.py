@@ -13,13 +13,10 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.stepper import Stepper
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
-from skyarm.log.flight_log import Log
 from skyarm.reference import Publisher
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.assemble_log import assemble
-from skyarm.simulate.check_endings import Ended, going_on
-from skyarm.simulate.compiled_flight import samples
+from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.compiled_session import Array, CompiledSteps
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state
@@ -155,9 +152,3 @@ class LiveSteps(CompiledSteps):
         numbers = self._stepper.parameters.copy()
         self.restore(held)
         self._stepper.parameters[:] = numbers
-
-    @property
-    def log(self) -> Log:
-        """What was flown so far; references are those of the scenario as it is now."""
-        ended = self.ended or going_on(self.scenario, self.tick)
-        return assemble(self.scenario, self._inputs, samples(self._flown()), ended)

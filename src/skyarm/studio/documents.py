@@ -33,13 +33,14 @@ class Prepared:
     """A scenario that is ready for changes by hand.
 
     Attributes:
-        document: the file's tables with what was added. folder: where its vehicle paths start.
+        own: the file's tables. document: the same with what was added. folder: where its vehicle paths start.
         scenario: what the tables mean, under the file's own law.
         push: beginning of the paths of the push.
         planned: whether the reference depends on the duration of the file, which the flight and what is saved of it
             then keep.
     """
 
+    own: Mapping[str, Any]
     document: Mapping[str, Any]
     folder: Path
     scenario: Scenario
@@ -89,7 +90,7 @@ def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
     if plain.plant == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
         delays["longest_command"] = max(plain.delays.longest, LONGEST_DELAY)
     scenario, push = scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}"
-    return Prepared(ready, Path(folder), scenario, push, planned)
+    return Prepared(document, ready, Path(folder), scenario, push, planned)
 
 
 def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.PathLike[str]) -> bool:
@@ -118,33 +119,31 @@ def _faults(scenario: Scenario) -> list[dict[str, Any]]:
 def flown_document(
     prepared: Prepared, law: str | None, duration: float, paths: Collection[str], folder: Path
 ) -> dict[str, Any]:
-    """The tables of what was flown: added parts that no change touched are left out.
+    """The tables of what was flown: parts that no hand touched are as the file has them.
 
     Args:
         prepared: what was flown.
         law: by name; None is the file's own.
         duration: s that were flown; a reference that is planned keeps the duration that it was planned for.
-        paths: numbers that were changed.
+        paths: numbers that a hand changed; changes of the file need parts of the file alone.
         folder: where the tables are going to be written; paths of vehicles are made to start there.
     """
     document = copy.deepcopy(dict(prepared.document))
     if prepared.planned:
         duration = document["duration"]
     document["duration"] = duration
-    environment = document["environment"]
-    if not any(path.startswith(prepared.push) for path in paths):
-        environment["forces"].pop()
-    touched = [path.split(".")[2] for path in paths if path.startswith("environment.faults.")]
-    whole = [fault for fault in environment["faults"] if fault.get("effectiveness") == 1.0]
-    if not touched:
-        environment["faults"] = [fault for fault in environment["faults"] if fault not in whole]
-    if environment["wind"] == {"mode": "force_wind"} and not any(p.startswith("environment.wind.") for p in paths):
-        del environment["wind"]
-    if not any(path.startswith("delays.") for path in paths):
-        document["delays"].pop("longest_command", None)
-    for word in ("forces", "faults"):
-        if not environment[word]:
-            del environment[word]
+    for table, word, moved in (
+        ("environment", "forces", prepared.push),
+        ("environment", "faults", "environment.faults."),
+        ("environment", "wind", "environment.wind."),
+        ("delays", "longest_command", "delays."),
+    ):
+        own = prepared.own.get(table, {})
+        if any(path.startswith(moved) for path in paths):
+            continue
+        document[table].pop(word, None)
+        if word in own:
+            document[table][word] = copy.deepcopy(own[word])
     for word in ("environment", "delays"):
         if not document[word]:
             del document[word]

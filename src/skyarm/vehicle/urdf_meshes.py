@@ -9,6 +9,8 @@ import xml.etree.ElementTree as ET
 from pathlib import Path, PurePosixPath
 
 from skyarm.algebra import Vec3
+from skyarm.files.stl_mesh import FARTHEST, METRES, read_corners
+from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import Look
@@ -63,7 +65,15 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
             if file.suffix.lower() != ".stl":
                 notes.add("a mesh file is no .stl; it is drawn from its joints", name, "link")
                 continue
-            rotation, position = origin_of(visual, field)
-            scale = Vec3(*numbers(mesh, "scale", f"{field}.mesh", (1.0, 1.0, 1.0)))
+            try:  # a picture that cannot be drawn changes nothing of how the vehicle flies
+                rotation, position = origin_of(visual, field)
+                if max(map(abs, position)) > FARTHEST:
+                    refuse(f"{field}.origin.xyz", list(position), f"must be within {FARTHEST:g} m")
+                x, y, z = numbers(mesh, "scale", f"{field}.mesh", METRES)
+                read_corners(file, (x, y, z))
+            except ValueError as error:
+                notes.add(f"a mesh cannot be drawn ({error}); it is drawn from its joints", name, "link")
+                continue
+            scale = Vec3(x, y, z)
             found.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import re
 from pathlib import Path
@@ -24,6 +25,9 @@ LARGEST = 100e6
 FARTHEST = 1e3
 """m from the middle of the body: what is farther was written in other units."""
 
+THINNEST = 1e-7
+"""m: standard deviation of the vertices along any axis; renderers refuse surfaces that are not much smaller."""
+
 VERTEX, CORNER = re.compile(rb"(?<!\S)vertex(?!\S)"), re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)")
 """The word before a corner of a file of text, and that with the corner's numbers."""
 
@@ -31,8 +35,18 @@ HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)),
 """Of a binary file: bytes before the triangles, and one of these."""
 
 
-def read_stl(path: str | os.PathLike[str]) -> tuple[Array, Faces]:
-    """Vertices (V, 3), m, each once, and triangles (F, 3) of a file.
+Scale = tuple[float, float, float]
+
+METRES: Scale = (1.0, 1.0, 1.0)
+"""m of one of a file's numbers along its axes."""
+
+
+def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
+    """Corners (F, 3, 3) of the triangles of a file, m.
+
+    Args:
+        path: of the file.
+        scale: m of one of its numbers along its axes.
 
     Raises:
         ValueError: without the file's name: it is not there, no STL, or beyond measure.
@@ -46,23 +60,32 @@ def read_stl(path: str | os.PathLike[str]) -> tuple[Array, Faces]:
         content = where.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from None
-    corners = _binary(content) if _is_binary(content) else _text(content)
-    if not 1 <= len(corners) <= MOST:
-        raise ValueError(f"has {len(corners)} triangles, must have from 1 to {MOST}")
+    written = _binary(content) if _is_binary(content) else _text(content)
+    if not 1 <= len(written) <= MOST:
+        raise ValueError(f"has {len(written)} triangles, must have from 1 to {MOST}")
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        corners: Array = written * np.array(scale)
     largest = float(np.abs(corners).max())
     if not largest <= FARTHEST:  # NaN, too
         raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
-    vertices, places = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    if np.linalg.matrix_rank(vertices - vertices.mean(axis=0), tol=1e-6 * max(largest, 1e-6)) < 3:
+    points = corners.reshape(-1, 3)
+    thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
         raise ValueError("has all of its vertices in one plane: must have a volume")
+    return corners
+
+
+def read_stl(path: str | os.PathLike[str], scale: Scale = METRES) -> tuple[Array, Faces]:
+    """Vertices (V, 3), m, each once, and triangles (F, 3) of a file; arguments and errors as :func:`read_corners`."""
+    vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, places.reshape(-1, 3)
 
 
 @functools.lru_cache(maxsize=16)
-def mesh_or_none(path: str) -> tuple[Array, Faces] | None:
+def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None:
     """The same for a drawing; None where the file has gone, of a log that was carried to another machine."""
     try:
-        return read_stl(path)
+        return read_stl(path, scale)
     except ValueError:
         return None
 
