@@ -45,7 +45,7 @@ def test_every_axis_and_law_stands_in_it():
     assert {"paper_pd", "paper_ct", "l1_adaptive", FLAGSHIP, ROBUST} <= set(head)
     (beside,) = TABLE.findall((ROOT / LAW).read_text("utf-8"))
     assert len(beside.splitlines()) == len(AXES) + 2
-    assert README.index("0.12 and 1.3 mm are numbers of a slow circle") < README.index(PICTURE)
+    assert README.index("0.05 and 1.33 mm are numbers of a slow circle") < README.index(PICTURE)
     assert (ROOT / PICTURE).stat().st_size <= 5e5
 
 

@@ -47,6 +47,7 @@ ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
     ("giving_way.md", "toml"): "tests/control/test_swept_admittance.py",
+    ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensors/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
