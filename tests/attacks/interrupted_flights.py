@@ -58,6 +58,8 @@ def others_work(seconds):
 def main(seed, count, lanes, steps, listen, threads, endless):
     """Fly ``count`` times, never to the end if ``endless``; threads are drawn from 2 to 8 where 0 is given."""
     signal.signal(signal.SIGTERM, end)
+    # a shell ignores SIGINT in what it starts in the background, and Python leaves that as it found it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = np.random.default_rng(seed)
     kernel = Kernel(chain(), Lanes(4), logging=True)
     carry, parameters = rng.normal(size=(CARRY, lanes)), rng.uniform(1.0, 9.0, (1, lanes))
