@@ -18,8 +18,8 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scalars import sin
 
-CARRY, LISTEN = 16, 0.1
-"""Numbers that a step hands to the next; s in which threads that still fly give themselves away."""
+CARRY, LISTEN, TICKS = 16, 0.1, 0.01
+"""Numbers that a step hands to the next; s in which threads that still fly give themselves away; two ticks, s."""
 
 
 class EndedError(BaseException):
@@ -50,6 +50,8 @@ def say(**what):
 
 def others_work(seconds):
     """s of processor time that threads other than this one take in a while."""
+    # the kernel books the time of other processors' threads at its ticks: what they took before is booked by then
+    time.sleep(TICKS)
     before, own = time.process_time(), time.thread_time()
     time.sleep(seconds)
     return (time.process_time() - before) - (time.thread_time() - own)
