@@ -89,6 +89,18 @@ def digest_of_arrays(arrays: dict[str, Any]) -> str:
     return found.hexdigest()
 
 
+def linear_algebra() -> str:
+    """Digest of products, solutions and factors of fixed matrices: BLAS chooses its code by the processor."""
+    generator = np.random.default_rng(0)
+    found = {}
+    for n in (6, 24, 120):
+        a, b = generator.normal(size=(n, n)), generator.normal(size=n)
+        symmetric = a @ a.T + n * np.eye(n)
+        results = (symmetric, a @ b, np.linalg.solve(a, b), np.linalg.cholesky(symmetric), np.linalg.eigh(symmetric)[1])
+        found |= {f"{n} {k}": result for k, result in enumerate(results)}
+    return digest_of_arrays(found)
+
+
 def fly(case: str, controller: str, plant: str, duration: float | None = None) -> str:
     """Digest of a flight's log."""
     log = skyarm.run(skyarm.load_scenario(case, controller=controller, plant=plant, duration=duration))
@@ -208,6 +220,7 @@ def main(path: str) -> None:
     file = Path(path)
     found: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {"flights": {}, "batches": {}}
     found["versions"] = {"mujoco-core": metadata.version("mujoco-core"), "numpy": metadata.version("numpy")}
+    found["linear_algebra"] = linear_algebra()
     for controller in BATCHED:
         for mode in MODES:
             found["batches"].setdefault(f"{as_taken(controller)} {mode}", fly_batch(controller, mode))
