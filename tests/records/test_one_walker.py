@@ -13,8 +13,7 @@ from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.catalogue.tuned_gains import rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
-from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, parts, walk
-from skyarm.records.replace_parts import part, replaced
+from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replaced, walk
 
 SOURCE = Path(skyarm.__file__).parent
 WALKERS = {"fields", "is_dataclass"}

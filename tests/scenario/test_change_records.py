@@ -23,12 +23,10 @@ from skyarm.metrics.windows import Windows
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore
-from skyarm.scenario.change_checks import require_changes
-from skyarm.scenario.changes import Change
-from skyarm.scenario.in_flight import overrides_at, stretches
-from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
-from skyarm.scenario.scenario_record import NamedSensor
+from skyarm.scenario.scenario_record import Change, NamedSensor
 from skyarm.scenario.scenario_text import scenario_text, with_changes_text
 from thorough import sampled
 

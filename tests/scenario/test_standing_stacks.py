@@ -9,9 +9,8 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.scenario.shared_places import require_places_apart
-from skyarm.scenario.standing_objects import with_standing_objects
-from skyarm.scenario.standing_stacks import stacks_of
+from skyarm.scenario.standing_start import stacks_of, with_standing_objects
+from skyarm.scenario.start_in_world import require_places_apart
 from standing_vehicles import at_rest, limp
 
 G = 9.8

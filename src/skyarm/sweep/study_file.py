@@ -51,9 +51,9 @@ from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.metrics.windows import windows_from
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
-from skyarm.scenario.registered_tables import require_plugins
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
+from skyarm.scenario.scenario_tables import require_plugins
 from skyarm.sweep.derived_numbers import derived_from, is_own_name, require_used
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.facts import LARGEST_CHUNK, MOST_EPISODES
