@@ -256,7 +256,7 @@ def test_a_step_is_told_of_since_no_rate_makes_it_smaller():
         ({"tilt": 0}, "reference.governor.tilt = 0: must be above 0"),
         ({"fastest": 0.5}, "reference.governor.fastest = 0.5: must be at least 1"),
         ({"fastest": 3}, "reference.governor.fastest = 3.0: must be at most 2"),
-        ({"joint_speed": -1}, "reference.governor.joint_speed = -1.0: must be above 0"),
+        ({"joint_speed": -1}, "reference.governor.joint_speed = -1: must be above 0"),
         ({"turning": "fast"}, "reference.governor.turning = 'fast': must be a finite number"),
         ({"speed": 1.0}, "allowed: reserve, tilt, turning, joint_speed, fastest"),
         ("yes", "reference.governor = 'yes': must be true, false or a table of limits"),

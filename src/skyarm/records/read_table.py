@@ -61,7 +61,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
     except ValueError as error:
         words = str(error)
         named = re.match(r"\w+", words)
-        own = named is not None and named[0] in (field_names(kind) or ()) and isinstance(kind, type)
+        own = isinstance(kind, type) and named is not None and named[0] in (field_names(kind) or ())
         raise ValueError(words if words.startswith(where) else f"{where}{'.' if own else ': '}{words}") from None
 
 

@@ -102,8 +102,8 @@ def _check_times(scenario: Scenario) -> None:
     """Duration and delays are whole numbers of steps within the flight; a varied delay stays below its longest."""
     rates, delays = scenario.rates, scenario.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
-        longest = LONGEST_FLIGHT / rates.control
-        raise ValueError(f"duration = {scenario.duration!r}: must be at most {longest:g} s at this control rate")
+        most = f"{LONGEST_FLIGHT / rates.control:g} s"
+        raise ValueError(f"duration = {scenario.duration!r}: must be at most {most} at this control rate")
     require_whole("duration", scenario.duration, rates.control, "control periods")
     for name in ("measurement", "command", "rotors", "joints"):
         delay = getattr(delays, name)

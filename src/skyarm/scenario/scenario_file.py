@@ -179,7 +179,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     rates, delays = record_from(Rates, top.inner("rates")), record_from(Delays, top.inner("delays"))
     setting = tables.setting_of(world, max(chosen["duration"], number(duration, "duration")))
     reference, governor = tables.reference(top.take("reference", {}), world, setting, folder)
-    flying, contact, changes = top.take("payloads", []), tables.contact(top.take("world", None), folder), ()
+    flying, contact = top.take("payloads", []), tables.contact(top.take("world", None), folder)
+    changes: tuple[Change, ...] = ()
     if flying != [] or setting.events:
         from skyarm.scenario import payload_tables as loads
 
