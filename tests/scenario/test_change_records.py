@@ -142,13 +142,14 @@ def test_without_changes_a_scenario_is_written_as_before() -> None:
 
 
 def test_changes_are_written_into_plain_data_and_read_back() -> None:
-    scenario = changing(
+    changes = (
         at(0.1, GAIN, 3),
         at(0.2, "controller", {"law": "ct_extrapolation", "delay_periods": 2, "safety": {"calm": math.inf}}),
         at(0.3, "environment.faults", [{"rotor": "front", "effectiveness": 0.5}]),
         at(0.4, "environment.ground", False),
         at(0.5, "reference.yaw", 0.1),
     )
+    scenario = dataclasses.replace(scenario_from(BASE), changes=tuple(Change(**each) for each in changes))
     again = restore(json.loads(json.dumps(plain(scenario))))
     assert again == scenario
     assert [type(each.value) for each in again.changes] == [float, dict, tuple, bool, float]
