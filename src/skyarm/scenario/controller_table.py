@@ -36,7 +36,6 @@ from skyarm.control.catalogue import (
 from skyarm.control.controller import Controller
 from skyarm.control.laws.paper.make import ABLATIONS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
-from skyarm.control.safety.memory import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.files import Fields, all_wrong_words, did_you_mean, must_be_one_of, number, read_toml, shown, unreadable
 from skyarm.files.kinds_of_files import require_kind
@@ -86,6 +85,8 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     """The controller with the safety layer whose constants are these; as it is if they are a law's."""
     if isinstance(before, VectoredParameters):
         before = own_parameters(before)
+    from skyarm.control.safety.memory import SafetyParameters
+
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer

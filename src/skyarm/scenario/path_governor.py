@@ -211,17 +211,13 @@ class GovernorOptions:
             never pause.
     """
 
-    reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = (
-        0.2
-    )
+    reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = 0.2
     tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.6
     turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, infinite=True)] = math.inf
     fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0, high=2.0)] = 1.0
     pause_error: Annotated[Scalar, Unit("m", "of the tip, in flight", low=0.0, strict=True, infinite=True)] = math.inf
-    pause_thrust: Annotated[Scalar, Unit("", "of a rotor's largest", low=0.0, strict=True, infinite=True)] = (
-        math.inf
-    )
+    pause_thrust: Annotated[Scalar, Unit("", "of a rotor's largest", low=0.0, strict=True, infinite=True)] = math.inf
     pause_acceleration: Annotated[float, Unit("1/s", "of the reference's time", low=0.0, strict=True)] = 0.5
 
     def __post_init__(self) -> None:

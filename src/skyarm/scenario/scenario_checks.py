@@ -15,7 +15,6 @@ from skyarm.control.controller import innermost, learns_load, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.environment import Disturbance, HangingPayload, LinkDrag, TimedPayload
 from skyarm.files import did_you_mean, must_be_one_of, number, shown
 from skyarm.plant.integrators import INTEGRATORS
 from skyarm.plant.largest_step import check_largest_step
@@ -27,7 +26,7 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.registry.registrations import registrations
 from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, check_name
 from skyarm.sensors.sensor import Sensor
-from skyarm.vehicle.check import VehicleError, require_plant
+from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LONGEST_FLIGHT = 10_000_000
@@ -286,18 +285,10 @@ def _check_surroundings(scenario: Scenario) -> None:
             raise ValueError(f"payloads[{i}].name = {name!r}: must be of one payload only")
     for what, several in (("payloads", scenario.payloads), ("environment.forces", scenario.forces)):
         for i, each in enumerate(several):
-            where, frame = f"{what}[{i}]", getattr(each, "frame", "")
             try:
-                if isinstance(each, TimedPayload) or (isinstance(each, Disturbance) and frame):
-                    vehicle.frame(frame or None)
-                if isinstance(each, LinkDrag):
-                    each.check(vehicle)
-                if isinstance(each, HangingPayload):
-                    each.require_slow(period, scenario.world.gravity)
-            except VehicleError as error:
-                raise ValueError(f"{where}.frame = {frame!r}: {error}") from None
+                each.require_vehicle(vehicle, period, scenario.world.gravity)
             except ValueError as error:
-                raise ValueError(f"{where}.{error}") from None
+                raise ValueError(f"{what}[{i}].{error}") from None
     for contact in scenario.contacts:
         from skyarm.scenario.start_in_world import require_steps_to_fly
 
