@@ -52,15 +52,12 @@ from skyarm.control.model import Model
 from skyarm.files import (
     Fields,
     all_wrong_words,
-    did_you_mean,
     file_name,
     number,
     one_line,
-    read_toml,
     shown,
-    unreadable,
 )
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.kinds_of_files import names_in, read_named
 from skyarm.metrics.windows import windows_from
 from skyarm.plant.interface import Truth
 from skyarm.records.read_table import record_from
@@ -83,7 +80,7 @@ LIBRARY = resources.files("skyarm.scenario") / "library"
 
 def list_scenarios() -> tuple[str, ...]:
     """Return the names of the shipped scenarios."""
-    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+    return names_in(LIBRARY)
 
 
 def load_scenario(
@@ -116,31 +113,14 @@ def load_scenario(
         from skyarm.scenario.scenario_of_log import scenario_of_log
 
         return scenario_of_log(text, given)
-    if text in list_scenarios():
-        content, folder = (LIBRARY / f"{text}.toml").read_bytes(), Path()
-    else:
-        content, folder = _read(text), Path(text).parent
     try:
-        document = read_toml(content)
-        require_kind(document, "scenario")
+        document, folder = read_named(text, "scenario", LIBRARY, " or a log, or a name")
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    try:
         return scenario_from(document, folder, given)
     except ValueError as error:
         raise ScenarioError(f"{text}: {error}") from None
-
-
-def _read(text: str) -> bytes:
-    path = Path(text)
-    known = f"shipped scenarios are {', '.join(list_scenarios())}"
-    if path.suffix != ".toml":
-        allowed = f"{did_you_mean(text, list_scenarios())}must be the path of a .toml file or a log, or a name; {known}"
-        raise ScenarioError(f"scenario = {shown(text)}: {allowed}")
-    reason = unreadable(path)
-    if reason:
-        raise ScenarioError(f"scenario = {shown(text)}: {reason}; {known}")
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ScenarioError(f"scenario = {shown(text)}: must be readable ({error.strerror}); {known}") from None
 
 
 def scenario_from(
