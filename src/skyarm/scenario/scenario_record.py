@@ -297,6 +297,8 @@ class Scenario:
 
         try:
             check_names(self)
+            if self.contact is not None and not hasattr(self.contact, "on"):
+                raise ScenarioError(f"contact = {shown(self.contact)}: must be a Contact or None")
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
