@@ -9,7 +9,7 @@ import pytest
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS
 from skyarm.control.laws.centroidal.gain_presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
-from skyarm.scenario.law_table import PYTHON_ONLY, WORDS, law_words
+from skyarm.scenario.controller_table import PYTHON_ONLY, WORDS, law_words
 from skyarm.scenario.scenario_file import scenario_from
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

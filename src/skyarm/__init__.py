@@ -54,13 +54,12 @@ if TYPE_CHECKING:
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
     from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
-    from skyarm.scenario.changes import Change
+    from skyarm.scenario.controller_table import load_controller
     from skyarm.scenario.endings import Ending
-    from skyarm.scenario.gains_file import load_controller
     from skyarm.scenario.numbers import with_numbers
     from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
-    from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
+    from skyarm.scenario.scenario_record import Change, Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
     from skyarm.sensors.measurement import Measurement
     from skyarm.sensors.noise import SensorNoise
     from skyarm.sensors.sensor import Sensor
@@ -122,13 +121,20 @@ _ROOMS = {
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
     "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
-    "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
-    "skyarm.scenario.gains_file": ("load_controller",),
+    "skyarm.scenario.controller_table": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
     "skyarm.scenario.path_governor": ("govern",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
-    "skyarm.scenario.scenario_record": ("Delays", "JointDrive", "NamedSensor", "Rates", "Scenario", "ScenarioError"),
+    "skyarm.scenario.scenario_record": (
+        "Change",
+        "Delays",
+        "JointDrive",
+        "NamedSensor",
+        "Rates",
+        "Scenario",
+        "ScenarioError",
+    ),
     "skyarm.sensors.measurement": ("Measurement",),
     "skyarm.sensors.noise": ("SensorNoise",),
     "skyarm.sensors.sensor": ("Sensor",),

@@ -27,8 +27,7 @@ from skyarm.assess.servo_stiffness import servo_stiffness
 from skyarm.cli.vehicle_facts import vehicle_facts
 from skyarm.cli.vehicle_tables import tables
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.unlikely_drives import no_load_speed
-from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
+from skyarm.scenario.unlikely_numbers import no_load_speed, unlikely_in_vehicle
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.thrust_table import ThrustTable
 

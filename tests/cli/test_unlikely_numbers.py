@@ -17,8 +17,7 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.compare.suite import PAPER_CASES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
-from skyarm.scenario.unlikely_numbers import unlikely_numbers
-from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
+from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle, unlikely_numbers
 from skyarm.sweep.study_file import list_studies, load_study
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from thorough import sampled

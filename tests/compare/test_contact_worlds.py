@@ -30,7 +30,7 @@ from skyarm.contact.material import Material
 from skyarm.control.catalogue import make_controller
 from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 
 COUNT = 60
 

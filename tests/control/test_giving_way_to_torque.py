@@ -30,8 +30,8 @@ from skyarm.records.restore import restore
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_checks import sensor_offset
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.scenario.tip_sensor import sensor_offset
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.vehicle_records import Frame
 

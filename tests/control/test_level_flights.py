@@ -19,9 +19,8 @@ from skyarm.environment import ForceWind
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Ramp, Sine
-from skyarm.scenario.changes import Change
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.scenario.scenario_record import Change, Delays, Scenario
 from skyarm.simulate import run
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md"

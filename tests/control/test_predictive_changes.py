@@ -15,7 +15,7 @@ from flown import MODEL, cases
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive.engine import Purpose, engine_for
-from skyarm.scenario.changes import Change
+from skyarm.scenario.scenario_record import Change
 
 DT = 0.005
 PUSH = (1.0, 0.1, -1.0, 0.0, 0.0)

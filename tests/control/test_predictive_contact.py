@@ -29,7 +29,7 @@ from skyarm.control.laws.predictive.parameters import WEIGHTS
 from skyarm.control.laws.predictive.problem import problem_at
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 from skyarm.vehicle.vehicle_files import load_vehicle
 from vehicles_random import PinocchioTwin, RandomState
 

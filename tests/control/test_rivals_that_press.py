@@ -20,7 +20,7 @@ from skyarm.control.laws.pressing.tip_observer import Touch, listen, moved
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scalars.fold import data
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 
 DT = 0.005
 BASIS = {"hybrid_ct": "hybrid_computed_torque", "admittance_pd": "decoupled_pd"}

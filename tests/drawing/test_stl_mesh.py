@@ -22,7 +22,7 @@ from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.scenario.world_meshes import with_meshes
+from skyarm.scenario.scenario_tables import with_meshes
 from world_flights import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))

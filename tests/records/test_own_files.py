@@ -20,8 +20,7 @@ from skyarm.compare.cells import key
 from skyarm.compare.own_scenario import own_flights
 from skyarm.files.code_digests import source_of
 from skyarm.files.code_place import PACKAGE, is_beside
-from skyarm.records.identity import FOR_PEOPLE, _without, identity
-from skyarm.records.own_files import all_files, own_files
+from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import Plugin, identities, load_again, load_plugin, loaded

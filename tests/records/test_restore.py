@@ -21,6 +21,7 @@ from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
+from skyarm.scenario.scenario_record import Change, Rates
 from thorough import sampled
 
 
@@ -87,7 +88,7 @@ WRONG: list[tuple[Any, str]] = [
     (of("skyarm.simulate.session:Session"), "is no frozen dataclass"),
     (of("skyarm.compile.llvm.llvm_text:Writer"), "is no frozen dataclass"),
     (of("skyarm.control.controller:Command"), "is no frozen dataclass"),
-    (of("skyarm.scenario.scenario_parts:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
+    (of("skyarm.scenario.scenario_record:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
     (of("function", name="os:system"), "nothing of this module is registered here"),
     (of("function", name="skyarm.files.atomic:write_atomically"), "must be a function of a law"),
     (of("function", name="skyarm.control.controller:os.system"), "is not there any more"),
@@ -121,3 +122,9 @@ def test_reading_a_record_runs_nothing_that_it_names(monkeypatch: pytest.MonkeyP
         with pytest.raises(ValueError, match=r"must be|registered|any more"):
             restore(of("function", name=name))
     assert not called
+
+
+def test_records_that_have_moved_since_the_last_version_are_read_back() -> None:
+    for record, module in ((Rates(control=100), "scenario_parts"), (Change(at=0.1, path="x", value=2.0), "changes")):
+        before = plain(record) | {"type": f"skyarm.scenario.{module}:{type(record).__name__}"}
+        assert restore(before) == record

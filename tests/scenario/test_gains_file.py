@@ -13,7 +13,7 @@ from added_components import registry_kept
 from skyarm.cli.export_command import export
 from skyarm.files import read_toml
 from skyarm.registry.plugins import load_plugin
-from skyarm.scenario.gains_file import controller_of_file
+from skyarm.scenario.controller_table import controller_of_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 
 GAINS = """

@@ -10,9 +10,8 @@ import pytest
 
 from skyarm.dynamics.broadcast import unit_quaternion
 from skyarm.plant.interface import whole_steps
-from skyarm.scenario.clock_checks import check_clocks, require_whole
-from skyarm.scenario.law_table import _require_clock
-from skyarm.scenario.scenario_checks import check_quaternion
+from skyarm.scenario.controller_table import _require_clock
+from skyarm.scenario.scenario_checks import _check_clocks_of_law, check_quaternion, require_whole
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
@@ -72,9 +71,9 @@ def test_a_law_that_believes_another_clock_is_refused(name, off, side):
         par = SimpleNamespace(**{name: period})
         return SimpleNamespace(controller=SimpleNamespace(par=par), rates=scenario.rates)
 
-    check_clocks(believing(1.0 / rate))
+    _check_clocks_of_law(believing(1.0 / rate))
     with pytest.raises(ValueError, match=f"controller.{name} = "):
-        check_clocks(believing((1.0 + side * off) / rate))
+        _check_clocks_of_law(believing((1.0 + side * off) / rate))
 
 
 @SIDES

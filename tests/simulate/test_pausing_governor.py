@@ -16,9 +16,8 @@ from skyarm.metrics.score import score
 from skyarm.reference import hover
 from skyarm.reference.path_pause import PathPause
 from skyarm.reference.path_time import PathTime
-from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.path_governor import options_from
+from skyarm.scenario.path_governor import GovernorOptions, options_from
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.clock_of_change import clock_of_change

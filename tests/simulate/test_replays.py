@@ -13,7 +13,7 @@ import skyarm
 from added_components import same_logs
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
-from skyarm.scenario.changes import Change
+from skyarm.scenario.scenario_record import Change
 from skyarm.sensors.noise import SensorNoise
 
 SCENARIO = dataclasses.replace(

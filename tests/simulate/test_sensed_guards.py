@@ -20,7 +20,7 @@ from skyarm.reference.setting import Setting
 from skyarm.reference.signals import Constant
 from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate.clock_records import Seen
 from skyarm.simulate.path_clock import Waits

@@ -10,7 +10,7 @@ import pytest
 from shared_programs import hurried
 from simulate_flights import circling
 from skyarm.scenario.numbers import number_at
-from skyarm.scenario.places import LATE
+from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch

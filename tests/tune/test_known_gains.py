@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.records.identity import identity
-from skyarm.records.replace_parts import replaced
+from skyarm.records.leaves import replaced
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.tune.excitation import excited
 from skyarm.tune.gain_search import scatter

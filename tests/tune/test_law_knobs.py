@@ -12,8 +12,7 @@ from skyarm.algebra import Vec3
 from skyarm.control.catalogue import KNOBS, LAWS, make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.records.leaves import is_leaf, walk
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import is_leaf, part, walk
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 from skyarm.tune.law_knobs import KnobError, find_knobs

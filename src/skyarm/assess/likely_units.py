@@ -6,8 +6,7 @@ import re
 
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_units
-from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
+from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
 from skyarm.vehicle.vehicle_records import Vehicle
 
 UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"

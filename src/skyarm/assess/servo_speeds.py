@@ -10,7 +10,7 @@ from skyarm.actuation.servo import Servo
 from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_drives import no_load_speed
+from skyarm.scenario.unlikely_numbers import no_load_speed
 
 OFTEN = 0.05
 """Share of the flight in saturation above which the reference cannot be followed."""

@@ -19,11 +19,9 @@ from skyarm.files import number, output_file, read_toml, shown, unreadable, writ
 from skyarm.files.kinds_of_files import kind_of
 from skyarm.onboard.export_c import export_c
 from skyarm.registry.plugins import identities, law_of_file_name
-from skyarm.scenario.changes import without_law
-from skyarm.scenario.gains_file import make_named_or_tuned
+from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
-from skyarm.scenario.scenario_parts import HIGHEST_RATE
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, without_law
 from skyarm.stability.hover_delay import hover_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 

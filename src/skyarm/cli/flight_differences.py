@@ -14,7 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_differences import LogDifferences, log_differences
 from skyarm.metrics.accumulate import CONTINUOUS
 from skyarm.metrics.score import score
-from skyarm.scenario.scenario_differences import scenario_differences
+from skyarm.scenario.scenario_text import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
 
 MOST_COLUMNS = 12

@@ -207,7 +207,7 @@ def show(
     from skyarm.cli.show import operations_sheet, vehicle_sheet
     from skyarm.cli.vehicle_facts import operations, vehicle_facts
     from skyarm.files import number
-    from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
+    from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     number(gravity, "--gravity", low=0.0, strict=True)

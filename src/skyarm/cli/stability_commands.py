@@ -23,7 +23,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, law_of_file_name
-from skyarm.scenario.gains_file import is_gains_file
+from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers

@@ -67,7 +67,7 @@ def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     from skyarm.figures.embed import image_bytes
     from skyarm.figures.study_curves import curves_figure
     from skyarm.metrics.words_of_metrics import metric_words
-    from skyarm.scenario.units_of_numbers import labelled
+    from skyarm.scenario.numbers import labelled
     from skyarm.sweep.curves import drawn_metrics, metric_curves, varying
 
     found: dict[str, bytes] = {}

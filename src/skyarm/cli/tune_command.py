@@ -18,7 +18,7 @@ from skyarm.cli.tune_report import plain_tuning, print_front
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import is_law_of_file, law_of_file_name
-from skyarm.scenario.gains_file import is_gains_file
+from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers

@@ -24,8 +24,7 @@ from skyarm.compare.suite import CASES, Case, Condition
 from skyarm.files import versions, write_atomically
 from skyarm.files.unpacked import npz_arrays
 from skyarm.metrics.shortfall import LARGEST_ERROR
-from skyarm.records.identity import identity
-from skyarm.records.own_files import own_files
+from skyarm.records.identity import identity, own_files
 from skyarm.registry import find
 from skyarm.registry import names as registered
 from skyarm.registry.plugins import identities

@@ -14,7 +14,7 @@ from skyarm.compare.envelope_plants import PLANTS, WIDEST, swinging
 from skyarm.compare.envelope_setting import Setting
 from skyarm.compare.envelope_trials import AGE, Numbers
 from skyarm.compare.suite import NOISE
-from skyarm.scenario.places import LATE
+from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario
 
 TIP, OVERSHOOT = "ee_error_mean_continuous", "x_error_max_continuous"

@@ -20,7 +20,7 @@ from skyarm.compare.envelope_plants import PLANTS, plants_at
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.compare.suite import Case, Condition
 from skyarm.metrics.windows import Window, Windows
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.workers import workers
 

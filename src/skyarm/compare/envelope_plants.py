@@ -16,8 +16,7 @@ from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.vehicle_spread import fitted_damping, spread_of
 from skyarm.environment import ForceWind
 from skyarm.records.leaves import walk
-from skyarm.scenario.scenario_parts import Delays
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Delays, Scenario
 
 Array = npt.NDArray[Any]
 

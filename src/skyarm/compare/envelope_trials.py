@@ -10,8 +10,7 @@ from skyarm.actuation.lagged_torque import LaggedTorque
 from skyarm.compare import envelope_motions as motions
 from skyarm.compare.envelope_setting import Setting
 from skyarm.compare.suite import NOISE
-from skyarm.scenario.scenario_parts import Delays, JointDrive
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Delays, JointDrive, Scenario
 
 SLOW = (0.3, 0.15)
 """m, m/s: circle of the trials of delay, lag, payload and noise."""

@@ -15,7 +15,7 @@ from skyarm.metrics.score import score
 from skyarm.metrics.windows import Windows
 from skyarm.registry import names as registered
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.places import LATE
+from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.simulate.loop import run
 

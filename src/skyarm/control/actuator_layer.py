@@ -19,7 +19,7 @@ from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt

@@ -21,7 +21,7 @@ from skyarm.dynamics import State
 from skyarm.env.env_task import Task
 from skyarm.env.env_views import Result, Sight
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
 from skyarm.scenario.endings import Divergence

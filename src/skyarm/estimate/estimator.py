@@ -42,6 +42,9 @@ class Estimator:
             ValueError: one line with field, value and what is allowed.
         """
 
+    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+        """Refuse drives, by the joint's name, whose efforts the estimator cannot know; ``vehicle`` is a name."""
+
     def start(self, vehicle: Vehicle) -> Any:
         """First memory: a record or tuple of scalars. ``vehicle`` is the believed one."""
         return ()

@@ -9,9 +9,8 @@ from typing import Any
 
 from skyarm.environment import Gust
 from skyarm.records.leaves import parts
-from skyarm.scenario.changes import Change
 from skyarm.scenario.in_flight import Overrides, stretches
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Change, Scenario
 
 SURROUNDINGS = "environment."
 """Beginning of the paths on which gusts and faults depend."""

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any
+
+from skyarm.files.one_line import shown
+from skyarm.files.read import unreadable
+from skyarm.files.suggestions import did_you_mean
+from skyarm.files.toml_text import read_toml
 
 VEHICLES = ("rotors", "base", "urdf", "mjcf", "airframe", "attach")
 """Words of a vehicle file that no other file has."""
@@ -39,3 +46,43 @@ def require_kind(document: Any, wanted: str) -> None:
         a, b = (kind if kind != "gains" else "file of gains" for kind in (wanted, found))
         a, b = (each if each.startswith("file") else f"{each} file" for each in (a, b))
         raise ValueError(f"{wanted}: must be a {a}, and this is a {b}, for '{READS[found]}'")
+
+
+def names_in(library: Traversable) -> tuple[str, ...]:
+    """Names of the shipped files of a folder."""
+    return tuple(sorted(Path(entry.name).stem for entry in library.iterdir() if entry.name.endswith(".toml")))
+
+
+def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
+    """Tables of a shipped file by its name, or of a file by its path, and the folder in which its paths start.
+
+    Args:
+        text: name or path.
+        kind: of the file, a key of ``READS``.
+        library: folder of the shipped files.
+        others: what else may be given, for messages.
+
+    Raises:
+        ValueError: one line that begins with the kind, or with the file.
+    """
+    names, path = names_in(library), Path(text)
+    field, plural = f"{kind} = {shown(text)}", "studies" if kind == "study" else f"{kind}s"
+    known = f"shipped {plural} are {', '.join(names)}"
+    if text in names:
+        content, folder = (library / f"{text}.toml").read_bytes(), Path()
+    elif path.suffix != ".toml":
+        allowed = f"{did_you_mean(text, names)}must be the path of a .toml file{others or ' or a name'}"
+        raise ValueError(f"{field}: {allowed}; {known}")
+    elif reason := unreadable(path):
+        raise ValueError(f"{field}: {reason}; {known}")
+    else:
+        try:
+            content, folder = path.read_bytes(), path.parent
+        except OSError as error:
+            raise ValueError(f"{field}: must be readable ({error.strerror}); {known}") from None
+    try:
+        document = read_toml(content)
+        require_kind(document, kind)
+    except ValueError as error:
+        raise ValueError(f"{text}: {error}") from None
+    return document, folder

@@ -17,8 +17,7 @@ from skyarm.log.phase_timeouts import waits_of
 from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
-from skyarm.records.identity import log_digest
-from skyarm.records.own_files import own_files
+from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
 from skyarm.reference import Reference
 from skyarm.reference.phase_words import phase_numbers

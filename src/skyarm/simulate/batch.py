@@ -18,8 +18,7 @@ from skyarm.log.batch_log import batch_log
 from skyarm.metrics.metric_catalogue import metric_names, needed
 from skyarm.metrics.metric_catalogue import values as metric_values
 from skyarm.metrics.windows import Windows
-from skyarm.scenario.change_checks import require_changes
-from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key

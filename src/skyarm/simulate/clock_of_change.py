@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.records.blend import blend
-from skyarm.records.leaves import mismatch
+from skyarm.records.leaves import blend, mismatch
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.records.blend import blend
 from skyarm.records.coerce import concrete
+from skyarm.records.leaves import blend
 from skyarm.scalars import add, floor, maximum, minimum
 from skyarm.scenario.scenario_record import Scenario
 

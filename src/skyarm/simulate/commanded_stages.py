@@ -6,7 +6,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement

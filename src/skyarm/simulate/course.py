@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.files import shown
-from skyarm.scenario.change_checks import try_changes, try_coming
-from skyarm.scenario.changes import Change, in_order
-from skyarm.scenario.in_flight import NONE, Overrides
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.in_flight import NONE, Overrides, try_changes, try_coming
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.simulate.assemble_log import Piece
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import shown
-from skyarm.scenario.places import LATE, LATER
-from skyarm.scenario.scenario_parts import whole
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.paths import LATE, LATER
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 
 Array = npt.NDArray[Any]
 

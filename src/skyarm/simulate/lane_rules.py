@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.actuation.servo import Servo
-from skyarm.records.replace_parts import part
-from skyarm.scenario.change_checks import require_changes
+from skyarm.records.leaves import part
+from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.places import places_of
+from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.draws import draws_needed
 

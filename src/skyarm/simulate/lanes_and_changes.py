@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from skyarm.plant.largest_step import STATED
-from skyarm.scenario.derived import TURBULENCE, is_payload
-from skyarm.scenario.numbers import means_the_same
+from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 LAWS = ("controller", "controller.law")

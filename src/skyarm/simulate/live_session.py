@@ -16,10 +16,9 @@ import numpy as np
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.log.flight_log import Log
-from skyarm.scenario.changes import Change, in_order
 from skyarm.scenario.numbers import DERIVED, known_as, number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.polynomials import uniform_curve
 from skyarm.reference.tip_push import counted_error

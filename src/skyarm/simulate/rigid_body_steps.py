@@ -16,7 +16,7 @@ from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import VERLET
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.scalars import where
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.stages import Stages

@@ -14,8 +14,7 @@ from skyarm.files import shown
 from skyarm.log.flight_log import Log
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.change_checks import require_changes, require_continuous
-from skyarm.scenario.in_flight import NONE, Overrides
+from skyarm.scenario.in_flight import NONE, Overrides, require_changes, require_continuous
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -200,7 +199,7 @@ class Session:
 
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
-                (:mod:`skyarm.scenario.whole_parts`): ``{"controller.law": "indi"}``. They take the place of the numbers
+                (:mod:`skyarm.scenario.in_flight`): ``{"controller.law": "indi"}``. They take the place of the numbers
                 with which the session began, and do not add up: a payload is one on top of what the vehicle carried.
 
         Raises:

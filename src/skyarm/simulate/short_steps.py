@@ -10,9 +10,8 @@ import numpy as np
 
 from skyarm.files import shown
 from skyarm.plant.largest_step import STATED, borne_step
-from skyarm.records.leaves import Place, field_names
-from skyarm.records.replace_parts import part, replaced
-from skyarm.scenario.places import places_of
+from skyarm.records.leaves import Place, field_names, part, replaced
+from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 

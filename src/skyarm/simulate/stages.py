@@ -24,12 +24,11 @@ from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.coupled_memory import Memories
 from skyarm.plant.surroundings import Surroundings, felt
-from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import blend, leaves
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, logical_and, where
+from skyarm.scenario.scenario_checks import sensor_offset, tip_sensor
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.tip_sensor import sensor_offset, tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
-from skyarm.scenario.units_of_numbers import words_of
+from skyarm.scenario.numbers import words_of
 from skyarm.sweep.expressions import read_expression
 from skyarm.sweep.maps import LISTED
 from skyarm.sweep.stats import Rows

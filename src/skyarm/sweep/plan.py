@@ -13,14 +13,12 @@ from typing import Any
 from skyarm.files import versions
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.plant.stop_rate import joint_rate
-from skyarm.records.identity import identity
-from skyarm.records.own_files import all_files
+from skyarm.records.identity import all_files, identity
 from skyarm.registry import registrations
 from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
-from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.units_of_numbers import unit_at
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.draws import draws_needed
 from skyarm.sweep.design import derived_extremes, extremes, values

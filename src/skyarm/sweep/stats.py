@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
-from skyarm.scenario.units_of_numbers import labelled, words_of
+from skyarm.scenario.numbers import labelled, words_of
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.sweep.rows import arrow
 from skyarm.sweep.rows_there import not_counted, rows_of

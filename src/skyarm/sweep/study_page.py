@@ -10,7 +10,7 @@ from typing import Any
 from skyarm.metrics.words_of_metrics import metric_words
 from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
-from skyarm.scenario.units_of_numbers import labelled, words_of
+from skyarm.scenario.numbers import labelled, words_of
 from skyarm.sweep.manifest import Manifest
 from skyarm.sweep.rows_there import not_counted
 from skyarm.sweep.stats import SHARES

@@ -19,8 +19,7 @@ from skyarm.environment.gust import Gust
 from skyarm.estimate.estimator import PASS_THROUGH
 from skyarm.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
-from skyarm.scenario.gains_file import make_named_or_tuned
-from skyarm.scenario.law_by_name import controller_by_name, loop_facts
+from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
 from skyarm.tune.motion_mix import STEPPED, motion, unseen_motion
 from skyarm.vehicle.vehicle_records import Vehicle

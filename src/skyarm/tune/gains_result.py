@@ -9,8 +9,7 @@ from typing import Any
 from skyarm.control.catalogue import PRESETS, TUNED, full_name
 from skyarm.files.write_toml import toml_key, toml_value
 from skyarm.records.identity import identity
-from skyarm.records.leaves import walk
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import part, walk
 from skyarm.tune.front import RULE, LoopMargins, Point
 from skyarm.tune.hover_margins import with_gains
 from skyarm.tune.law_knobs import inner_place

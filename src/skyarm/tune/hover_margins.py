@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.control.controller import Controller
-from skyarm.records.replace_parts import replaced
+from skyarm.records.leaves import replaced
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.front import Required
 from skyarm.tune.law_knobs import Knob

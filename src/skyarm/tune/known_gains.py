@@ -19,9 +19,8 @@ from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.gain_presets import without_preset
-from skyarm.records.leaves import Place
-from skyarm.records.replace_parts import replaced
-from skyarm.scenario.law_by_name import loop_facts
+from skyarm.records.leaves import Place, replaced
+from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.law_knobs import Knob, KnobError, find_knobs
 

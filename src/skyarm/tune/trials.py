@@ -16,8 +16,7 @@ import numpy.typing as npt
 from skyarm.compare.suite import DELAY, NOISE
 from skyarm.control.controller import Controller
 from skyarm.metrics.windows import Window, Windows
-from skyarm.records.leaves import Place, walk
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import Place, part, walk
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Scenario
 from skyarm.simulate.batch import Batch

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import file_name, must_be_one_of, one_line, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.kinds_of_files import names_in, require_kind
 from skyarm.vehicle import sources
 from skyarm.vehicle.assemble import assemble
 from skyarm.vehicle.check import VehicleError
@@ -23,7 +23,7 @@ LIBRARY = resources.files("skyarm.vehicle") / "library"
 
 def list_vehicles() -> tuple[str, ...]:
     """Return the names of the shipped vehicles."""
-    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+    return names_in(LIBRARY)
 
 
 def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:

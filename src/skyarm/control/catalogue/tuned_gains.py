@@ -17,8 +17,7 @@ from skyarm.control.catalogue.law_entries import canonical_law, make_controller
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.files import shown
-from skyarm.records.leaves import Place, parts
-from skyarm.records.replace_parts import replaced
+from skyarm.records.leaves import Place, parts, replaced
 from skyarm.scalars import mul
 
 COMMON = (

@@ -12,7 +12,7 @@ from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.control.safety.recovery import Recovery
 from skyarm.control.safety.supervisor import Confidence
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
