@@ -9,7 +9,7 @@ torque law; its inputs and size; supervised training on simulated flights, no ad
 rad/s per velocity and command stands for the history; the answer is limited to what training has seen and filtered.
 
 Tuning: ``answer`` (rad/s), the paper's gains. The shipped weights are those of the Hummingbird with the two-joint arm;
-``python -m skyarm.learn`` makes them again.
+``examples/learned_compensator/train.py`` makes them again.
 
 Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
 """
@@ -101,13 +101,13 @@ def make_learned_controller(
     if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
         raise ControllerError(
             f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
-            f"{len(feature_names(n))}; train one with skyarm.learn"
+            f"{len(feature_names(n))}; train one with examples/learned_compensator/train.py"
         )
     other = unlike(model.vehicle, training)
     if other:
         raise ControllerError(
             f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
-            "train one with skyarm.learn, or give this one as network="
+            "train one with examples/learned_compensator/train.py, or give this one as network="
         )
     base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
     par = LearnedParameters(
