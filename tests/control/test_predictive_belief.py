@@ -15,7 +15,7 @@ from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations, advance
+from skyarm.control.laws.predictive.prediction import Inputs, accelerations, advance
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle, rotation_matrix

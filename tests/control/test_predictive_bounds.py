@@ -6,7 +6,7 @@ import pytest
 
 from flown import MODEL
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.predictive.make import make_predictive_controller
+from skyarm.control.laws.predictive.law import make_predictive_controller
 from skyarm.scenario.scenario_file import load_scenario
 
 

@@ -14,9 +14,9 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.law import PredictiveMemory, _seen, nmpc
-from skyarm.control.laws.predictive.motion_plan import motors
-from skyarm.control.laws.predictive.rollout import Bounds
-from skyarm.control.laws.predictive.solve import Plan
+from skyarm.control.laws.predictive.linearise import Bounds
+from skyarm.control.laws.predictive.prediction import motors
+from skyarm.control.laws.predictive.riccati import Plan
 from skyarm.reference import Reference, Trajectory
 from skyarm.reference.signals import Sine
 

@@ -76,7 +76,7 @@ SHIPPED_LAWS: Mapping[str, Entry] = {
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
     ),
-    "nmpc": Entry("whole-body model predictive control", "laws.predictive.make", "make_predictive_controller"),
+    "nmpc": Entry("whole-body model predictive control", "laws.predictive.law", "make_predictive_controller"),
     "learned_compensator": Entry(
         "the paper's law and a network for what its model leaves out", "laws.learned.law", "make_learned_controller"
     ),

@@ -26,7 +26,7 @@ from skyarm.control.laws.paper.computed_torque import generalized_force, joint_a
 from skyarm.control.laws.paper.make import make_paper_controller
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
-from skyarm.control.laws.predictive.solve import Plan
+from skyarm.control.laws.predictive.riccati import Plan
 from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub

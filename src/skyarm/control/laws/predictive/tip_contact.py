@@ -28,7 +28,7 @@ from skyarm.control.laws.centroidal.interaction_records import (
     wanted_of,
 )
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.predictive.contact_force import tip_velocity
+from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.linearise import examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose

@@ -1,4 +1,4 @@
-"""The nonlinear program of the horizon solved to its optimum by CasADi's fatrop or ipopt."""
+"""Oracle of the NMPC solver: the nonlinear program of the horizon solved to its optimum by CasADi's fatrop or ipopt."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import numpy.typing as npt
 from skyarm.compile import trace
 from skyarm.compile.casadi.casadi_shooting import Shooting
 from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
-from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Inputs
-from skyarm.control.laws.predictive.riccati import Linear, policy
-from skyarm.control.laws.predictive.rollout import Bounds
-from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, linear_problem
+from skyarm.control.laws.predictive.linearise import Bounds, Stages, examples
+from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.laws.predictive.riccati import Linear, NoPlanError, Plan, Problem, linear_problem, policy
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 
