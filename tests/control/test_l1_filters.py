@@ -108,7 +108,7 @@ def test_each_estimate_goes_through_its_own_filters_and_stops_at_its_own_limit(s
 @pytest.mark.parametrize("lateral", [False, True])
 @pytest.mark.parametrize("seed", range(6))
 def test_the_command_is_the_geometric_law_less_what_was_filtered_twice(seed, lateral):
-    law = law_with_filters("l1_adaptive_lateral" if lateral else "l1_adaptive")
+    law = law_with_filters("l1_adaptive lateral" if lateral else "l1_adaptive")
     state, reference = gentle(seed), wanted(seed)
     memory = memory_of(law, np.random.default_rng(seed), 0.5)
     R = measured(state).quaternion.rotation()

@@ -24,7 +24,7 @@ from skyarm.control.laws.published.l1 import make_l1
 from vehicles_random import PinocchioTwin
 
 
-@pytest.mark.parametrize("law", ["l1_adaptive", "l1_adaptive_lateral"])
+@pytest.mark.parametrize("law", ["l1_adaptive", "l1_adaptive lateral"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_first_command_is_pinocchios_inverse_dynamics_of_the_wanted_accelerations(law, seed):
     """A tilted base, a moving arm: force along body z, torque and joint efforts of base and joints as wanted."""
@@ -42,4 +42,4 @@ def test_the_first_command_is_pinocchios_inverse_dynamics_of_the_wanted_accelera
 def test_only_the_extended_law_leans_against_a_lateral_force():
     assert make_controller("l1_adaptive", MODEL).par.lateral is False
     assert make_l1(MODEL).par.lateral is False
-    assert make_controller("l1_adaptive_lateral", MODEL).par.lateral is True
+    assert make_controller("l1_adaptive", MODEL, lateral=True).par.lateral is True

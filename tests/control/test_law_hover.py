@@ -15,7 +15,7 @@ from thorough import sampled
 ARM = "hummingbird_arm2_rotors"
 
 
-@pytest.mark.parametrize("law", sampled([*STEPS, *RIVALS], 12, keep=("ct_observer", "l1_adaptive_lateral", "indi")))
+@pytest.mark.parametrize("law", sampled([*STEPS, *RIVALS], 12, keep=("ct_ladder 3", "l1_adaptive lateral", "indi")))
 def test_a_law_that_knows_its_vehicle_hovers_exactly(law):
     """Begun 2 cm beside: after 25 s the slowest pole, 1.4 rad/s, has left 1e-17 m; what remains is rounding.
 

@@ -27,7 +27,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered
 from skyarm.control.laws.learned.law import compensated
 from skyarm.control.laws.learned.network import read_network, shipped_network, write_network
-from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.model import Model
 from skyarm.dynamics import array_front as arrays
 from skyarm.onboard.export_c import export_c

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from test_published_formulas import DT, gentle, measured, vec, wanted
 
-from law_flights import flown_to_the_end, hovering_scenario, scalars
+from law_flights import flown_to_the_end, hovering_scenario, make_law, scalars
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.attitude import attitude
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.ladder.law import _force_series, _turn
+from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.environment import ForceWind
 from skyarm.scalars.taylor import Taylor
 
@@ -54,7 +53,7 @@ def test_l1_carries_a_torque_of_a_shifted_centre_of_mass():
 
 def test_l1_answers_wind_only_with_its_lateral_addition():
     published, _ = disturbed("l1_adaptive", wind=1.0)
-    extended, _ = disturbed("l1_adaptive_lateral", wind=1.0)
+    extended, _ = disturbed("l1_adaptive lateral", wind=1.0)
     assert published[0] == pytest.approx(1.0 / 4.1, rel=0.1)
     assert extended[0] == pytest.approx(left_over(5.0) * published[0], rel=0.2)
 
@@ -67,7 +66,7 @@ def test_increments_hold_against_wind_load_and_a_shifted_centre_of_mass(measured
 
 
 def test_the_observer_carries_wind_load_and_a_shifted_centre_of_mass():
-    off, joints = disturbed("ct_observer", wind=1.0, load=0.05, com=0.005)
+    off, joints = disturbed("ct_ladder 3", wind=1.0, load=0.05, com=0.005)
     assert off.max() < 1e-4
     assert joints < 1e-4
 
@@ -80,7 +79,7 @@ def test_the_adapted_acceleration_of_the_sliding_mode_is_that_of_the_wind():
 @pytest.mark.parametrize("seed", range(6))
 def test_the_attitude_law_has_the_desired_rate_and_acceleration_as_lee_writes_it(seed):
     """-J^-1 (KR e_R + Kw e_w) + R^T R_d w_d' - w x R^T R_d w_d by NumPy, a yaw rate in it."""
-    par = make_controller("ct_feedforward", hovering_scenario("indi", ARM, seconds=1.0).controller.par.model).par
+    par = make_law("ct_ladder 4", hovering_scenario("indi", ARM, seconds=1.0).controller.par.model).par
     state = gentle(seed)
     reference = dataclasses.replace(
         wanted(seed),

@@ -136,9 +136,7 @@ def test_one_law_of_two_vehicles_is_looked_at_for_each():
             return memory, Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0))
 
     law = Two()
-    pars = [
-        with_safety_layer(make_controller("ct_lag_inversion", Model(vehicle=random_flyer(1, n)))).par for n in (2, 1)
-    ]
+    pars = [with_safety_layer(make_controller("ct_ladder", Model(vehicle=random_flyer(1, n)))).par for n in (2, 1)]
     both = [safety_layer._once_checked(safety_layer._Asked(law, par)) for par in pars]
     again = safety_layer._once_checked(safety_layer._Asked(law, dataclasses.replace(pars[0])))
     rotors = {len(par.model.vehicle.rotors) for par in pars}
@@ -161,7 +159,7 @@ def counted(controller):
 
 
 def test_a_called_law_under_guard_flies_the_bits_of_a_traced_one():
-    law = make_controller("ct_lag_inversion", WIND.controller.par.model)
+    law = make_controller("ct_ladder", WIND.controller.par.model)
     tight = {"rotor_slew": 2e3, "effort": 0.05, "stiffness": 5.0, "damping": 2.7}
     called, calls = counted(law)
     scenario = dataclasses.replace(WIND, duration=0.5)

@@ -37,14 +37,14 @@ MOVED = Trajectory(
     x=Ramp(start=START, duration=0.5, height=0.2), z=Constant(3.0), joints=(Constant(0.3), Constant(-0.2))
 )
 
-WITHOUT_MEMORY = {*PAPER, "ct_level_gravity", "ct_coupled_thrust", "ct_consistent"}
+WITHOUT_MEMORY = {*PAPER}
 WITHOUT_MEMORY |= {"bulut2019", "guo2023", "li2024"}
 
 CASES = [*((name, {}) for name in sorted(LAWS)), ("centroidal", {"mode": "tip", "adaptation": 1.0})]
 CASES += [("indi", {"delay_periods": 1, "measured_speeds": False})]
 
 
-OFTEN = [(name, {}) for name in ("indi", "kim2013", "l1_adaptive", "ct_observer")]
+OFTEN = [(name, {}) for name in ("indi", "kim2013", "l1_adaptive", "ct_ladder")]
 WINDING = [case for case in CASES if case in OFTEN or "adaptation" in case[1]]
 """One of each kind of memory; the first law is without, the rest in ``make thorough``."""
 

@@ -47,7 +47,7 @@ def test_every_shipped_scenario_is_flown_again_from_its_log(name: str, tmp_path:
     assert again.info == log.info
 
 
-@pytest.mark.parametrize("law", ["centroidal_tip", "nmpc", "learned_compensator", "hybrid_computed_torque_euler"])
+@pytest.mark.parametrize("law", ["centroidal_tip", "nmpc", "learned_compensator", "bulut2019"])
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_so_are_other_laws_on_both_plants(law: str, plant: str, tmp_path: Path) -> None:
     log, path = logged(skyarm.load_scenario("case2_gust", duration=0.05, controller=law, plant=plant), tmp_path)

@@ -88,7 +88,7 @@ def _logged(log: Log, k: int) -> tuple[float, ...]:
     return tuple(float(v) for part in parts for v in part[k])
 
 
-@pytest.mark.parametrize("preset", ["paper_ct", "paper_pd", "paper_ct_euler"])
+@pytest.mark.parametrize("preset", ["paper_ct", "paper_pd"])
 def test_the_loop_equals_a_slow_loop_of_floats_bit_for_bit(preset: str) -> None:
     quick = document("case3_wind", reference__base__start=0.2, duration=0.5)
     quick["reference"]["joints"][0]["start"] = 0.1

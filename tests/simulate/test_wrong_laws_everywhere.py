@@ -140,7 +140,7 @@ def _registered(make: str) -> str:
 def test_shipped_laws_are_not_tried(monkeypatch):
     """They are known to be right, and fly as soon as before."""
     from skyarm.control import law_trial
-    from skyarm.control.catalogue.law_entries import LAWS
+    from skyarm.control.catalogue import LAWS
     from skyarm.control.law_checks import checked_law, is_own
 
     monkeypatch.setattr(law_trial, "compare_with_floats", lambda *_, **__: pytest.fail("was tried"))

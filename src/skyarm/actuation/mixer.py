@@ -13,17 +13,12 @@ from typing import Annotated, Any
 from skyarm.actuation import yaw_room
 from skyarm.actuation.rotor import push
 from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
-from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
 POLICIES = ("clip", "priority", "thrust_before_yaw")
-
-OLD_POLICIES = {"rotors_clip": "clip"}
-"""Names of the last version."""
-
 
 LARGEST = 1e100
 """Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
@@ -88,7 +83,6 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
             6), or, for "priority", a rotor has no share in the thrust.
     """
-    policy = renamed("mixer policy", policy, OLD_POLICIES)
     if policy not in POLICIES:
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
     A = allocation_matrix(vehicle, sideways)

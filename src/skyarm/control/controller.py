@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.files.old_names import old_attributes
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.leaves import is_record
@@ -145,6 +144,3 @@ def _applied(desired: Command, sent: Command) -> tuple[Any, ...]:
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
     joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))
     return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
-
-
-__getattr__ = old_attributes(__name__, {"informed": "with_applied_command", "all_obeyed": "all_applied"})

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skyarm.control.catalogue.law_entries import BEARS_UNDRIVEN, SHIPPED_LAWS
+from skyarm.control.catalogue import BEARS_UNDRIVEN
+from skyarm.registry.shipped import SHIPPED
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.undriven import undriven_joints
 
@@ -17,7 +18,7 @@ def law_of_undriven(scenario: Scenario) -> Iterator[str]:
     free = undriven_joints(scenario.world.vehicle, [each.joint for each in scenario.joint_drives])
     name = scenario.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
-    if free and law in SHIPPED_LAWS and law not in BEARS_UNDRIVEN:
+    if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:
         joints = f"joint{'s' if len(free) > 1 else ''} {', '.join(free)}"
         others = f"{', '.join(BEARS_UNDRIVEN[:-1])} or {BEARS_UNDRIVEN[-1]}"
         yield (

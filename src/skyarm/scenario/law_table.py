@@ -11,15 +11,14 @@ from skyarm.algebra import Vec3
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
-    full_name,
     make_controller,
     make_tuned,
+    present_name,
     preset,
     suitable_options,
     tuned_factors,
 )
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.make import ABLATIONS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.files import Fields, must_be_one_of, number, shown
 from skyarm.records.leaves import is_record, parts
@@ -78,10 +77,11 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     law, best = fields.take("law"), fields.take("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
-        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm list')}{hint}")
+        raise ValueError(
+            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm list')}{hint}"
+        )
     if not isinstance(best, bool):
         raise ValueError(f"{fields.at('tuned')} = {shown(best)}: must be true or false")
-    law = full_name(law)
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
@@ -102,7 +102,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     if option in READERS:
         return READERS[option](Fields(value, at))
     if option == "terms":
-        return _terms(law, value, at)
+        return _terms(value, at)
     default = inspect.signature(LAWS[law].function()).parameters.get(option)
     if default is None or not is_record(default.default):
         return value
@@ -112,12 +112,11 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     return dataclasses.replace(default.default, **numbers)
 
 
-def _terms(law: str, value: Any, at: str) -> Terms:
+def _terms(value: Any, at: str) -> Terms:
     """Terms without those of a list."""
-    allowed = ABLATIONS[law]
+    allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
-        there = f"a list of {', '.join(allowed)}" if allowed else f"left out, law {law!r} has nothing to leave out"
-        raise ValueError(f"{at} = {shown(value)}: must be {there}")
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
     return Terms(**dict.fromkeys(value, False))
 
 

@@ -28,7 +28,7 @@ from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
 from skyarm.control.laws.learned.network import Network, shipped_network, unlike
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.files import shown
 from skyarm.records.units import Unit

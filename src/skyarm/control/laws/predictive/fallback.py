@@ -22,8 +22,7 @@ from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.laws.paper.computed_torque import generalized_force, joint_accelerations
-from skyarm.control.laws.paper.make import make_paper_controller
+from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.riccati import Plan
@@ -209,10 +208,9 @@ def _climbable(force: Vec3, gravity: Any) -> Vec3:
 
 def _parameters(model: Model) -> Parameters:
     """RotorS's gains scaled to the belief; torques before thrust where every rotor lifts."""
-    name = "hybrid_computed_torque"
     try:
-        made = make_paper_controller(model, name=name, mixer_policy="priority")
+        made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:
-        made = make_paper_controller(model, name=name)
+        made = make_hybrid_computed_torque(model)
     par: Parameters = made.par
     return par

@@ -36,7 +36,7 @@ from skyarm.control.blocks.common import (
 from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
 from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.control.options import flag, positive, whole
 from skyarm.records.units import Unit

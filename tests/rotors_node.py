@@ -1,6 +1,6 @@
 """RotorS's controller node as its messages feed it: one function from raw message numbers to rotor speeds.
 
-For checks against RotorS itself. A flight uses :func:`skyarm.control.laws.paper.computed_torque.rotors_sim_position`,
+For checks against RotorS itself. A flight uses :func:`skyarm.control.laws.paper.rotors_sim_position`,
 whose measurement carries the velocity in world axes and whose reference carries a yaw; both call the same formulas of
 :mod:`skyarm.control.blocks.geometric`.
 """

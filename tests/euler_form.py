@@ -1,6 +1,6 @@
 """The hybrid computed torque in the paper's own Euler form, for the paper's planar two-joint arm.
 
-Equal to :func:`skyarm.control.laws.paper.computed_torque.hybrid_computed_torque` away from a pitch of 90 degrees,
+Equal to :func:`skyarm.control.laws.paper.hybrid_computed_torque` away from a pitch of 90 degrees,
 where Euler rates do not exist; the simulation ends an episode that comes near with that cause. The body form has no
 such limit and is the default. Of the ablations it knows those without C and without feed-forward.
 """
@@ -14,7 +14,7 @@ from skyarm.algebra import E_Z, Quaternion, Vec3
 from skyarm.algebra.euler import euler_angles
 from skyarm.control.blocks.joint_friction import with_friction
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.laws.paper.computed_torque import (
+from skyarm.control.laws.paper import (
     geometric_accelerations,
     joint_accelerations,
     with_weighted_rates,
