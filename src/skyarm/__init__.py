@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
     from skyarm.scenario.changes import Change
+    from skyarm.scenario.check_law import check_law
     from skyarm.scenario.endings import Ending
     from skyarm.scenario.gains_file import load_controller
     from skyarm.scenario.numbers import with_numbers
@@ -123,6 +124,7 @@ _ROOMS = {
     "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
     "skyarm.scenario.changes": ("Change",),
+    "skyarm.scenario.check_law": ("check_law",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.gains_file": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
@@ -208,6 +210,7 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
+    "check_law",
     "circle",
     "energy",
     "euler_lagrange",

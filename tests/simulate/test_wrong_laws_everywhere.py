@@ -193,7 +193,7 @@ def test_a_law_that_is_called_with_floats_keeps_what_it_likes(tmp_path):
 def test_a_called_law_under_guard_is_not_given_up_for_a_mistake_in_its_code(tmp_path):
     """The guard flies on where numbers or a solver fail; a law that gives too few efforts is wrong."""
     scenario = under_guard(planned(tmp_path, RESULTS["one_effort"]), compiled=False)
-    with pytest.raises(LawError, match=r"mine\.py:27: law 'law' gives 1 efforts: must be 2, one for each joint"):
+    with pytest.raises(LawError, match=r"mine\.py:27: law 'mine' gives 1 efforts: must be 2, one for each joint"):
         run(scenario)
 
 

@@ -109,7 +109,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     if servos and not model.vehicle.drives:
         raise ControllerError("servos = true: the believed vehicle must carry drives ([drives.JOINT] of its file)")
     drives = believed_drives(model) if servos else ()
-    law = partial(actuator_law, inner=controller.law, name=controller.name, compiled=controller.compiled, servos=servos)
+    law = partial(actuator_law, inner=checked_law(controller), servos=servos)
     return dataclasses.replace(
         controller,
         law=law,
@@ -159,16 +159,13 @@ def actuator_law(
     *,
     par: ActuatorParameters,
     inner: Law,
-    name: str,
-    compiled: bool,
     servos: bool,
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the law ``inner``; its command as the actuators take it."""
     own, rotors = inner_parameters(par), par.model.vehicle.rotors
-    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
     turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
     told = dataclasses.replace(measurement, rotor_speeds=turning)
-    following, command = law(memory.inner, told, reference, dt, par=own)
+    following, command = inner(memory.inner, told, reference, dt, par=own)
     speeds = tuple(
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)

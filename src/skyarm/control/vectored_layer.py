@@ -116,7 +116,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
     if not vehicle.tilts:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt")
     rest = (0.0,) * len(vehicle.tilts)
-    law = partial(vectored_law, inner=controller.law, name=controller.name, compiled=controller.compiled)
+    law = partial(vectored_law, inner=checked_law(controller))
     return dataclasses.replace(
         controller,
         law=law,
@@ -157,17 +157,14 @@ def vectored_law(
     *,
     par: VectoredParameters,
     inner: Law,
-    name: str,
-    compiled: bool,
 ) -> tuple[VectoredMemory, Command]:
     """One step of the law ``inner``, which knows pairs of fixed rotors; its command as speeds and angles."""
     vehicle = par.model.vehicle
     own = own_parameters(par)
-    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
     angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
     told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
-    following, command = law(memory.inner, told, reference, dt, par=own)
+    following, command = inner(memory.inner, told, reference, dt, par=own)
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
     goals = goal_angles(par.model, forces, memory.goals, dt)
     setpoints = tuple(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 from skyarm.actuation import Command
@@ -106,7 +105,7 @@ def _limits(controller: Controller, limits: Any) -> Limits:
 def _layer(controller: Controller) -> Law:
     """The step function with the safety layer; a partial function of the module, so that a record can be read back."""
     step = _traced_law if controller.compiled else _called_law
-    return partial(step, inner=controller.law, first=controller.memory, margin=controller.margin)
+    return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
 
 
 def _traced_law(
@@ -125,8 +124,7 @@ def _traced_law(
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
     governed = govern(par, memory, measurement, reference, dt)
-    law = _checked(inner, par, compiled=True)
-    following, desired = law(memory.inner, measurement, governed.reference, dt, par=_own(par))
+    following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
     failed = logical_or(not_finite(desired), not_finite(following))
     if margin is not None:
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
@@ -157,8 +155,7 @@ def _called_law(
     # from its first memory a law may have much to prepare, in vain while the recovery flies
     if memory.confidence.given_up < 0.5:
         try:
-            law = _once_checked(_Asked(inner, par))
-            following, desired = law(memory.inner, measurement, governed.reference, dt, par=_own(par))
+            following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
             failed = not finite(desired) or (margin is not None and margin(measurement.quaternion) < 0.0)
         except LawError as error:
             # a mistake in its code, but for a record that its numbers do not make
@@ -170,37 +167,6 @@ def _called_law(
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     kept = first if new.confidence.given_up > 0.5 else following
     return dataclasses.replace(new, inner=with_applied_command(kept, new.sent)), new.sent
-
-
-def _checked(inner: Law, par: SafetyParameters, *, compiled: bool) -> Law:
-    """The law inside the safety layer, looked at as any law of someone's own."""
-    name = getattr(inner, "__name__", type(inner).__name__)
-    return checked_law(Controller(name=name, law=inner, par=par, compiled=compiled))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Asked:
-    """A law that is asked for a command; the same one for the same vehicle whatever its constants are."""
-
-    law: Law
-    par: SafetyParameters
-
-    def __hash__(self) -> int:
-        # by itself: an object that can be called may have no hash
-        return id(self.law)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self.law is other.law and self._counts() == other._counts()
-
-    def _counts(self) -> tuple[int, int]:
-        vehicle = self.par.model.vehicle
-        return len(vehicle.rotors), vehicle.n
-
-
-@lru_cache(maxsize=16)
-def _once_checked(asked: _Asked) -> Law:
-    """A called law, made ready to be looked at once: in its flight it is asked in every period."""
-    return _checked(asked.law, asked.par, compiled=False)
 
 
 def _own(par: SafetyParameters) -> Any:
