@@ -51,8 +51,7 @@ def planned(folder: Path, mistake: Mistake):
 def test_every_mistake_is_one_line_with_file_and_line(tmp_path, name):
     mistake = EVERYTHING[name]
     with pytest.raises(ValueError, match="law 'mine'") as caught:
-        scenario = planned(tmp_path, mistake)
-        check_law(scenario.controller, scenario)
+        check_law((scenario := planned(tmp_path, mistake)).controller, scenario)
     line = str(caught.value)
     assert f"{tmp_path / 'mine.py'}:{mistake.line}: law 'mine' " in line
     assert line.endswith(mistake.words)
