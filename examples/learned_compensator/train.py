@@ -39,7 +39,7 @@ from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory, circle, hover
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.noise import SensorNoise, measure, noise_count
+from skyarm.sensors.measurement import SensorNoise, measure, noise_count
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -62,8 +62,7 @@ if TYPE_CHECKING:
     from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
     from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
-    from skyarm.sensors.measurement import Measurement
-    from skyarm.sensors.noise import SensorNoise
+    from skyarm.sensors.measurement import Measurement, SensorNoise
     from skyarm.sensors.sensor import Sensor
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
@@ -131,8 +130,7 @@ _ROOMS = {
     "skyarm.scenario.path_governor": ("govern",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
     "skyarm.scenario.scenario_record": ("Delays", "JointDrive", "NamedSensor", "Rates", "Scenario", "ScenarioError"),
-    "skyarm.sensors.measurement": ("Measurement",),
-    "skyarm.sensors.noise": ("SensorNoise",),
+    "skyarm.sensors.measurement": ("Measurement", "SensorNoise"),
     "skyarm.sensors.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),

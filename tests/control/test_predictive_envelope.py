@@ -16,7 +16,7 @@ from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.scalars import floor, where
 from skyarm.scenario.scenario_parts import Delays
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 
 NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
 BASE = skyarm.load_scenario("case3")

@@ -14,7 +14,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import LawError, checked_law
 from skyarm.control.safety import safety_layer, with_safety_layer
-from skyarm.control.safety.law_stiffness import USUAL, law_stiffness
+from skyarm.control.safety.limits import USUAL, law_stiffness
 from skyarm.environment.payload import Payload
 from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run

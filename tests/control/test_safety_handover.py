@@ -13,8 +13,8 @@ from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.step import arbitrate, govern, limit_command
-from skyarm.control.safety.supervisor import Confidence
+from skyarm.control.safety.recovery import Confidence
+from skyarm.control.safety.safety_layer import arbitrate, govern, limit_command
 
 DT = 0.005
 EFFORTS = (0.3, 0.05)

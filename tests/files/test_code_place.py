@@ -16,7 +16,7 @@ from skyarm.environment import ForceWind, MovingAir
 from skyarm.files.code_place import failure, own_code, place_of, place_of_error
 from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from skyarm.plant.rigid_body import accelerate, step_rk4
 from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.noise import measure
+from skyarm.sensors.measurement import measure
 from skyarm.simulate import Log, Scenario, run
 from wind_samples import wind as blown
 

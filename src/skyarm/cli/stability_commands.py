@@ -20,7 +20,7 @@ from skyarm.cli.shipped_names import require_not_another
 from skyarm.cli.terminal_tables import aligned
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.gains_file import is_gains_file

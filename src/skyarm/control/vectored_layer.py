@@ -10,8 +10,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm.actuation import Command, Mixer, allocation_matrix
-from skyarm.actuation.rotor_pairs import Force, as_pairs, forces_of_pairs, speeds_of_pairs
-from skyarm.actuation.tilting import angles_after, turned
+from skyarm.actuation.tilting import Force, angles_after, as_pairs, forces_of_pairs, speeds_of_pairs, turned
 from skyarm.algebra import inner_product, ldl_solve
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law

@@ -21,35 +21,37 @@ from typing import Any
 from skyarm.actuation import Command, tilting
 from skyarm.actuation.rotor import speeds_after
 from skyarm.algebra import Vec3
-from skyarm.estimate.error_covariance import (
+from skyarm.estimate.error_state import (
     Covariance,
+    Navigated,
+    ScalarInnovation,
     choose_covariance,
     gate_of,
+    innovations,
+    navigate,
+    of_specific_force,
     predict_covariance,
     scaled_covariance,
     transition,
     update_by_scalar,
 )
-from skyarm.estimate.filter_memory import (
+from skyarm.estimate.error_state import corrected as with_error
+from skyarm.estimate.filter_constants import (
     AIDS,
     BLANK_BELIEF,
     BLANK_INERTIAL,
     BLANK_READINGS,
     FilterMemory,
+    FilterNumbers,
     choose,
     in_turn,
+    only,
 )
-from skyarm.estimate.filter_numbers import FilterNumbers
-from skyarm.estimate.filter_sensors import only
-from skyarm.estimate.inertial_navigation import Navigated, navigate
-from skyarm.estimate.inertial_navigation import corrected as with_error
-from skyarm.estimate.innovations import ScalarInnovation, innovations, of_specific_force
-from skyarm.estimate.joint_filter import FilteredJoints, filter_joints
-from skyarm.estimate.modelled_force import modelled_force
+from skyarm.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import data, logical_and, logical_not, where
 from skyarm.sensors.measurement import Measurement
-from skyarm.sensors.sensor_readings import EncoderReading, ImuReading
+from skyarm.sensors.sensor_kinds import EncoderReading, ImuReading
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -10,7 +10,7 @@ _AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.task_tables"
 _SENSORS = "skyarm.sensors.sensor_kinds"
-_FORCE = "skyarm.sensors.force_sensors"
+_FORCE = "skyarm.sensors.sensor_kinds"
 _LAWS = "skyarm.control.laws"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
@@ -26,7 +26,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
     },
     "sensor": {
-        "full_state": ("skyarm.sensors.noise:SensorNoise", "the full state with white noise"),
+        "full_state": ("skyarm.sensors.measurement:SensorNoise", "the full state with white noise"),
         "imu": (f"{_SENSORS}:Imu", "angular rate and specific force"),
         "pose": (f"{_SENSORS}:Pose", "position and attitude, as of motion capture"),
         "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
@@ -42,7 +42,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "drive": {
         "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
         "lagged_torque": (
-            "skyarm.actuation.lagged_torque:LaggedTorque",
+            "skyarm.actuation.drive:LaggedTorque",
             "a torque that follows its setpoint with a first-order lag",
         ),
         "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),

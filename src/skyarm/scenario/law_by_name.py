@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_parameters, plain_model, with_actuators
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.records.leaves import parts
 from skyarm.scenario.changes import without_law

@@ -43,7 +43,7 @@ from skyarm.scenario.scenario_checks import (
     check_vehicles,
 )
 from skyarm.scenario.scenario_parts import Delays, JointDrive, NamedSensor, Rates, ScenarioError, whole
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 
 __all__ = [

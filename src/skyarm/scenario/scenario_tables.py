@@ -28,7 +28,7 @@ from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.scenario.standing_start import standing
 from skyarm.scenario.world_meshes import with_meshes
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle

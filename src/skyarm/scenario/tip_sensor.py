@@ -9,8 +9,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.controller import senses_force
 from skyarm.files import did_you_mean, shown
 from skyarm.reference.trajectory import Trajectory
-from skyarm.sensors.force_sensors import ForceTorque, TactileSwitch
 from skyarm.sensors.sensor import Sensor
+from skyarm.sensors.sensor_kinds import ForceTorque, TactileSwitch
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -4,27 +4,249 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
-from skyarm.actuation import Command
+from skyarm.actuation import Command, Mixer
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.default_gains import default_gains, default_joint_gains
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.model import Model
-from skyarm.control.safety.command_limits import with_priorities
+from skyarm.control.safety.command_limits import (
+    apply_joint_barrier,
+    limit_slew,
+    reachable,
+    with_priorities,
+    within_efforts,
+)
+from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import Limits, limits_for
-from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend_dense, first_memory
-from skyarm.control.safety.recovery import STOW_SPEEDS, Recovery, pose_of, stowed
-from skyarm.control.safety.step import arbitrate, govern
-from skyarm.control.safety.supervisor import finite, not_finite
+from skyarm.control.safety.recovery import (
+    STOW_SPEEDS,
+    Confidence,
+    Recovery,
+    base_stiffness,
+    finite,
+    not_finite,
+    pose_of,
+    recover,
+    stowed,
+    update_confidence,
+)
 from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
 from skyarm.files import shown
+from skyarm.records.blend import blend
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import parts
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import logical_or
+from skyarm.scalars import Scalar, absolute, logical_or, where
 from skyarm.sensors.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SafetyParameters:
+    """Constants of a law with the safety layer: one belief for all, and the law's own constants without theirs.
+
+    Attributes:
+        model: belief. mixer: its rotors, with priorities where they allow them.
+        limits: of references and commands. recovery: what flies when the law is given up.
+        inner: constants of the law; its model and mixer are those above, given to it at each call.
+    """
+
+    model: Model
+    mixer: Mixer
+    limits: Limits
+    recovery: Recovery
+    inner: Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SafetyMemory:
+    """State of a law with the safety layer between two steps.
+
+    Attributes:
+        inner: memory of the law.
+        started: 0 before the first step.
+        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        arm: those of the recovery.
+        sent: the last command.
+        confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+    """
+
+    inner: Any
+    started: Annotated[Scalar, Unit("", "0 before the first step")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed references of the law")]
+    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is on its way")]
+    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "references of the recovery")]
+    sent: Command
+    confidence: Confidence
+    hold: Annotated[Vec3, Unit("m", "where the recovery hovers, world axes")]
+    yaw: Annotated[Scalar, Unit("rad", "heading in the recovery")]
+
+
+def first_memory(controller: Controller) -> SafetyMemory:
+    """Return the memory of a controller with the safety layer before its first step."""
+    vehicle = controller.par.model.vehicle
+    still = (0.0,) * vehicle.n
+    return SafetyMemory(
+        inner=controller.memory,
+        started=0.0,
+        joints=still,
+        ramping=still,
+        arm=still,
+        sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
+        confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
+        hold=Vec3(0.0, 0.0, 0.0),
+        yaw=0.0,
+    )
+
+
+def blend_dense(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf; a command's structural zeros are data."""
+    return blend(condition, _dense(new), _dense(old))
+
+
+def _dense(record: Any) -> Any:
+    """A command with structural zeros as data, as a law with free joints sends them; other records as they are."""
+    if not isinstance(record, Command):
+        return record
+    data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))
+    return Command(**dict(zip(("rotor_speeds", "efforts"), data, strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Governed:
+    """The governed reference of a law.
+
+    Attributes:
+        reference: governed. ramping: 1 for each joint whose reference is on its way.
+        joints: rad or m, where the governed references stood one period ago.
+    """
+
+    reference: Reference
+    ramping: tuple[Any, ...]
+    joints: tuple[Any, ...]
+
+
+def govern(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Any
+) -> Governed:
+    """Return the governed reference."""
+    limits = par.limits
+    joints = _kept(memory.started > 0.5, memory.joints, measurement.joints)
+    base = govern_base(
+        reference,
+        measurement,
+        limits=limits,
+        stiffness=limits.stiffness,
+        damping=limits.damping,
+        gravity=par.model.gravity,
+    )
+    reference, ramping = govern_joints(
+        base, joints, memory.ramping, limits.joint_slew, limits.joint_step, dt, model=par.model, limits=limits
+    )
+    return Governed(reference=reference, ramping=ramping, joints=joints)
+
+
+def arbitrate(
+    par: SafetyParameters,
+    memory: SafetyMemory,
+    measurement: Measurement,
+    governed: Governed,
+    desired: Command,
+    failed: Any,
+    dt: Any,
+) -> SafetyMemory:
+    """Decide whether the law or the recovery flies; return the memory after the step, the law's own as it was.
+
+    Args:
+        par: constants.
+        memory: before the step.
+        measurement: now.
+        governed: reference that the law was given.
+        desired: command of the law.
+        failed: whether the law's command or memory cannot be used.
+        dt: s.
+    """
+    confidence = update_confidence(par.limits, memory.confidence, measurement, governed.joints, failed, dt)
+    given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
+    hold, yaw = _place(before, memory, measurement)
+    arm = _kept(before, memory.arm, measurement.joints)
+    hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
+    rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
+    return SafetyMemory(
+        inner=memory.inner,
+        started=memory.started * 0.0 + 1.0,
+        joints=_kept(given_up, measurement.joints, governed.reference.joints),
+        ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
+        arm=hovering.joints,
+        sent=limit_command(par, memory, measurement, blend_dense(given_up, rescue, desired), dt),
+        confidence=confidence,
+        hold=hold,
+        yaw=yaw,
+    )
+
+
+def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
+
+
+def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Any]:
+    """Where the recovery hovers and its heading: as found while the law flew, as kept since it was given up."""
+    hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
+    return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
+
+
+def _hold_reference(
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any
+) -> Reference:
+    """Return the reference of the recovery: hover, and stow the arm."""
+    still = (0.0,) * len(par.recovery.stow)
+    wanted = Reference(
+        position=hold,
+        velocity=ZERO3,
+        yaw=yaw,
+        joints=par.recovery.stow,
+        joint_rates=still,
+        joint_accelerations=still,
+        joint_jerks=still,
+        joint_snaps=still,
+    )
+    stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
+    base = govern_base(
+        wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
+    )
+    speeds = par.recovery.stow_speed
+    return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
+
+
+def limit_command(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Any
+) -> Command:
+    """Return the command within its limits."""
+    limits = par.limits
+    held = within_efforts(limits, command.efforts)
+    if held:
+        held = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, held))
+    turning = reachable(par.model, par.mixer, command.rotor_speeds)
+    near = limit_slew(
+        Command(rotor_speeds=turning, efforts=held),
+        memory.sent,
+        memory.started,
+        limits.rotor_slew,
+        limits.effort_slew,
+        dt,
+    )
+    return rebuild(
+        memory.sent,
+        (where(absolute(a) < float("inf"), a, b) for a, b in zip(leaves(near), leaves(memory.sent), strict=True)),
+    )
+
 
 FAILURES = (ArithmeticError, ValueError, RuntimeError)
 """What numbers and solvers raise, numpy's LinAlgError among them; other exceptions are mistakes in a law's code."""
@@ -36,7 +258,7 @@ def with_safety_layer(
     """Return the controller with the safety layer around it.
 
     In order, each period: the reference is governed (:mod:`skyarm.control.safety.governor`); the law steps on it; if
-    it is given up (:mod:`skyarm.control.safety.supervisor`) the recovery flies in its place, the arm on its way to
+    it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
     ``stow``; the joints are kept from their limits, efforts and rotor speeds brought within theirs, yaw given up
     first; changes from the last command are bounded; a number that is not finite becomes the last one sent. The law's
     memory gets the applied command (:func:`skyarm.control.controller.with_applied_command`).

@@ -1,4 +1,4 @@
-"""What the error-state filter believes of its sensors, its start, and what time adds to its uncertainty."""
+"""Constants and memory of the error-state filter, the sensors that it needs, its start and its process noise."""
 
 from __future__ import annotations
 
@@ -7,18 +7,165 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.actuation.drive import TorqueDrive
-from skyarm.estimate.error_covariance import Covariance, diagonal
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.estimate.error_state import ATTITUDE, Covariance, Navigated, diagonal, level_attitude
 from skyarm.estimate.estimator import Estimator
-from skyarm.estimate.filter_memory import AIDS
-from skyarm.estimate.filter_sensors import require_filter_sensors
-from skyarm.estimate.inertial_navigation import Navigated, level_attitude
+from skyarm.estimate.filter_models import FilteredJoints
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, mul
+from skyarm.scalars import Scalar, logical_and, logical_or, mul, sqrt, where
 from skyarm.sensors.sensor import Sensor
-from skyarm.sensors.sensor_readings import ImuReading
+from skyarm.sensors.sensor_kinds import (
+    Encoders,
+    Heading,
+    HeadingReading,
+    Imu,
+    ImuReading,
+    Pose,
+    PoseReading,
+    Position,
+    PositionReading,
+)
 from skyarm.vehicle.vehicle_records import Vehicle
+
+AIDS: dict[str, tuple[type, ...]] = {
+    "pose": (PoseReading,),
+    "position": (PositionReading,),
+    "position_heading": (PositionReading, HeadingReading),
+}
+"""Readings that correct the inertial unit's, by the word of the filter's ``aiding``."""
+
+_ORIGIN = Vec3(0.0, 0.0, 0.0)
+_LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
+
+BLANK_INERTIAL = ImuReading(time=0.0, rate=_ORIGIN, specific_force=_ORIGIN)
+BLANK_READINGS: dict[type, Any] = {
+    PoseReading: PoseReading(time=0.0, position=_ORIGIN, quaternion=_LEVEL),
+    PositionReading: PositionReading(time=0.0, position=_ORIGIN),
+    HeadingReading: HeadingReading(time=0.0, heading=0.0),
+}
+BLANK_BELIEF = Navigated(
+    position=_ORIGIN, velocity=_ORIGIN, quaternion=_LEVEL, gyro_bias=_ORIGIN, accelerometer_bias=_ORIGIN
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilterMemory:
+    """Memory of the error-state filter.
+
+    Attributes:
+        started: 1 after the first readings.
+        belief, covariance: at the instant of ``inertial[0]``, up to which readings have been taken in.
+        inertial: readings of the inertial unit from then to the present, oldest first.
+        aiding: for each kind of aiding reading what has arrived since then, oldest first.
+        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2,
+            base axes; nothing where the force is measured.
+        joints: of the encoders. rotor_speeds: of the believed vehicle's motors, rad/s.
+        taken, refused: how many readings passed the innovation test, and how many did not.
+        surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
+            reading's components.
+    """
+
+    started: Scalar
+    belief: Navigated
+    covariance: Covariance
+    inertial: tuple[ImuReading, ...]
+    aiding: tuple[tuple[Any, ...], ...]
+    joints: FilteredJoints
+    modelled: tuple[Vec3, ...]
+    rotor_speeds: tuple[Scalar, ...]
+    taken: Scalar
+    refused: Scalar
+    surprise: Scalar
+
+    @property
+    def deviations(self) -> tuple[Any, ...]:
+        """Standard deviation of each component of the error."""
+        return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
+
+    @property
+    def yaw_deviation(self) -> Any:
+        """Standard deviation of the heading, rad: it grows where no reading tells of the heading."""
+        return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
+
+    @property
+    def time(self) -> Any:
+        """Instant of ``belief`` and ``covariance``, s."""
+        return self.inertial[0].time
+
+
+def choose(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, number by number of two records of one shape."""
+    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))
+
+
+def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
+    """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
+    reading, found = queue[0], due_between(queue[0].time, after, until)
+    for each in queue[1:]:
+        due = due_between(each.time, after, until)
+        found, reading = logical_or(found, due), choose(due, each, reading)
+    return found, reading
+
+
+def due_between(time: Any, after: Any, until: Any) -> Any:
+    """Whether an instant lies after one and not after another, but for 10 us of rounding."""
+    return logical_and(time > after + 1e-5, time < until + 1e-5)
+
+
+NEEDED: Mapping[str, tuple[type, ...]] = {
+    "pose": (Pose,),
+    "position": (Position,),
+    "position_heading": (Position, Heading),
+}
+"""Sensors of each word of the filter's ``aiding``."""
+
+KINDS: Mapping[type, str] = {Imu: "imu", Pose: "pose", Position: "position", Heading: "heading", Encoders: "encoders"}
+"""Names of the sensors in files."""
+
+
+def only(kind: type, readings: Mapping[str, Any]) -> Any:
+    """The first reading of a kind; None where there is none."""
+    return next((each for each in readings.values() if isinstance(each, kind)), None)
+
+
+def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: float, joints: int) -> None:
+    """Refuse a scenario whose sensors the filter cannot use.
+
+    Args:
+        sensors: beside the full state, by name.
+        aiding: of the filter.
+        lag: s, by which it lags the present.
+        joints: of the vehicle.
+
+    Raises:
+        ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or whose
+            instant has passed before the inertial unit's reading of it comes.
+    """
+    found = dict[type, str]()
+    needed = (Imu, *NEEDED[aiding], *((Encoders,) if joints else ()))
+    for kind in needed:
+        names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
+        if len(names) != 1:
+            there = f"{len(names)} of kind {KINDS[kind]!r}"
+            raise ValueError(
+                f"estimator: needs one sensor of kind {KINDS[kind]!r} ([sensors.NAME] with kind = {KINDS[kind]!r}); "
+                f"there {'are' if len(names) != 1 else 'is'} {there}"
+            )
+        found[kind], sensor = names[0], sensors[names[0]]
+        if kind in NEEDED[aiding] and sensor.latency > lag + 1e-9:
+            raise ValueError(
+                f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
+                f"{sensor.latency:g} s, or those readings are never used"
+            )
+        if kind in NEEDED[aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
+            raise ValueError(
+                f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
+                f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
+            )
+
 
 FORCES = ("measured", "modelled")
 
