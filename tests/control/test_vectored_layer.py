@@ -25,8 +25,7 @@ from skyarm.log.ros.instants import Part
 from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
-from skyarm.reference.compose import Product
-from skyarm.reference.signals import Constant, Ramp, Sine
+from skyarm.reference.signals import Constant, Product, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensors.measurement import SensorNoise, blank_measurement
 from skyarm.simulate import run

@@ -6,8 +6,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize
 
 from skyarm.compile import trace
-from skyarm.reference.minimum_snap import minimum_snap, snap_cost
-from skyarm.reference.polynomials import Polynomials, interpolating_points, uniform_curve
+from skyarm.reference.splines import Polynomials, interpolating_points, minimum_snap, snap_cost, uniform_curve
 
 TIMES, VALUES = (0.5, 1.5, 3.0, 3.7, 5.0), (0.0, 1.0, 0.5, 2.0, 1.0)
 REST = [(1, 0.0), (2, 0.0), (3, 0.0)]

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference.feasibility import _tilted, feasibility
-from skyarm.reference.setting import Setting
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
-from skyarm.reference.setting import Setting
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory

@@ -17,7 +17,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.reference.path_pause import PathPause
+from skyarm.reference.governor.pause import PathPause
 from skyarm.scalars import Scalar
 
 Array = npt.NDArray[Any]
@@ -42,8 +42,8 @@ class GovernorOptions:
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
         fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
-        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.path_pause`); infinite bounds
-            never pause.
+        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.governor.pause`); infinite
+            bounds never pause.
     """
 
     reserve: Annotated[float, Unit("", "share of rotors and joints that is left to the control", low=0.0)] = 0.2

@@ -17,9 +17,9 @@ from skyarm.actuation.motion_demand import Motion, motion_of
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
 from skyarm.records.leaves import field_names
-from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.setting import Setting
+from skyarm.reference.governor.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
+from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.governor_limits import MAY_BE_INFINITE, GovernorOptions, Limits
 from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan

@@ -9,7 +9,7 @@ from typing import Any
 from skyarm.actuation.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference.feasibility import Feasibility, feasibility
-from skyarm.reference.setting import Setting
+from skyarm.reference.task_records import Setting
 from skyarm.scenario.scenario_record import Scenario
 
 

@@ -64,7 +64,7 @@ from skyarm.files import (
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.metrics.windows import Windows, windows_from
 from skyarm.plant.interface import Truth
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
 from skyarm.registry import names
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables

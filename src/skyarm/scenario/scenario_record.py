@@ -26,8 +26,8 @@ from skyarm.records.coerce import RecordError, accept
 from skyarm.records.field_rules import require_fields, rules
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.reference import Trajectory
-from skyarm.reference.path_pause import PathPause
-from skyarm.reference.path_time import PathTime
+from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.governor.pause import PathPause
 from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.changes import Change

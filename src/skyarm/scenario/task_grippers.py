@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from skyarm.contact.contact import Contact
 from skyarm.contact.gripper import Command, Gripper
 from skyarm.files import did_you_mean, shown
-from skyarm.reference.compose import Sum, Windowed
-from skyarm.reference.setting import TaskEvent
-from skyarm.reference.signals import Constant
+from skyarm.reference.signals import Constant, Sum, Windowed
+from skyarm.reference.task_records import TaskEvent
 
 
 def with_commands(contact: Contact | None, events: Sequence[TaskEvent], control_rate: float) -> Contact | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.files import did_you_mean, shown
-from skyarm.reference.setting import TaskEvent
+from skyarm.reference.task_records import TaskEvent
 
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""

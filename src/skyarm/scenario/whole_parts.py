@@ -11,7 +11,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.environment import faults_from, wind_from
 from skyarm.files import Fields, shown
 from skyarm.reference import Trajectory, trajectory_from
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables

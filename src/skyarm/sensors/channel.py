@@ -19,7 +19,7 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.reference.signal_list import SignalList
+from skyarm.reference.signal_tables import SignalList
 from skyarm.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.scalars.philox import normals
 from skyarm.sensors.sensor import Sensor

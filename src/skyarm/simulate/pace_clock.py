@@ -14,9 +14,9 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.records.blend import blend
-from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.polynomials import uniform_curve
-from skyarm.reference.tip_push import counted_error
+from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.splines import uniform_curve
+from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import Reference
 from skyarm.scalars import Scalar, clip, divide, maximum, sqrt
 from skyarm.scenario.scenario_record import Scenario

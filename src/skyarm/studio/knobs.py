@@ -11,7 +11,7 @@ from skyarm.records.leaves import Place, is_record, parts
 from skyarm.records.replace_parts import part
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.reference import Trajectory
-from skyarm.reference.polynomials import Polynomials
+from skyarm.reference.splines import Polynomials
 from skyarm.scenario.names_of_fields import names
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.places import places_of

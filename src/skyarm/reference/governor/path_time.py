@@ -1,4 +1,4 @@
-"""The time of a reference as a function of the flight's time: how far along its path a governor lets the motion be.
+"""Time scaling of a reference: path time as a function of flight time; offsets that later phases take back.
 
 A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it is. The motion that a law is told
 at the flight's time t is the commanded one at s(t); its derivatives follow by the chain rule. The curve is one of
@@ -8,6 +8,8 @@ so that points which do not fall make a time that never runs backwards.
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -17,10 +19,11 @@ import numpy.typing as npt
 from skyarm.algebra import Vec3
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.reference.polynomials import CARDINAL, ORDERS
 from skyarm.reference.signals import Derivatives
+from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scalars import Scalar, add, mul
+from skyarm.scalars import Scalar, add, mul, where
+from skyarm.scalars.taylor import Taylor
 
 Array = npt.NDArray[Any]
 
@@ -153,3 +156,32 @@ def _chained(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
             add(mul(d2, 3.0 * s2 * s2 + 4.0 * s1 * s3), mul(d1, s4)),
         ),
     )
+
+
+VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
+
+
+def offset_reference(
+    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Any
+) -> Reference:
+    """The reference of base and tip, moved by what is left of an offset.
+
+    Args:
+        reference: as planned, at ``time`` (s).
+        offset: m, world axes.
+        returns: beginning and end (s) of the phases in which the reference comes back.
+        since: s, where the offset began: phases before count no more.
+        time: s, of the reference.
+    """
+    left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
+    for begin, end in returns:
+        gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
+        counts = begin >= since - 1e-9
+        left = left * Taylor.of_derivatives([one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)])
+    moved = {name: getattr(reference, name) + offset * left.derivative(order) for order, name in enumerate(VECTORS)}
+    tip = tuple(c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False))
+    return dataclasses.replace(reference, tip=tip, **moved)
+
+
+ONE = (1.0, 0.0, 0.0, 0.0, 0.0)
+"""The number one with its derivatives."""

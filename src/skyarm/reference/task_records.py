@@ -1,14 +1,18 @@
-"""Phases of a task, and what a flight must show before the reference leaves one of them."""
+"""Records of a task: phases, guards that hold the reference until the flight meets them, events, joint moves."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.reference.tip_motion import TipPush
 from skyarm.scalars import Scalar
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,3 +78,67 @@ class Guard:
 
     def __post_init__(self) -> None:
         accept_fields(self, "guard")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskEvent:
+    """An instant at which a task takes or leaves a payload, or closes or opens a gripper.
+
+    Attributes:
+        kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for
+            messages. gripper: its name.
+    """
+
+    kind: str
+    payload: str
+    time: float
+    where: str
+    gripper: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointMove:
+    """A move of a joint from rest to rest.
+
+    Attributes:
+        joint: its name. value: rad or m, where it ends. start, end: s. where: the field, for messages.
+    """
+
+    joint: str
+    value: float
+    start: float
+    end: float
+    where: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setting:
+    """Facts of the flight that a reference's tables may need.
+
+    Attributes:
+        vehicle: the plant's; None where a reference is read on its own.
+        gravity: m/s^2. duration: s.
+        thrust_to_weight: highest thrust over weight; infinite where nobody knows.
+        events, guards, phases, pushes, joint_moves: filled while phases are read.
+    """
+
+    vehicle: Vehicle | None = None
+    gravity: float = 9.81
+    duration: float = 0.0
+    thrust_to_weight: float = math.inf
+    events: list[TaskEvent] = field(default_factory=list)
+    guards: list[Guard] = field(default_factory=list)
+    phases: list[Phase] = field(default_factory=list)
+    pushes: list[TipPush] = field(default_factory=list)
+    joint_moves: list[JointMove] = field(default_factory=list)
+
+    @property
+    def all_guards(self) -> tuple[Guard, ...]:
+        """The guards, each with the payloads that wait for it."""
+        loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
+        return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
+
+    @property
+    def all_phases(self) -> tuple[Phase, ...]:
+        """The phases of a task that waits for the flight; none of one that does not."""
+        return tuple(self.phases) if self.guards else ()
