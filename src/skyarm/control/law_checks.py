@@ -149,10 +149,10 @@ def _checked(
     following, command = result
     if not isinstance(command, Command):
         order = isinstance(following, Command)
-        found = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
-        raise fault(f"returns {found}: {RETURNS}{', in this order' if order else ''}")
-    if compiled and (found := difference(memory, following, "memory")):
-        raise fault(f"changes the structure of its memory: {found}")
+        pair = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
+        raise fault(f"returns {pair}: {RETURNS}{', in this order' if order else ''}")
+    if compiled and (change := difference(memory, following, "memory")):
+        raise fault(f"changes the structure of its memory: {change}")
     for field, count in counts.items():
         if words := _field_mistake(field, getattr(command, field), count):
             raise fault(words)

@@ -34,14 +34,16 @@ def check_law(law: Controller | Callable[[Model], Controller], scenario: Scenari
         LawError: one line with the law's file and line.
     """
     flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-    if not isinstance(law, Controller):
-        maker, name = law, getattr(law, "__name__", "law")
-        law = made_by(maker, name, flown.controller.par.model, {})
-        check_made(maker, name, law)
-    check_controller(law)
+    if isinstance(law, Controller):
+        controller = law
+    else:
+        name = getattr(law, "__name__", "law")
+        controller = made_by(law, name, flown.controller.par.model, {})
+        check_made(law, name, controller)
+    check_controller(controller)
     rates = flown.rates
     weight = Vec3(0.0, 0.0, float(flown.world.gravity))
-    seen = measurement_of(first_state(dataclasses.replace(flown, controller=law)), weight)
+    seen = measurement_of(first_state(dataclasses.replace(flown, controller=controller)), weight)
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
     wanted = [flown.trajectory.at(float(time)) for time in times[: flown.steps]]
-    try_law(law, 1.0 / rates.control, seen, wanted)
+    try_law(controller, 1.0 / rates.control, seen, wanted)

@@ -14,8 +14,9 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.control.blocks.common import turn_towards
 from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
-from skyarm.control.blocks.geometric import RATE_ERRORS, attitude_loop, body_thrust, downward_acceleration
+from skyarm.control.blocks.geometric import RATE_ERRORS, body_thrust, downward_acceleration
 from skyarm.control.blocks.joint_friction import shares, with_friction
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -40,17 +41,7 @@ def geometric_accelerations(
         velocity_error=measurement.velocity - reference.velocity,
         acceleration=reference.acceleration if feedforward else ZERO3,
     )
-    alpha = attitude_loop(
-        par.gains,
-        vehicle.base.inertia,
-        a_d=a_d,
-        yaw=reference.yaw,
-        yaw_rate=reference.yaw_rate,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form=par.rate_error,
-    )
-    return R, a_d, alpha
+    return R, a_d, turn_towards(par, measurement, reference, R, -a_d)
 
 
 def rotors_sim_position(

@@ -37,10 +37,9 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
-from skyarm.control.blocks.common import make_parameters, no_command
+from skyarm.control.blocks.common import make_parameters, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.default_gains import default_joint_gains
 from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.centroidal.interaction import interact
@@ -217,27 +216,11 @@ def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
 def pressed(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
     """The command with the order along the normal; with no order and no touch the paper's law."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
-    down = downward_acceleration(
-        par.gains,
-        vehicle.mass,
-        par.model.gravity,
-        position_error=measurement.position - reference.position,
-        velocity_error=measurement.velocity - reference.velocity,
-        acceleration=reference.acceleration,
-    )
+    up = wanted_specific_force(par, measurement, reference)
     known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
-    alpha = attitude_loop(
-        par.gains,
-        vehicle.base.inertia,
-        a_d=down + known.force * divide(1.0, vehicle.mass),
-        yaw=reference.yaw,
-        yaw_rate=reference.yaw_rate,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form=par.rate_error,
-    )
+    alpha = turn_towards(par, measurement, reference, R, up - known.force * divide(1.0, vehicle.mass))
     qdd = freed(touch, joint_accelerations(par, measurement, reference))
-    force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(-down)), qdd)
+    force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
     efforts = [sub(torque, effort) for torque, effort in zip(torques, known.efforts, strict=True)]
     thrust = force.force.z - R.apply_T(known.force).z
     speeds, _ = mix(par.mixer, force.torque - known.torque, thrust)

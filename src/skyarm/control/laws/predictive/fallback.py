@@ -19,8 +19,9 @@ from skyarm.algebra import Motion, Vec3
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
@@ -157,28 +158,17 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
     wanted = Reference(
-        joints=tuple(values[4:]), joint_rates=tuple(rates[4:]), joint_accelerations=tuple(accelerations[4:])
-    )
-    a_d = downward_acceleration(
-        par.gains,
-        vehicle.mass,
-        model.gravity,
-        position_error=reading.position - Vec3(*values[:3]),
-        velocity_error=reading.velocity - Vec3(*rates[:3]),
+        position=Vec3(*values[:3]),
+        velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
-    )
-    a_d = -_climbable(-a_d, model.gravity)
-    alpha = attitude_loop(
-        par.gains,
-        vehicle.base.inertia,
-        a_d=a_d,
         yaw=_near(values[3], yaw_of(reading.quaternion)),
         yaw_rate=rates[3],
-        R_WB=R,
-        w_B=reading.rate,
-        rate_form=par.rate_error,
+        joints=tuple(values[4:]),
+        joint_rates=tuple(rates[4:]),
+        joint_accelerations=tuple(accelerations[4:]),
     )
-    base = Motion(alpha, R.apply_T(-a_d))
+    up = _climbable(wanted_specific_force(par, reading, wanted), model.gravity)
+    base = Motion(turn_towards(par, reading, wanted, R, up), R.apply_T(up))
     force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
     speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
     efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
