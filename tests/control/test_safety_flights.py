@@ -24,6 +24,7 @@ from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
+from thorough import sampled
 
 LIFT = Constant(3.0)
 
@@ -283,7 +284,7 @@ FRONT, ELBOW, SHOULDER = (
 )
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco"], 2))
 @pytest.mark.parametrize(
     ("faults", "far", "limp"),
     [((FRONT,), 0.8, ()), ((ELBOW,), 0.4, (1,)), ((SHOULDER,), 0.8, (0,)), ((FRONT, SHOULDER), 1.4, (0,))],

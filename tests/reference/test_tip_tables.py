@@ -125,6 +125,7 @@ def test_what_the_arm_cannot_do_is_told():
     assert (name, seconds) == (narrow.name, pytest.approx(4.0 * at_limit, abs=0.05))
 
 
+@pytest.mark.thorough
 def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
     last, second = ARM6.links[-1], ARM6.links[1]
     narrow = dataclasses.replace(second, joint=dataclasses.replace(second.joint, upper=0.61, lower=-2.0))
@@ -146,6 +147,7 @@ def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
     assert [seconds for _, seconds in found[1]] == pytest.approx([seconds for _, seconds in found[0]], abs=0.05)
 
 
+@pytest.mark.thorough
 def test_no_joint_is_planned_faster_than_it_may_be():
     table = {"tip": WORLD["tip"] | {"joint_speed": 0.1}}
     plan = reference_from(table, 6, "reference", SIX)
