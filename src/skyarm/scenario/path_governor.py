@@ -2,7 +2,7 @@
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from what the law believes; the scenario
-keeps it as a curve of time (:class:`skyarm.reference.path_time.PathTime`), so that every engine flies the same numbers.
+keeps it as a curve of time (:mod:`skyarm.reference.governor.path_time`), so that every engine flies the same numbers.
 """
 
 from __future__ import annotations

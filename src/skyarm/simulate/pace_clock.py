@@ -1,6 +1,6 @@
 """The clock of a governor that pauses: the law is led along the reference more slowly while it cannot follow.
 
-The rate r of the reference's time is to be r* (:class:`skyarm.reference.path_pause.PathPause`), and follows it with a
+The rate r of the reference's time is to be r* (:mod:`skyarm.reference.governor.pause`), and follows it with a
 bounded acceleration a: a' = 4 k (clip(k (r* - r), -A, A) - a), a critically damped pair that overshoots nothing: time
 never runs backwards. What the law is told are the reference's derivatives by the flight's time. The reference
 itself, and errors, go on with the flight's time.

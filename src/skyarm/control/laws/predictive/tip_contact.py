@@ -168,7 +168,7 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 
 
 def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Leaves of :class:`skyarm.control.laws.predictive.contact_force.Contact` at N + 1 instants (N + 1, 6).
+    """Leaves of :class:`skyarm.control.laws.predictive.cost.Contact` at N + 1 instants (N + 1, 6).
 
     The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
     a force that is held over it would turn the tip back by more than its velocity.
