@@ -23,12 +23,12 @@ def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -
 
 
 def limited_effort(joint: Joint, command: Any) -> Any:
-    """What the drive gives of a commanded torque (N m) or force (N): no more than its limit, either way."""
+    """Commanded torque (N m) or force (N) within the drive's limit, either way."""
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
 def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
-    """What friction takes: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
+    """Joint friction: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
 
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
     """
@@ -36,7 +36,7 @@ def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
 
 
 def stop_force(joint: Joint, position: Any, rate: Any) -> Any:
-    """What the stops at a joint's limits push it back with, N m or N; a structural 0 without stops.
+    """Torque or force of the stops at a joint's limits, N m or N; a structural 0 without stops.
 
     k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
     so that integrators of both plants meet no jump, and takes energy away with every push.
@@ -86,7 +86,7 @@ class Drive:
         return self.start(position)
 
     def settled(self, memory: Any, position: Any, setpoint: Any) -> Any:
-        """A memory like ``memory``, of a drive that has heard a setpoint long ago: what a belief of it starts from."""
+        """A memory like ``memory``, of a drive that received its setpoint long ago: initial state of its model."""
         return memory
 
     def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:

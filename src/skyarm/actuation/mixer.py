@@ -48,7 +48,7 @@ def yaw_bounds(
     wanted: Any,
     slack: Any,
 ) -> list[Bound]:
-    """Bounds of the wanted yaw torque and of each rotor.
+    """Bounds of the yaw torque by its demand and by each rotor.
 
     Args:
         taken: squared speeds for roll and pitch, (rad/s)^2.
@@ -71,7 +71,7 @@ def yaw_bounds(
 
 
 def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
-    """The thrust nearest to the wanted one, N, for which some yaw torque keeps all bounds."""
+    """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
     low: Any = -ENDLESS
     high: Any = ENDLESS
     for i, under in enumerate(bounds):
@@ -87,7 +87,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
 
 
 def nearest_yaw(bounds: Sequence[Bound], thrust: Any, wanted: Any) -> Any:
-    """The yaw torque nearest to the wanted one, N m, within all bounds at this thrust."""
+    """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
         wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
@@ -254,7 +254,7 @@ def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
 
 
 def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
-    """Squared speeds within [0, highest] beside those of roll and pitch: thrust first, then yaw torque."""
+    """Squared speeds within [0, highest] in addition to roll and pitch: thrust first, then yaw torque."""
     per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
     room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
     held = nearest_thrust(room, thrust)

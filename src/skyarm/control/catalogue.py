@@ -156,7 +156,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
 
 def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of some options that a law has."""
+    """The subset of some options that a law has."""
     options = LAWS[law].options()
     return {name: value for name, value in known.items() if name in options}
 

@@ -67,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those inside layers, which stand in ``inner``, with the belief that they share."""
+    """Constants of a law; those inside layers, which stand in ``inner``, with the model that they share."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -112,23 +112,23 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 
 def presses(par: Any) -> bool:
-    """Whether a law, inside whatever layers, answers the contact that a reference asks for."""
+    """Whether a law, inside any layers, controls the contact that a reference requests."""
     return getattr(innermost(par), "interaction", None) is not None
 
 
 def senses_force(par: Any) -> bool:
-    """Whether a law, inside whatever layers, is to be told by a force sensor at the tip."""
+    """Whether a law, inside any layers, uses a force sensor at the tip."""
     own = innermost(par)
     return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
 
 
 def senses_torque(par: Any) -> bool:
-    """Whether the sensor is to tell a law the torque about the tip, too."""
+    """Whether the law also uses the sensor's torque about the tip."""
     return bool(getattr(getattr(innermost(par), "admittance", None), "senses_torque", False))
 
 
 def learns_load(par: Any) -> bool:
-    """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
+    """Whether a law, inside any layers, estimates the load that a reference announces."""
     return hasattr(getattr(innermost(par), "load", None), "limit")
 
 

@@ -1,4 +1,4 @@
-"""What a law of someone's own must be and give; each mistake is one line that names the law, its file and its line.
+"""Checks of a user-defined law and of its results; each mistake is one line with the law's file and line.
 
 Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
 function stands elsewhere, in a plugin, another package or a script, is someone's own.
@@ -154,8 +154,8 @@ def _checked(
     if compiled and (change := difference(memory, following, "memory")):
         raise fault(f"changes the structure of its memory: {change}")
     for field, count in counts.items():
-        if words := _field_mistake(field, getattr(command, field), count):
-            raise fault(words)
+        if mistake := _field_mistake(field, getattr(command, field), count):
+            raise fault(mistake)
     given = {field: getattr(command, field) for field in counts}
     if any(type(value) is int for values in given.values() for value in values):
         command = dataclasses.replace(command, **{field: tuple(map(data, values)) for field, values in given.items()})
@@ -175,7 +175,7 @@ def _field_mistake(field: str, values: Any, count: int) -> str | None:
 
 
 def mistake_in(error: Exception) -> str | None:
-    """What an error says of traced code of someone's own, in words; None for an error that is not ours to explain."""
+    """Explanation of an error of traced user-defined code; None for an error of the code itself."""
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -194,7 +194,7 @@ def mistake_in(error: Exception) -> str | None:
 
 
 def difference(example: Any, record: Any, path: str) -> str | None:
-    """Where a record has another structure than the example, in words; None where they have the same."""
+    """The first difference between the structures of two records, in words; None where they are the same."""
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
@@ -211,7 +211,7 @@ def _is_number(value: Any) -> bool:
 
 
 def kind_of(value: Any) -> str:
-    """What a value is, in a few words."""
+    """Kind of a value, in a few words."""
     if value is None or isinstance(value, (int, str)):
         return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"
     if isinstance(value, tuple):
@@ -236,7 +236,7 @@ def check_maker(maker: Callable[..., Any], name: str, options: dict[str, Any]) -
 
 
 def made_by(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Any:
-    """What a maker makes; an error of its own code passes as it is.
+    """Call a maker; an error of its own code passes as it is.
 
     Raises:
         LawError: a record or a controller that cannot be: one line.

@@ -42,7 +42,7 @@ angles at which thrusts give none of it ask for none."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredParameters:
-    """Constants of a law on rotors that tilt: the belief with its servos, and the law's own constants.
+    """Constants of a law on rotors that tilt: the model with its servos, and the law's own constants.
 
     Attributes:
         model: belief. mixer: of the pairs of fixed rotors that the law knows.
@@ -80,7 +80,7 @@ def law_inside(controller: Controller) -> Controller:
 
 
 def own_parameters(par: VectoredParameters) -> Any:
-    """Constants of the law inside, with the belief that it knows."""
+    """Constants of the inner law, with its model."""
     return dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
 
 
@@ -93,7 +93,7 @@ def turns_rotors(controller: Controller) -> bool:
 
 
 def pairs_model(model: Model) -> Model:
-    """The belief as a law knows it: two fixed rotors for each that tilts."""
+    """The model of the inner law: two fixed rotors for each that tilts."""
     return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))
 
 
@@ -130,7 +130,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
 
 
 def _lead(rotor: Rotor, tilt: Tilt) -> float:
-    """How far ahead a servo is told to go: its angle then lags as the rotor's speed does, as the law reckons."""
+    """Lead of a servo's setpoint, with which its angle lags as the rotor's speed does."""
     return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
 
 
@@ -183,7 +183,7 @@ def vectored_law(
 
 
 def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Measured angles, rad; the believed servos' where there are none, and in place of one that is no finite number."""
+    """Measured angles, rad; the modelled servos' where there are none, and in place of one that is not finite."""
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
@@ -191,7 +191,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[An
 
 
 def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Any) -> tuple[Any, ...]:
-    """Angles of the wanted forces, rad; one next to nothing, whose direction says little, moves its angle slowly."""
+    """Angles of the desired forces, rad; a force near zero, whose direction is noise, moves its angle slowly."""
     vehicle = model.vehicle
     total: Any = 0.0
     for each in vehicle.rotors:
@@ -208,7 +208,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: 
 
 
 def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any]) -> list[Any]:
-    """Squared speeds whose torque and thrust are the wanted forces' while the rotors stand at ``angles``.
+    """Squared speeds whose torque and thrust are the desired forces' while the rotors stand at ``angles``.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may

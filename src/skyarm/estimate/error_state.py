@@ -133,7 +133,7 @@ def _sum(terms: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Navigated:
-    """What the filter believes at an instant."""
+    """Nominal state of the filter at an instant."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
@@ -146,7 +146,7 @@ class Navigated:
 def navigate(
     now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Any, modelled: Vec3 | None = None
 ) -> tuple[Navigated, Vec3]:
-    """The belief at the later of two readings, and the mean specific force without bias and push, world axes.
+    """The nominal state at the later of two readings, and the mean specific force without bias and push, world axes.
 
     Args:
         now: belief at the earlier.
@@ -174,7 +174,7 @@ def navigate(
 
 
 def corrected(now: Navigated, error: Sequence[Any]) -> Navigated:
-    """The belief with the mean error of :mod:`skyarm.estimate.error_state` taken in."""
+    """The nominal state corrected by the mean error."""
     p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
     return Navigated(
         position=now.position + p,
@@ -236,7 +236,7 @@ def _of_heading(R: Mat3, heading: Any, variance: Any) -> ScalarInnovation:
 
 
 def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Any) -> list[ScalarInnovation]:
-    """Of an accelerometer beside a modelled specific force: what it reads more is push and bias.
+    """Innovation of an accelerometer against a modelled specific force: the difference is push and bias.
 
     The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).
     """

@@ -57,14 +57,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ErrorStateFilter(FilterNumbers):
-    """The filter, with the numbers that it believes of its sensors and the controller's belief of the vehicle."""
+    """The filter with its model of the sensors and the controller's model of the vehicle."""
 
     def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
         """The filter with the controller's belief."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
-        """Blank but for the covariance; the first readings begin the belief."""
+        """Blank but for the covariance; the first readings initialise the state."""
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
@@ -84,7 +84,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Take in what has arrived; the measurement is the belief of the present."""
+        """Process the arrived readings; the measurement is the present estimate."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -125,7 +125,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
     def _predicted(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
-        """Belief and covariance at the filter's instant, from those at the reading before."""
+        """State and covariance at the filter's instant, from those at the reading before."""
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
@@ -155,7 +155,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
     def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
-        """The belief of the filter's instant carried to the present."""
+        """The estimate of the filter's instant carried to the present."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
             given = memory.modelled[i + 1] if self.modelled else None
@@ -181,7 +181,7 @@ class ErrorStateFilter(FilterNumbers):
 def _corrected(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
 ) -> tuple[Navigated, Covariance, Any]:
-    """Belief and covariance after scalars that are due and together surprise no more than allowed; their surprise."""
+    """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""
     error: list[Any] = [0] * len(P)
     after, surprise = P, 0
     for row in rows:

@@ -24,7 +24,7 @@ class Estimator:
     __slots__ = ()
 
     def believing(self, vehicle: Vehicle, gravity: Any) -> Estimator:
-        """The estimator of a controller that believes in a vehicle and a gravity (m/s^2); itself if it needs neither.
+        """The estimator with a controller's model: vehicle and gravity (m/s^2); itself if it needs neither.
 
         The loop steps what this returns.
         """
@@ -43,7 +43,7 @@ class Estimator:
         """
 
     def start(self, vehicle: Vehicle) -> Any:
-        """First memory: a record or tuple of scalars. ``vehicle`` is the believed one."""
+        """First memory: a record or tuple of scalars. ``vehicle`` is the controller's model."""
         return ()
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:

@@ -87,7 +87,7 @@ class FilterMemory:
 
     @property
     def yaw_deviation(self) -> Any:
-        """Standard deviation of the heading, rad: it grows where no reading tells of the heading."""
+        """Standard deviation of the heading, rad: it grows where no reading observes the heading."""
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
     @property
@@ -172,7 +172,7 @@ FORCES = ("measured", "modelled")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterNumbers(Estimator):
-    """The filter's belief of its sensors; the plant's sensors have their own numbers.
+    """The filter's model of its sensors; the plant's sensors have their own numbers.
 
     Attributes:
         aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
@@ -223,7 +223,7 @@ class FilterNumbers(Estimator):
 
     @property
     def modelled(self) -> bool:
-        """Whether the believed vehicle says the specific force."""
+        """Whether the model gives the specific force."""
         return self.force == "modelled"
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
@@ -263,7 +263,7 @@ class FilterNumbers(Estimator):
         return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
 
     def added_variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
-        """What a step adds to the variance of each component; to the position none, it is of third order in dt."""
+        """Process noise of a step, for each component; none of the position, it is of third order in dt."""
         added: list[Any] = [0] * 3
         noise = 0 if self.modelled else self.accelerometer * self.accelerometer
         for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):

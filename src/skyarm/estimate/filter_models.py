@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilteredJoints:
-    """Joints as the filter believes them, with their instant.
+    """Filtered joints, with their instant.
 
     Attributes:
         joints, rates: at the instant ``now``.

@@ -58,7 +58,7 @@ def handle(task: Task, phase: Fields, kind: str) -> None:
 
 
 def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
-    """Center and axis of a motion about an axis: as told, else those of the handle that is held."""
+    """Center and axis of a motion about an axis: of the phase, else those of the handle that is held."""
     held = task.arc
     if held is None:
         return place_of(phase, "center"), unit_vector(phase, "axis")
@@ -122,7 +122,7 @@ def approach(task: Task, phase: Fields) -> None:
 
 
 def press(task: Task, phase: Fields) -> None:
-    """Ask for a force, wait until something pushes back, hold it for a while."""
+    """Request a force, wait for contact, hold the force for a while."""
     _tell_push(task, phase)
     force = task.force or 0.0
     usual = {"force": TOUCHED * force, "hold": 0.1, "timeout": 10.0, "fails": True, "direction": task.normal}
@@ -155,7 +155,7 @@ def write(task: Task, phase: Fields) -> None:
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Ask for no force; leave along the normal, or go to a place."""
+    """Request no force; leave along the normal, or go to a place."""
     task.force = None
     if phase.take("position", None) is not None:
         _go(task, phase, place_of(phase, "position"), touches=False)

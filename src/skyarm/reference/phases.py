@@ -79,7 +79,7 @@ def _require_hands(task: Task, phase: Fields, kind: str) -> None:
 
 
 def _joints(phase: Fields) -> dict[str, float]:
-    """Where a phase moves joints, rad or m by name."""
+    """Joint positions that a phase commands, rad or m by name."""
     table = phase.take("joints", None)
     if table is None:
         return {}
@@ -154,7 +154,7 @@ PEAK_RATE = 2.1875
 def with_joint_moves(
     trajectory: Trajectory, moves: Sequence[JointMove], vehicle: Vehicle | None, fastest: float = math.inf
 ) -> Trajectory:
-    """The trajectory whose joints beside the tip's arm make moves, in the order of time.
+    """The trajectory with moves of the joints that do not carry the tip, in the order of time.
 
     Args:
         trajectory: whose own signals of these joints are constant.

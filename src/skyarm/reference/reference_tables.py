@@ -168,7 +168,7 @@ ROUNDING = 1e-6
 
 
 def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
-    """The wanted contact that a table describes.
+    """The desired contact that a table describes.
 
     Args:
         table: as above.
@@ -258,7 +258,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
 
 
 def _pushing(trajectory: Trajectory, setting: Setting) -> Trajectory:
-    """The trajectory with the push that phases ask for."""
+    """The trajectory with the push that phases request."""
     return dataclasses.replace(trajectory, push=setting.pushes[0]) if setting.pushes else trajectory
 
 

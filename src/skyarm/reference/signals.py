@@ -167,7 +167,7 @@ class Windowed(Signal):
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def derivatives(self, t: Any) -> Derivatives:
-        """Those of the signal inside, zero outside; structural zeros stay structure."""
+        """Derivatives of the signal inside, zero outside; structural zeros stay structure."""
         d0, d1, d2, d3, d4 = (self._inside(t, value) for value in self.signal.derivatives(t))
         return d0, d1, d2, d3, d4
 
@@ -194,7 +194,7 @@ class Shifted(Signal):
         accept_fields(self, "shifted")
 
     def derivatives(self, t: Any) -> Derivatives:
-        """Those of the signal at t - delay."""
+        """Derivatives of the signal at t - delay."""
         return self.signal.derivatives(t - self.delay)
 
     def switch_times(self) -> tuple[float, ...]:
@@ -338,5 +338,5 @@ class Turning(Signal):
         return d0, d1, d2, d3, d4
 
     def switch_times(self) -> tuple[float, ...]:
-        """Those of the angle."""
+        """Switch times of the angle."""
         return self.angle.switch_times()

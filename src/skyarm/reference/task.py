@@ -41,7 +41,7 @@ NOWHERE = 1e-6
 
 
 def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-    """Fields of the guard that a phase's ``until`` describes; None where nothing is asked.
+    """Fields of the guard that a phase's ``until`` describes; None without one.
 
     Args:
         phase: its table.
@@ -71,7 +71,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
 
 
 def _asked(fields: Fields) -> dict[str, Any]:
-    """What must hold: numbers, and names of switches."""
+    """Conditions of a guard: numbers, and names of switches."""
     found: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
@@ -124,7 +124,7 @@ def seconds(fields: Fields, name: str, *default: Any) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arc:
-    """What is believed of the way of a handle.
+    """Model of a handle's path.
 
     Attributes:
         center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
@@ -213,7 +213,7 @@ class Task:
         self.time, self.at = self.time + duration, to
 
     def press(self, begin: float, end: float) -> None:
-        """Ask for the task's force from one instant of the plan to another.
+        """Request the task's force from one instant of the plan to another.
 
         The force of the phase before holds until then.
         """
@@ -261,7 +261,7 @@ class Task:
         return Trajectory(x=x, y=y, z=z)
 
     def _tell_push(self) -> None:
-        """The push of the whole reference stands beside its motion."""
+        """Add the push of the whole reference to the setting."""
         if not self._forces and not self._grips:
             return
         if self.setting.pushes:
@@ -296,6 +296,6 @@ def _apart(a: Place, b: Place) -> float:
 
 
 def require_field(fields: Fields, name: str, value: Any, known: Any, words: str) -> None:
-    """Refuse a value that another phase has said otherwise."""
+    """Refuse a value that contradicts another phase."""
     if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -39,7 +39,7 @@ class Phase:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Guard:
-    """What a flight must show before the reference goes on: until then the whole reference rests.
+    """Condition that the flight must meet before the reference advances: until then the whole reference rests.
 
     All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
     those that the law knows of: the measured tip, the force that the law observes, or that a sensor at the tip reads.

@@ -168,7 +168,7 @@ UPRIGHT = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipPush:
-    """A wanted contact of the tip: force along a believed normal, or along the radius of a believed arc."""
+    """A desired contact of the tip: force along a modelled normal, or along the radius of a modelled arc."""
 
     force: Annotated[Signal, Unit("N", "that the tip presses with; 0 asks for no contact")]
     normal: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the believed surface, world axes")]
@@ -200,7 +200,7 @@ class TipPush:
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """Those of its fields that change."""
+        """Signals among its fields."""
         return (self.force,) if self.grip is None else (self.force, self.grip)
 
     def with_signals(self, change: Callable[[Signal], Signal]) -> TipPush:
@@ -209,12 +209,12 @@ class TipPush:
         return dataclasses.replace(self, force=change(self.force), grip=grip)
 
     def across(self, away: Vec3, t: Any, tip: Vec3) -> Vec3:
-        """What of an error of the tip (m, world axes) counts at time t (s): see :func:`counted_error`."""
+        """Counted part of an error of the tip (m, world axes) at time t (s): see :func:`counted_error`."""
         return counted_error(away, self.at(t), tip)
 
 
 def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
-    """What of an error of the tip counts: all of it; only what is across the normal while it shall press or grips.
+    """Counted error of the tip: all of it; only the part across the normal while it presses or grips.
 
     Along the normal a force is held there, not a place.
 
@@ -236,7 +236,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: Any, normal: Vec3) -> Vec3:
-    """Unit vector out of an axis to the tip while it grips, else the normal as told.
+    """Unit vector out of an axis to the tip while it grips, else the normal.
 
     Args:
         tip: m, world axes.

@@ -46,7 +46,7 @@ EXACT, SMOOTH = 5e-4, 0.03
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmTask:
-    """What inverse kinematics are told of an arm.
+    """Inverse kinematics task of an arm.
 
     Attributes:
         vehicle, frame: whose tip. carriers: joints that carry it. posture: joints that it prefers.
@@ -284,7 +284,7 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 
 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
-    """What inverse kinematics are told of a vehicle's arm; ``exact`` where nothing else moves the tip."""
+    """Inverse kinematics task of a vehicle's arm; ``exact`` where nothing else moves the tip."""
     length = max(float(reach(vehicle)), 1e-3)
     limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     kept = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
@@ -304,7 +304,7 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *,
 def _arm_goals(
     task: ArmTask, tip: TipMotion, choices: TipChoices, times: Sequence[float], headings: Sequence[float]
 ) -> list[Vec3]:
-    """Where the arm is to put the tip, base axes, at each instant."""
+    """Desired tip positions of the arm, base axes, at each instant."""
     paths = [tip.path(t)[0] for t in times]
     if tip.relative:
         return paths

@@ -299,7 +299,7 @@ def phase_numbers(trajectory: Trajectory, path_time: Any) -> Array:
 
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
-    """What a phase did not reach: "phase 2 'press': no contact of 0.5 N within 5 s"."""
+    """Failure message of a phase: "phase 2 'press': no contact of 0.5 N within 5 s"."""
     asked = []
     if guard.force is not None:
         asked.append(f"no contact of {float(guard.force):g} N")

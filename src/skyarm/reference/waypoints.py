@@ -57,7 +57,7 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightLimits:
-    """What a motion may ask of the vehicle.
+    """Limits of a motion on the vehicle.
 
     Attributes:
         speed: m/s. acceleration: m/s^2. tilt: rad. rate: rad/s, of roll and pitch. spin: rad/s^2, of roll and pitch.
@@ -74,7 +74,7 @@ class FlightLimits:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """The largest that a motion asks for, in the units of :class:`FlightLimits`."""
+    """Peak demands of a motion, in the units of :class:`FlightLimits`."""
 
     speed: float
     acceleration: float
@@ -123,7 +123,7 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
 
 def demand(motion: Trajectory, times: Sequence[float], gravity: float) -> Demand:
-    """The largest that a motion asks for, at instants between each two of the times."""
+    """Peak demands of a motion, at instants between each two of the times."""
     return _demand(_looks(motion, times), gravity, 1.0)
 
 
@@ -283,7 +283,7 @@ def spline_signal(fields: Fields) -> Signal:
 
 
 def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
-    """What a motion may ask of the vehicle; the thrust never more than nine tenths of what its rotors give."""
+    """Limits of a motion on the vehicle; the thrust at most nine tenths of the rotors' highest."""
     if setting.vehicle is not None and not setting.vehicle.rotors:
         raise ValueError(f"{fields.where}: needs a vehicle with rotors; {setting.vehicle.name!r} has none")
     usual = FlightLimits()

@@ -204,7 +204,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelMemory:
-    """What a sensor keeps from reading to reading.
+    """Memory of a sensor from reading to reading.
 
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.

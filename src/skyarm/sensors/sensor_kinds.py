@@ -75,7 +75,7 @@ class EncoderReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceReading:
-    """What pushes at a frame."""
+    """External wrench at a frame."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
@@ -265,11 +265,11 @@ class FramedSensor(ChannelSensor):
         return self.felt(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """What the low pass holds."""
+        """State of the low pass."""
         return NO_PUSH
 
     def passed(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
-        """What comes through the low pass; the first push as it is."""
+        """Output of the low pass; the first push as it is."""
         if type(self.bandwidth) in (int, float) and self.bandwidth == 0:
             return push
         share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
@@ -300,7 +300,7 @@ class ForceTorque(FramedSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Switched:
-    """What a switch keeps."""
+    """Memory of a switch."""
 
     push: Push
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -329,7 +329,7 @@ class TactileSwitch(FramedSensor):
         return (("force", self.force, (sqrt(f.dot(f)),)),)
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """What the low pass holds, and whether the switch is closed."""
+        """State of the low pass, and whether the switch is closed."""
         return Switched(push=NO_PUSH, closed=0.0)
 
     def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:

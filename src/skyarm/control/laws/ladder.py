@@ -59,7 +59,7 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepParameters(Parameters):
-    """Constants beside the paper's.
+    """Constants in addition to the paper's.
 
     Attributes:
         steps: how many are taken, 1 to 6.
@@ -77,7 +77,7 @@ class StepParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepMemory:
-    """What the law remembers; parts of steps that are not taken are empty.
+    """Memory of the law; parts of steps that are not taken are empty.
 
     Attributes:
         started: 0 before the first measurement.
@@ -161,7 +161,7 @@ def _present(
 
 
 def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters) -> tuple[Any, Disturbance]:
-    """The observer's memory and what it believes; nothing without it."""
+    """The observer's memory and its estimate; nothing without it."""
     if not isinstance(memory.observed, Observed):
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     # the modelled rotors begin where the real ones are, whatever the arm's angles made them turn with
@@ -180,7 +180,7 @@ def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepPar
 def _force(
     wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Force that the rotors shall give, world axes, N: its direction is the wanted thrust direction."""
+    """Desired force of the rotors, world axes, N: its direction is the desired thrust direction."""
     vehicle = par.model.vehicle
     force: Vec3 = wanted * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:

@@ -69,7 +69,7 @@ UNFILTERED = 1e6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingParameters(Parameters):
-    """Constants beside the paper's."""
+    """Constants in addition to the paper's."""
 
     observer: ObserverGains
     interaction: InteractionGains
@@ -92,7 +92,7 @@ class PressingMemory:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """What a period knows of the contact.
+    """State of the contact in a period.
 
     Attributes:
         at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
@@ -111,7 +111,7 @@ class Touch:
 def listen(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, par: PressingParameters
 ) -> tuple[PressingMemory, Touch | None]:
-    """One period of the observer and of touch and loss; no touch where the reference never asks for contact."""
+    """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
     vehicle = par.model.vehicle
     # the modelled rotors begin where the real ones are
     speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
@@ -208,7 +208,7 @@ def hybrid_ct(
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
-    """Where a level base at its reference has the tip, m, world axes."""
+    """Tip position of a level base at its reference, m, world axes."""
     arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
     return reference.position + arm
 

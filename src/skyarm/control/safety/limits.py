@@ -35,7 +35,7 @@ USUAL = (5.0, 2.7)
 
 
 def law_stiffness(controller: Controller) -> tuple[float, float]:
-    """(1/s^2, 1/s): vertical acceleration asked per position and per velocity error, in hover at the model's zero pose.
+    """(1/s^2, 1/s): commanded vertical acceleration per position and velocity error, in hover at the model's zero pose.
 
     Vertical, because there the thrust answers in the same period; horizontal gains are taken to be the same. Each call
     starts from the first memory, so that an observer has nothing to learn.

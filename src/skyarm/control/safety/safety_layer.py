@@ -50,7 +50,7 @@ from skyarm.sensors.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SafetyParameters:
-    """Constants of a law with the safety layer: one belief for all, and the law's own constants without theirs.
+    """Constants of a law with the safety layer: one model for all, and the law's own constants without it.
 
     Attributes:
         model: belief. mixer: its rotors, with priorities where they allow them.
@@ -197,7 +197,7 @@ def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, 
 
 
 def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Any]:
-    """Where the recovery hovers and its heading: as found while the law flew, as kept since it was given up."""
+    """Hover position and heading of the recovery: measured while the law flies, held since it was given up."""
     hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
@@ -392,5 +392,5 @@ def _called_law(
 
 
 def _own(par: SafetyParameters) -> Any:
-    """Constants of the law, with the belief of all."""
+    """Constants of the law, with the shared model."""
     return dataclasses.replace(par.inner, model=par.model, mixer=par.mixer)

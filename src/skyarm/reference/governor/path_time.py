@@ -103,7 +103,7 @@ def _falling(power: int, order: int) -> int:
 
 
 def governed(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
-    """The sample that a law is told at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
+    """The time-scaled reference at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
 

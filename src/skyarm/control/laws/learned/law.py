@@ -114,7 +114,7 @@ def make_learned_controller(
 def learned_compensator(
     memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: LearnedParameters
 ) -> tuple[LearnedMemory, Command]:
-    """The paper's computed torque, less what a network says that the model leaves out.
+    """The paper's computed torque, less the network's estimate of what the model lacks.
 
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """

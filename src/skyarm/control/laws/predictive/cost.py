@@ -35,7 +35,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact:
-    """Wanted contact at a stage.
+    """Desired contact at a stage.
 
     Attributes:
         normal: out of the believed surface, world axes.
@@ -72,7 +72,7 @@ def under_contact(
     dry_rates: tuple[Any, ...] | None,
     contact: Contact | tuple[()],
 ) -> tuple[Disturbance, Any]:
-    """What else pushes with the surface's force in it, and that force (N); unchanged and 0 where no contact is known.
+    """The disturbance with the surface's force in it, and that force (N); unchanged and 0 without contact.
 
     Args:
         model: the belief.
@@ -105,7 +105,7 @@ MODES = ("tool", "joints")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Wanted motion at a stage, of base (world axes, m, rad) and joints (rad or m).
+    """Desired motion at a stage, of base (world axes, m, rad) and joints (rad or m).
 
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: those.

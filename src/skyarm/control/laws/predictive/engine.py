@@ -115,7 +115,7 @@ def _stepped(kernel: Kernel, before: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """What the law calls; holds no memory of a flight, so that copies of a flight have it in common.
+    """Compiled parts of the law, without memory of a flight: copies of a flight share them.
 
     Attributes:
         solver, observation, motors, bounds: those.
@@ -138,7 +138,7 @@ class Engine:
 
 @dataclass(frozen=True, slots=True)
 class Purpose:
-    """What an engine is made for: constants, the control period in s, and whether the reference may ask for contact."""
+    """Key of an engine: constants, the control period in s, and whether the reference may request contact."""
 
     par: PredictiveParameters
     dt: float
@@ -161,7 +161,7 @@ class Purpose:
 
 
 def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
-    """The engine of a law at a control period of ``dt`` s, whose reference may ask for contact where ``push`` is."""
+    """The engine of a law at a control period of ``dt`` s; with ``push`` the reference may request contact."""
     return _engine(*Purpose(par, dt, push).made_of)
 
 

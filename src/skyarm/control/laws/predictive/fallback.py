@@ -1,4 +1,4 @@
-"""What flies while no plan can be trusted: the test of a plan, how long it stays distrusted, and the law in its place.
+"""Fallback of the predictive law: test of a plan, time of distrust, and the law flown in its place.
 
 A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
 reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
@@ -66,7 +66,7 @@ FORGIVEN = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What is remembered of the plans.
+    """History of the plans' quality.
 
     Attributes:
         good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
@@ -125,7 +125,7 @@ SPENT = 1e-9
 
 
 class Stabiliser:
-    """The paper's computed torque law with RotorS's gains scaled to the belief, as machine code.
+    """The paper's computed torque law with RotorS's gains scaled to the model, as machine code.
 
     Args:
         model: the belief.
@@ -197,7 +197,7 @@ def _climbable(force: Vec3, gravity: Any) -> Vec3:
 
 
 def _parameters(model: Model) -> Parameters:
-    """RotorS's gains scaled to the belief; torques before thrust where every rotor lifts."""
+    """RotorS's gains scaled to the model; torques before thrust where every rotor lifts."""
     try:
         made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:

@@ -65,7 +65,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """What one step hands to the next; all None before the first.
+    """Memory between two steps; all None before the first.
 
     Attributes:
         engine: machine code. purpose: what it was made for.
@@ -160,7 +160,7 @@ def _row(command: Command) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a measurement leaves in memory, see :class:`PredictiveMemory`, and itself with frozen parts foreseen."""
+    """Results of a measurement, see :class:`PredictiveMemory`, and the measurement with frozen parts predicted."""
 
     estimate: Array
     sent: tuple[Command, ...]
@@ -202,7 +202,7 @@ def _seen(
 
 
 def _first(measurement: Measurement, joints: int) -> Array:
-    """What is believed at the first measurement: no disturbance."""
+    """Initial estimate at the first measurement: no disturbance."""
     m = measurement
     moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
     return np.array([*moving, *(0.0,) * (6 + joints)], dtype=float)
@@ -262,7 +262,7 @@ def make_predictive_controller(
     preview: str | Trajectory = "samples",
     interaction: tuple[float, float] | None = None,
 ) -> Controller:
-    """Whole-body model predictive control of a belief; the options are those of :class:`PredictiveParameters`.
+    """Whole-body model predictive control; the options are those of :class:`PredictiveParameters`.
 
     ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
     knows nothing of a push, and the only pair allowed where no tip is led. Left out: :data:`THRESHOLDS` where one is.
@@ -340,7 +340,7 @@ def problem_at(
     par: PredictiveParameters,
     touch: Touch | None = None,
 ) -> Problem:
-    """What is to be solved from the state ``late`` s after now, when a command begins to act."""
+    """The problem from the state ``late`` s after now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     if isinstance(par.preview, Trajectory):
         signals = known(par.preview, time + later)

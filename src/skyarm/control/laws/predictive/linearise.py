@@ -35,7 +35,7 @@ NUDGE = 1e-5
 
 
 def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
-    """Records of floats that give the shapes; with ``contact`` a goal may ask for one."""
+    """Records of floats that give the shapes; with ``contact`` a goal may request one."""
     zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     state = State(
         position=zero,

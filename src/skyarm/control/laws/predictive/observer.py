@@ -36,7 +36,7 @@ from skyarm.sensors.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimate:
-    """What is believed at the instant of the last measurement: state, and what the model leaves out."""
+    """Estimate at the instant of the last measurement: state, and disturbance that the model lacks."""
 
     state: State
     disturbance: Disturbance
@@ -119,7 +119,7 @@ NOTICED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """What is remembered of commands and rotors.
+    """History of commands and rotors for the delay estimate.
 
     Attributes:
         modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
@@ -135,7 +135,7 @@ class Lateness:
 
 
 def first_lateness(speeds: Array) -> Lateness:
-    """What is believed at the first measurement: no delay."""
+    """Initial delay estimate at the first measurement: none."""
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
@@ -181,7 +181,7 @@ class Fresh:
 
 @dataclass(frozen=True, slots=True)
 class Stuck:
-    """What of a measurement is no news.
+    """Repeated parts of a measurement.
 
     Attributes:
         parts: keys of :data:`PARTS`, and "arm" where everything is the same.
@@ -210,7 +210,7 @@ def frozen(last: Fresh | None, reading: Array, joints: int) -> Stuck:
 
 
 def filled(reading: Array, foreseen: Array, parts: tuple[str, ...], joints: int) -> Array:
-    """A measurement with its old parts replaced by those of a foreseen state (the leaves of an estimate)."""
+    """A measurement with its repeated parts replaced by those of a predicted state (the leaves of an estimate)."""
     found = reading.copy()
     for name in parts:
         # a state lists the same parts without the time before them and the specific force before the joints

@@ -1,4 +1,4 @@
-"""The motion that a predictive controller foresees: its belief of the vehicle, moved by held inputs.
+"""Prediction of the motion: the model of the vehicle under held inputs.
 
 An input of a rotor is the rate of its speed: constant over a stage, so that the prediction is smooth although real
 motors speed up faster than they slow down. The command that makes a rotor turn so is found afterwards.
@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Rotor
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Inputs:
-    """What is held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
+    """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
 
     rotor_accelerations: tuple[Scalar, ...]
     efforts: tuple[Scalar, ...]
@@ -41,7 +41,7 @@ def accelerations(
     disturbance: Disturbance,
     dry_rates: tuple[Any, ...] | None = None,
 ) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
-    """Accelerations (dv_W/dt, dw_B/dt, joints) of the belief in still air under a disturbance.
+    """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a disturbance.
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
     """

@@ -112,7 +112,7 @@ class NoPlanError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A foreseen motion: states (N + 1, nx), inputs (N, nu) and the gains (N, nu, nx) of u = u* + K (x - x*).
+    """A planned motion: states (N + 1, nx), inputs (N, nu) and the gains (N, nu, nx) of u = u* + K (x - x*).
 
     Attributes:
         x, u, K: those. damping: of the next step. cost: sum of squared residuals; NaN if not known.
@@ -129,7 +129,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What a solver is given.
+    """Input of the solver.
 
     Attributes:
         start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a goal).

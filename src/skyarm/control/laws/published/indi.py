@@ -50,7 +50,7 @@ NYQUIST_SHARE = 0.45
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiParameters(Parameters):
-    """Constants beside the gains.
+    """Constants in addition to the gains.
 
     Attributes:
         cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
@@ -65,7 +65,7 @@ class IndiParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiMemory:
-    """What the law remembers.
+    """Memory of the law.
 
     Attributes:
         started: 0 before the first measurement.

@@ -69,7 +69,7 @@ class Velocities:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Past:
-    """What one prediction begins from, a period ago.
+    """Initial values of a prediction, a period ago.
 
     Attributes:
         quaternion, joints: attitude and joint positions (rad or m), measured. measured: velocities.
@@ -91,7 +91,7 @@ def nowhere(joints: int) -> Past:
 
 
 def past_of(measurement: Measurement, error: Velocities, sigma: Velocities) -> Past:
-    """What the next prediction begins from."""
+    """Initial values of the next prediction."""
     measured = Velocities(linear=measurement.velocity, rate=measurement.rate, joints=measurement.joint_rates)
     return Past(
         quaternion=measurement.quaternion, joints=measurement.joints, measured=measured, error=error, sigma=sigma
@@ -163,7 +163,7 @@ def predict_velocities(model: Model, rates: tuple[Any, Any, Any], past: Past, se
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L1Parameters(Parameters):
-    """Constants beside the gains.
+    """Constants in addition to the gains.
 
     Attributes:
         predictor: a of velocity, rate, joint rates, 1/s.
@@ -187,7 +187,7 @@ class L1Parameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L1Memory:
-    """What the law remembers.
+    """Memory of the law.
 
     Attributes:
         started: 0 before the first measurement.
