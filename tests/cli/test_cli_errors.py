@@ -79,7 +79,11 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
     ("mixer", small(LAW + '\nmixer = "qp"'), ("controller.mixer = 'qp'", "clip, priority")),
     ("rate error", small(LAW + '\nrate_error = "x"'), ("controller.rate_error = 'x'", "rotors_sim, corrected")),
     ("ablation", small(LAW + '\nwithout = ["mass"]'), ("controller.without = ['mass']", "coriolis")),
-    ("nothing to leave out", small('law = "decoupled_pd"\nwithout = ["coriolis"]'), ("controller.without", "no such option")),
+    (
+        "nothing to leave out",
+        small('law = "decoupled_pd"\nwithout = ["coriolis"]'),
+        ("controller.without", "no such option"),
+    ),
     ("no controller", small(""), ("controller: must have a preset", "'skyarm list' shows all")),
     ("a law as preset", small('preset = "centroidal"'), ("controller.preset = 'centroidal'", "law = 'centroidal'")),
     (

@@ -34,10 +34,7 @@ def contents() -> dict[str, Any]:
             {"name": name, "title": str(read_toml((STUDIES / f"{name}.toml").read_bytes()).get("title", ""))}
             for name in list_studies()
         ],
-        "presets": [
-            {"name": name, "title": each.title, "law": each.law}
-            for name, each in PRESETS.items()
-        ],
+        "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
         "laws": [
             {
                 "name": name,
