@@ -9,9 +9,9 @@ import pytest
 import skyarm
 from skyarm.files import Fields
 from skyarm.reference.phases import phases_table
-from skyarm.reference.setting import Setting
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_plan import TipChoices
-from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.waypoints import LIMITS, FlightLimits
 from skyarm.scenario.scenario_tables import feasibility_of
 

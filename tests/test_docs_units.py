@@ -12,7 +12,7 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, TipGains
-from skyarm.control.laws.predictive.kalman_observer import Bandwidths
+from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.records.units import units

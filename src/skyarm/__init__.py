@@ -54,14 +54,14 @@ if TYPE_CHECKING:
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
     from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
+    from skyarm.scenario.check_law import check_law
     from skyarm.scenario.controller_table import load_controller
     from skyarm.scenario.endings import Ending
     from skyarm.scenario.numbers import with_numbers
     from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
     from skyarm.scenario.scenario_record import Change, Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
-    from skyarm.sensors.measurement import Measurement
-    from skyarm.sensors.noise import SensorNoise
+    from skyarm.sensors.measurement import Measurement, SensorNoise
     from skyarm.sensors.sensor import Sensor
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
@@ -121,6 +121,7 @@ _ROOMS = {
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
     "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
+    "skyarm.scenario.check_law": ("check_law",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.controller_table": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
@@ -135,8 +136,7 @@ _ROOMS = {
         "Scenario",
         "ScenarioError",
     ),
-    "skyarm.sensors.measurement": ("Measurement",),
-    "skyarm.sensors.noise": ("SensorNoise",),
+    "skyarm.sensors.measurement": ("Measurement", "SensorNoise"),
     "skyarm.sensors.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
@@ -214,6 +214,7 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
+    "check_law",
     "circle",
     "energy",
     "euler_lagrange",

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.hover import hover_trim
+from skyarm.actuation.hover import hover_trim, time_aloft
 from skyarm.actuation.servo import PositionServo
-from skyarm.actuation.time_aloft import time_aloft
 from skyarm.algebra import Vec3
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import arm_poses

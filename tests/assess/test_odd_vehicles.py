@@ -10,8 +10,8 @@ import pytest
 
 import skyarm
 from skyarm.actuation import make_mixer
+from skyarm.actuation.hover import time_aloft as hover_time
 from skyarm.actuation.servo import VelocityServo
-from skyarm.actuation.time_aloft import time_aloft as hover_time
 from skyarm.algebra import Vec3
 from skyarm.assess.arm_poses import arm_poses, joint_range
 from skyarm.assess.assessment import Assessment, assess_vehicle

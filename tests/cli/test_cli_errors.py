@@ -79,7 +79,11 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
     ("mixer", small(LAW + '\nmixer = "qp"'), ("controller.mixer = 'qp'", "clip, priority")),
     ("rate error", small(LAW + '\nrate_error = "x"'), ("controller.rate_error = 'x'", "rotors_sim, corrected")),
     ("ablation", small(LAW + '\nwithout = ["mass"]'), ("controller.without = ['mass']", "coriolis")),
-    ("nothing to leave out", small('law = "decoupled_pd"\nwithout = ["coriolis"]'), ("controller.without", "nothing")),
+    (
+        "nothing to leave out",
+        small('law = "decoupled_pd"\nwithout = ["coriolis"]'),
+        ("controller.without", "no such option"),
+    ),
     ("no controller", small(""), ("controller: must have a preset", "'skyarm list' shows all")),
     ("a law as preset", small('preset = "centroidal"'), ("controller.preset = 'centroidal'", "law = 'centroidal'")),
     (
@@ -300,7 +304,7 @@ def test_a_law_or_preset_that_does_not_fit_the_vehicle_is_named(folder: Path) ->
     plant = 'name = "f"\nduration = 0.1\n[plant]\nvehicle = "three.toml"\n[controller]\n'
     for controller, words in (
         ('preset = "paper_ct"', ("controller.preset = 'paper_ct'", "2 values, must be 3")),
-        ('law = "hybrid_computed_torque_euler"', ("controller.law = 'hybrid_computed_torque_euler'", "3 joints")),
+        ('law = "ct_observer"', ("controller.law = 'ct_observer'", "is law 'ct_ladder' with steps = 3 now")),
     ):
         refused(skyarm("run", written(folder, plant + controller)), "flight.toml: ", *words)
 

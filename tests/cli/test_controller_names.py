@@ -49,9 +49,9 @@ def test_every_name_makes_the_controller_that_its_maker_makes() -> None:
 def test_no_name_means_two_controllers() -> None:
     assert not set(PRESETS) & set(LAWS)
     assert not any(name.endswith("_tuned") for name in (*PRESETS, *LAWS))
-    assert not is_named("exact_tuned")
     assert not is_named("centroidal_tuned")
-    assert not is_named(["exact"])
+    assert not is_named("centroidal_tuned")
+    assert not is_named(["centroidal"])
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_run_takes_tuned_gains(folder: Path) -> None:
 
 
 def test_c_is_exported_of_any_name(folder: Path) -> None:
-    for name in ("ct_observer", "ct_observer_tuned", "centroidal_joint"):
+    for name in ("ct_ladder", "ct_ladder_tuned", "centroidal_joint"):
         ended = skyarm("export-c", name, "--vehicle", "hummingbird_arm2", "--out", f"{name}.c")
         assert ended.code == 0, ended.err
         assert f"{name}_step" in (folder / f"{name}.c").read_text()
@@ -104,7 +104,7 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
         ("export-c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
-@pytest.mark.parametrize("name", ["lqr", "exact_tuned", "indi_tuned_tuned", ""])
+@pytest.mark.parametrize("name", ["lqr", "centroidal_tuned", "indi_tuned_tuned", ""])
 def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
     folder: Path, command: tuple[str, ...], name: str
 ) -> None:

@@ -60,7 +60,7 @@ def test_a_thing_of_another_kind_is_called_by_its_kind(folder: Path, words: tupl
         (("run", "CASE3"), "case3"),
         (("show", "humingbird"), "hummingbird"),
         (("sweep", "robust"), "robustness"),
-        (("run", "case1", "--controller", "exactee"), "exact_ee"),
+        (("run", "case1", "--controller", "centroidaltip"), "centroidal_tip"),
         (("run", "case1", "--controller", "nmpc_tune"), "nmpc_tuned"),
         (("margins", "case1", "--controller", "pape_ct"), "paper_ct"),
         (("export-c", "indy", "-o", "x.c"), "indi"),

@@ -19,7 +19,7 @@ from skyarm.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, paired, pairs, summary
 from skyarm.files import unpacked
 from skyarm.metrics.windows import Windows
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, Window
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)

@@ -34,7 +34,7 @@ def test_the_own_law_is_the_first_row_whoever_is_named() -> None:
     assert own.scenario().controller.name != named.scenario().controller.name
 
 
-@pytest.mark.parametrize("pair", [("exact_ee", "centroidal_tip"), ("indi", "indi"), ("paper_ct", "own_law.py")])
+@pytest.mark.parametrize("pair", [("indi", "indi"), ("paper_ct", "own_law.py")])
 def test_two_names_of_one_law_are_refused_everywhere(pair, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(OWN, tmp_path / "own_law.py")

@@ -19,7 +19,7 @@ from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.environment import ForceWind, Gust
 
 MODEL = CASES["case3"].build().controller.par.model
-TUNED = resources.files("skyarm.control.catalogue").joinpath("tuned.toml")
+TUNED = resources.files("skyarm.control").joinpath("tuned.toml")
 FACTORS = tomllib.loads(TUNED.read_text(encoding="utf-8"))["law"]
 CENTROIDAL = [name for name, each in ENTRANTS.items() if each.law == "centroidal"]
 

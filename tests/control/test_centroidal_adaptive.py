@@ -27,7 +27,7 @@ from skyarm.reference.signals import Ramp
 from skyarm.scalars import cos, sin, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_record import Delays
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.loop import run_in_python
 from vehicles_random import random_vehicle
 

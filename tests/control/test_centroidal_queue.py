@@ -71,7 +71,7 @@ def stepped(controller, memory):
     return controller.law(memory, *hovering(), DT, par=controller.par)
 
 
-LAWS = ("centroidal", "ct_observer", "ct_lag_inversion")
+LAWS = ("centroidal", "ct_ladder")
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -106,7 +106,7 @@ def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_mea
     each = np.sqrt(float(ARM.mass) * 9.8 / (4 * 8.54858e-6))
     for controller in (
         make_centroidal(MODEL, delay=DT * periods),
-        make_controller("ct_observer", MODEL, delay_periods=periods),
+        make_controller("ct_ladder", MODEL, delay_periods=periods),
     ):
         sent = controller.memory.sent
         assert len(sent) == periods + 1

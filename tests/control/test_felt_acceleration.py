@@ -26,8 +26,7 @@ from skyarm.estimate.estimator import PassThrough
 from skyarm.metrics.windows import Window, Windows
 from skyarm.records.units import Unit
 from skyarm.reference import Constant, Ramp, Sine, Sum, Trajectory
-from skyarm.sensors.measurement import blank_measurement
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise, blank_measurement
 from skyarm.simulate.batch import Batch
 
 DT, G = 0.005, 9.81

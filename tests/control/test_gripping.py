@@ -20,7 +20,7 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.environment.component import Force, Wrench
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.reference.push_tables import push_from
+from skyarm.reference.reference_tables import push_from
 from skyarm.scalars import divide, sqrt, where
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from

@@ -9,10 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from law_flights import STEPS, make_law
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.ladder.make import LADDER
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
@@ -23,7 +22,7 @@ LAWS = {
     "centroidal": lambda: make_centroidal(MODEL, delay=DT),
     "centroidal_tip": lambda: make_centroidal(MODEL, mode="tip", delay=DT),
     "centroidal_tip_stiff": lambda: make_centroidal(MODEL, mode="tip", preset="stiff"),
-    **{name: lambda name=name: make_controller(name, MODEL) for name in ("hybrid_computed_torque", *LADDER)},
+    **{name: lambda name=name: make_law(name, MODEL) for name in ("hybrid_computed_torque", *STEPS)},
 }
 
 

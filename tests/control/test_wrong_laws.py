@@ -17,6 +17,7 @@ from skyarm.control.law_trial import try_law
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.registry.plugins import register_law_of_file
+from skyarm.scenario.check_law import check_law
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensors.measurement import blank_measurement, measurement_of
@@ -50,7 +51,7 @@ def planned(folder: Path, mistake: Mistake):
 def test_every_mistake_is_one_line_with_file_and_line(tmp_path, name):
     mistake = EVERYTHING[name]
     with pytest.raises(ValueError, match="law 'mine'") as caught:
-        run(planned(tmp_path, mistake))
+        check_law((scenario := planned(tmp_path, mistake)).controller, scenario)
     line = str(caught.value)
     assert f"{tmp_path / 'mine.py'}:{mistake.line}: law 'mine' " in line
     assert line.endswith(mistake.words)

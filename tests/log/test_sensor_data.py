@@ -19,7 +19,7 @@ from skyarm.estimate.estimator import Estimator
 from skyarm.log.log_columns import columns
 from skyarm.log.viewer_layouts import plots
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 from skyarm.sensors.sensor_kinds import Encoders
 from skyarm.simulate import Delays

@@ -23,7 +23,7 @@ from skyarm.onboard.estimated_law import (
 from skyarm.onboard.export_c import export_c
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
-from skyarm.sensors.sensor_readings import EncoderReading
+from skyarm.sensors.sensor_kinds import EncoderReading
 
 
 class WithReadings(Loaded):

@@ -37,7 +37,7 @@ FAST = {
     if name in ("perfect", "plants_noisy")
 }
 TINY = Comparison(
-    entrants={name: ENTRANTS[name] for name in ("paper_ct", "ct_observer", "centroidal_tip")}, conditions=FAST
+    entrants={name: ENTRANTS[name] for name in ("paper_ct", "ct_ladder 3", "centroidal_tip")}, conditions=FAST
 )
 
 
@@ -185,8 +185,8 @@ def test_the_comparison_joins_the_report_and_has_its_own_page(flown: tuple[Path,
     found = json.loads((folder / "compare" / "results.json").read_text(encoding="utf-8"))
     rate = found["summaries"]["plants_noisy"]["case3_wind"]["centroidal_tip"]["success_rate"]
     rows = Cells(source[source.index("All laws compared</h2>") :]).rows
-    ladder = next(row for row in rows if row[0] == "ct_observer" and len(row) == 10)
-    assert ladder[-1] == f"{found['summaries']['plants_noisy']['case3_wind']['ct_observer']['success_rate']:.1%}"
+    ladder = next(row for row in rows if row[0] == "ct_ladder 3" and len(row) == 10)
+    assert ladder[-1] == f"{found['summaries']['plants_noisy']['case3_wind']['ct_ladder 3']['success_rate']:.1%}"
     assert any(row[0] == "centroidal_tip" and row[1].startswith(f"{rate:.1%}") for row in rows)
     assert without_scripts.count("<table") == without_scripts.count("<caption")
 

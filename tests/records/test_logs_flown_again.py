@@ -32,7 +32,7 @@ def _kept() -> Iterator[None]:
         yield
 
 
-OTHERS = ("learned_compensator", "hybrid_computed_torque_euler")
+OTHERS = ("learned_compensator", "bulut2019")
 
 
 def logged(scenario: skyarm.Scenario, folder: Path) -> tuple[skyarm.Log, Path]:

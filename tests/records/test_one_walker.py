@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from skyarm.control.catalogue import LAWS, make_controller
-from skyarm.control.catalogue.tuned_gains import rescale
+from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replaced, walk

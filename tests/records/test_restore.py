@@ -17,7 +17,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore

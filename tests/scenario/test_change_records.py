@@ -144,7 +144,7 @@ def test_without_changes_a_scenario_is_written_as_before() -> None:
 def test_changes_are_written_into_plain_data_and_read_back() -> None:
     changes = (
         at(0.1, GAIN, 3),
-        at(0.2, "controller", {"law": "ct_extrapolation", "delay_periods": 2, "safety": {"calm": math.inf}}),
+        at(0.2, "controller", {"law": "ct_ladder", "delay_periods": 2, "safety": {"calm": math.inf}}),
         at(0.3, "environment.faults", [{"rotor": "front", "effectiveness": 0.5}]),
         at(0.4, "environment.ground", False),
         at(0.5, "reference.yaw", 0.1),
@@ -327,7 +327,7 @@ def test_what_was_said_beside_the_file_is_saved_too() -> None:
     found = scenario_from({**tomllib.loads(saved), "name": wanted.name, "changes": []})
     assert found.windows == Windows(last=5.0), "windows of a flight of 30 s are general in one of 5 s"
     assert dataclasses.replace(found, windows=wanted.windows) == wanted
-    for controller in ("indi_tuned", "centroidal", "exact_joint"):
+    for controller in ("indi_tuned", "centroidal", "centroidal_joint"):
         text = with_changes_text(TEXT, (), controller=controller)
         assert (
             scenario_from(tomllib.loads(text)).controller

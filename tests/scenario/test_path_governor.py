@@ -18,9 +18,8 @@ from skyarm.assess.along_reference import follow
 from skyarm.assess.flight_loads import flight_parts
 from skyarm.contact.gripper import Command
 from skyarm.reference import Constant, Sine, Sum, Trajectory
-from skyarm.reference.compose import Product, Windowed, sequence
-from skyarm.reference.path_time import governed
-from skyarm.reference.signals import Ramp, Signal
+from skyarm.reference.governor.path_time import governed
+from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.path_governor import GovernorOptions, GovernorWarning, Limits, _require_no_instants
 from skyarm.scenario.scenario_file import scenario_from

@@ -21,8 +21,8 @@ from skyarm.records.coerce import RecordError
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensors.channel import Channel
-from skyarm.sensors.force_sensors import ForceTorque, TactileSwitch
 from skyarm.sensors.sensor import NO_PUSH, Push
+from skyarm.sensors.sensor_kinds import ForceTorque, TactileSwitch
 from skyarm.simulate.felt_pushes import beyond, push_at
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages

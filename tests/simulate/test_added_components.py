@@ -15,7 +15,7 @@ from skyarm.scalars.philox import normal
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python

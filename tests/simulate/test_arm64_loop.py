@@ -14,7 +14,7 @@ from skyarm.compile.llvm.llvm_rounds import CLOSED, LEAD, PLACES, SIZE
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.compiled_flight import fly, trace_scenario
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled

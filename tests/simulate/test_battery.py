@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from skyarm.actuation import speeds_after
-from skyarm.actuation.time_aloft import time_aloft
+from skyarm.actuation.hover import time_aloft
 from skyarm.metrics.battery_use import battery_use
 from skyarm.plant.loads import supplied
 from skyarm.plant.surroundings import Surroundings

@@ -58,7 +58,7 @@ CHANGES: list[dict[str, Any]] = [
     {"plant__joints__effort_limit": 0.41},
     {"model__gravity": 9.8},
     {"model__payload__mass": 0.011},
-    {"controller__law": "hybrid_computed_torque_euler", "controller__without": ["coriolis"], "model__payload": None},
+    {"controller__law": "hybrid_computed_torque", "controller__without": ["coriolis"], "model__payload": None},
     {"controller__gains__position": [4.0, 4.0, 4.1]},
     {"controller__gains__rate": [0.1, 0.11, 0.025]},
     {"controller__joint_gains__stiffness": [350.0, 151.0]},

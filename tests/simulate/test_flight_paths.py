@@ -84,7 +84,7 @@ def with_gains_of_the_wrong_sign(scenario: Scenario) -> Scenario:
 def pitched(degrees: float, rate: float) -> Scenario:
     """The Euler form started at a pitch and turning: it passes 90 degrees in flight."""
     high = document("case1", duration=0.5, reference__base__position=[0.0, 0.0, 100.0])
-    base = scenario_from(high, replaced={"controller": "paper_ct_euler"})
+    base = scenario_from(high, replaced={"controller": "bulut2019"})
     half = math.radians(degrees) / 2
     start = dataclasses.replace(first_state(base), quaternion=Quaternion(math.cos(half), 0.0, math.sin(half), 0.0))
     return dataclasses.replace(base, initial=dataclasses.replace(start, rate=Vec3(0.0, rate, 0.0)))

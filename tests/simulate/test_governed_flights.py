@@ -10,7 +10,7 @@ import skyarm
 from skyarm.cli.flight_summary import beside_errors, errors, facts
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
-from skyarm.reference.path_time import governed
+from skyarm.reference.governor.path_time import governed
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python

@@ -15,7 +15,7 @@ from skyarm.estimate.estimator import Estimator
 from skyarm.scalars.philox import normals, uniforms
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.first_state import first_loop_state

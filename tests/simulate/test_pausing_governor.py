@@ -14,8 +14,8 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
-from skyarm.reference.path_pause import PathPause
-from skyarm.reference.path_time import PathTime
+from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.governor.pause import PathPause
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.path_governor import GovernorOptions, options_from
 from skyarm.sensors.measurement import blank_measurement

@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.environment import TimedPayload
 from skyarm.reference import Trajectory
-from skyarm.reference.phase_guard import Guard
+from skyarm.reference.task_records import Guard
 from skyarm.scenario.payload_tables import waiting_beliefs
 from skyarm.simulate.path_clock import Waits
 from thorough import sampled

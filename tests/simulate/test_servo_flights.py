@@ -34,7 +34,7 @@ from thorough import sampled
 
 DATA = Path(__file__).parents[1] / "data"
 CASE = load_scenario("case3", duration=14.0)
-OF_THE_PAPERS_VEHICLE = ("hybrid_computed_torque_euler", "learned_compensator")
+OF_THE_PAPERS_VEHICLE = ("learned_compensator",)
 """Laws that refuse any other vehicle."""
 
 IDEAL = PositionServo(stiffness=40.0, damping=0.5, inertia=2e-4)

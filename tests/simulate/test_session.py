@@ -22,7 +22,7 @@ from skyarm.environment.environment_tables import wind_from
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, Log, Rates, ScenarioError, run, staged_flight
 from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.staged_flight import StagedFlight

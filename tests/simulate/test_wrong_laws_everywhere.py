@@ -140,7 +140,7 @@ def _registered(make: str) -> str:
 def test_shipped_laws_are_not_tried(monkeypatch):
     """They are known to be right, and fly as soon as before."""
     from skyarm.control import law_trial
-    from skyarm.control.catalogue.law_entries import LAWS
+    from skyarm.control.catalogue import LAWS
     from skyarm.control.law_checks import checked_law, is_own
 
     monkeypatch.setattr(law_trial, "compare_with_floats", lambda *_, **__: pytest.fail("was tried"))
@@ -193,7 +193,7 @@ def test_a_law_that_is_called_with_floats_keeps_what_it_likes(tmp_path):
 def test_a_called_law_under_guard_is_not_given_up_for_a_mistake_in_its_code(tmp_path):
     """The guard flies on where numbers or a solver fail; a law that gives too few efforts is wrong."""
     scenario = under_guard(planned(tmp_path, RESULTS["one_effort"]), compiled=False)
-    with pytest.raises(LawError, match=r"mine\.py:27: law 'law' gives 1 efforts: must be 2, one for each joint"):
+    with pytest.raises(LawError, match=r"mine\.py:27: law 'mine' gives 1 efforts: must be 2, one for each joint"):
         run(scenario)
 
 

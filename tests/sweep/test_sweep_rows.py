@@ -137,7 +137,7 @@ ENDINGS = [
 def test_each_ending_has_the_status_and_time_of_a_single_run(
     status: str, fields: dict[str, Any], numbers: dict[str, float], single_: bool
 ) -> None:
-    controller = "paper_ct_euler" if status == "controller_undefined" else "paper_ct"
+    controller = "bulut2019" if status == "controller_undefined" else "paper_ct"
     scenario = scenario_from({**document_of_case1(), **fields}, replaced={"controller": controller, "duration": 1.0})
     if scenario.initial is None:
         scenario = dataclasses.replace(scenario, initial=first_state(scenario))
@@ -169,7 +169,7 @@ def test_a_lane_that_ends_in_its_last_period_is_not_completed() -> None:
 
 def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     scenario = with_numbers(
-        load_scenario("case1", controller="paper_ct_euler"),
+        load_scenario("case1", controller="bulut2019"),
         {
             f"plant.vehicle.links.{i}.joint.{side}": sign
             for i in (0, 1)

@@ -107,7 +107,7 @@ def test_a_heavy_arm_and_weak_rotors_are_named_together():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("law", ["centroidal_tip", "ct_lag_inversion"])
+@pytest.mark.parametrize("law", ["centroidal_tip", "ct_ladder"])
 def test_faults_of_stiffer_laws_are_named_too(law):
     own = load_scenario("case3", controller=law)
     for fault, part in ((with_lag(2.0), "motor lag"), (late(0.020), "delay"), (with_arm(2.0), "arm")):

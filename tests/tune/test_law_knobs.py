@@ -72,7 +72,7 @@ def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_
 
 
 def test_chosen_knobs_are_named_by_their_path_or_its_beginning():
-    made = make_named("ct_observer", MODEL)
+    made = make_named("ct_ladder", MODEL)
     assert [knob.path for knob in find_knobs(made, made.name, ["observer", "gains.rate"])] == [
         "gains.rate",
         "observer.force",

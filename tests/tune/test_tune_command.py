@@ -145,7 +145,7 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
 
     assert wanted_of("case3", None).words == {"preset": "paper_ct"}
     assert wanted_of("hummingbird", None).label == "centroidal_joint"
-    assert wanted_of("pelican_arm2", "exact_ee").words == {"preset": "centroidal_tip"}
+    assert wanted_of("pelican_arm2", "centroidal_tip").words == {"preset": "centroidal_tip"}
     assert wanted_of("case3", "decoupled_pd_tuned").words == {"law": "decoupled_pd", "tuned": True}
     with pytest.raises(ValueError, match="must be the path"):
         wanted_of("nothing", None)

@@ -52,7 +52,7 @@ def test_a_small_budget_repeats_and_is_no_worse_than_the_untouched_law(tmp_path)
 @pytest.mark.thorough
 def test_the_shipped_factors_have_the_cost_that_is_noted():
     """Factors are kept to four decimals and multiplications may be fused: 0.02 of a logarithm."""
-    text = resources.files("skyarm.control.catalogue").joinpath("tuned.toml").read_text(encoding="utf-8")
+    text = resources.files("skyarm.control").joinpath("tuned.toml").read_text(encoding="utf-8")
     before, after = map(float, re.search(rf"\[law\.{LAW}\]  # cost (\S+) -> (\S+),", text).groups())
     factors = tuned_factors()[LAW]
     logs = np.array([[0.0] * len(factors), [math.log(value) for value in factors.values()]])
@@ -180,7 +180,7 @@ def test_a_flight_that_ends_counts_as_ten_metres():
 
 
 def test_a_path_stands_for_the_numbers_below_it_and_for_no_structure():
-    controller = load_scenario("case1", controller="ct_observer").controller
+    controller = load_scenario("case1", controller="ct_ladder").controller
     places = Together(controller, ["joint_gains", "observer.force", "steps", "model.vehicle.rotors.0"]).places
     stiffness, damping = controller.par.joint_gains.stiffness, controller.par.joint_gains.damping
     assert places["joint_gains"] == {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
-from skyarm.actuation.time_aloft import time_aloft as hover_time
+from skyarm.actuation.hover import time_aloft as hover_time
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from skyarm.actuation import AllocationError, make_mixer
-from skyarm.actuation.rotor_pairs import as_pairs
+from skyarm.actuation.tilting import as_pairs
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import OK, Finding
 from skyarm.assess.level_hover import Allocation, hover_efforts

@@ -21,7 +21,7 @@ from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs

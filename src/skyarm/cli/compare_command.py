@@ -12,7 +12,7 @@ from skyarm.cli.compared_folder import flown_into, split_names, try_every_law
 from skyarm.cli.machine_output import give
 from skyarm.compare.comparison import SUITE, Comparison, fly_comparison
 from skyarm.compare.comparison_tables import report, title_of
-from skyarm.compare.entrants import ENTRANTS, Entrant, entrant_name, own_entrant
+from skyarm.compare.entrants import ENTRANTS, Entrant, own_entrant
 from skyarm.compare.overwrites import replaced
 from skyarm.compare.own_scenario import fly_own, own_flights, own_report
 from skyarm.compare.suite import conditions
@@ -96,7 +96,7 @@ def _chosen(
         return dict(there)
     given = split_names(option, words, of=f" of {', '.join(there)}")
     require_different(given, option)
-    names = [entrant_name(name) for name in given]
+    names = list(given)
     added = {name: found for name in names if name not in there and (found := more(name)) is not None}
     for name in names:
         if name not in there and name not in added:

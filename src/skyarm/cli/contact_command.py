@@ -15,7 +15,7 @@ from skyarm.compare.contact_suite import CONTACT, QUICK, SAID, WORLDS, ContactSu
 from skyarm.compare.contact_tables import contact_report
 from skyarm.compare.contact_tasks import TASKS
 from skyarm.compare.overwrites import replaced_suite
-from skyarm.control.catalogue import choices, full_name, is_named, meant
+from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import shown
 
 
@@ -73,7 +73,7 @@ def _laws(words: str | None) -> tuple[str, ...]:
             raise ValueError(
                 f"--laws = {shown(name)}: {meant(name)}must be one of {', '.join(OWN)}, or {choices(name)}"
             )
-    return _once("--laws", (name if name in OWN else full_name(name) for name in names))
+    return _once("--laws", names)
 
 
 def _tasks(words: str | None) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from skyarm.compare.envelope_setting import PAPER
 from skyarm.compare.envelope_suite import ENVELOPE, LAWS, SAID, TUNED_LAWS, Envelope, fly_envelope, planned
 from skyarm.compare.envelope_tables import envelope_report
 from skyarm.compare.overwrites import replaced_suite
-from skyarm.control.catalogue import choices, full_name, is_named, meant, require_different
+from skyarm.control.catalogue import choices, is_named, meant, require_different
 from skyarm.files import shown
 
 
@@ -67,4 +67,4 @@ def _laws(words: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if not is_named(name):
             raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {choices(name)}")
-    return tuple(full_name(name) for name in names)
+    return tuple(names)

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from skyarm.cli.terminal_tables import add, table_of
-from skyarm.control.catalogue import LAWS, PRESETS, aliases, tuned_factors
+from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
 from skyarm.files import read_toml, write_atomically
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.sweep.study_file import LIBRARY as STUDIES
@@ -34,15 +34,11 @@ def contents() -> dict[str, Any]:
             {"name": name, "title": str(read_toml((STUDIES / f"{name}.toml").read_bytes()).get("title", ""))}
             for name in list_studies()
         ],
-        "presets": [
-            {"name": name, "title": each.title, "law": each.law, "aliases": aliases(name)}
-            for name, each in PRESETS.items()
-        ],
+        "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
         "laws": [
             {
                 "name": name,
                 "title": each.title,
-                "aliases": aliases(name),
                 "options": list(each.options()),
                 "tuned": name in tuned_factors(),
             }
@@ -66,8 +62,7 @@ def library(found: dict[str, Any]) -> RenderableType:
     ):
         table = table_of(*heads, left=2)
         for each in rows:
-            also = f" (also {', '.join(each['aliases'])})" if each.get("aliases") else ""
-            add(table, each["name"] + (" +" if each.get("tuned") else ""), each["title"] + also)
+            add(table, each["name"] + (" +" if each.get("tuned") else ""), each["title"])
         parts += [Text(""), table]
     return Group(*parts)
 

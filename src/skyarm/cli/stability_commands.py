@@ -18,9 +18,9 @@ from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar, waiting
 from skyarm.cli.shipped_names import require_not_another
 from skyarm.cli.terminal_tables import aligned
-from skyarm.control.catalogue import choices, full_name, is_named, meant
+from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
@@ -251,7 +251,7 @@ def basin(
         folder = require_writable(out)
         with waiting(f"{scenario.name}: {flights} flights", console):
             found = fly(scenario, flights, seed=seed, threads=threads, **limits)
-    flown = law_of_file_name(full_name(label)) if label and label != OWN else found.controller
+    flown = law_of_file_name(label) if label and label != OWN else found.controller
     # a map with the safety layer is another map
     if isinstance(scenario.controller.par, SafetyParameters) and not flown.startswith("guarded_"):
         flown = f"guarded_{flown}"

@@ -13,14 +13,14 @@ from skyarm.control.catalogue import (
     HUMMINGBIRD,
     LAWS,
     PRESETS,
-    full_name,
     make_controller,
     make_tuned,
     preset,
     suitable_options,
 )
 from skyarm.control.controller import Controller
-from skyarm.control.model import Model
+from skyarm.control.laws.ladder import LAG_INVERSION
+from skyarm.control.model import Model, Terms
 from skyarm.registry.plugins import law_of_file_name
 from skyarm.registry.registrations import SHIPPED, registrations
 
@@ -75,21 +75,25 @@ class Entrant:
 
 def _all() -> tuple[Entrant, ...]:
     """Everyone, in the order of the tables."""
-    steps = ("ct_coupled_thrust", "ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation")
-    published = (
-        *("bulut2019", "guo2023", "li2024"),
-        *("kim2013", "l1_adaptive", "l1_adaptive_lateral", "indi"),
-    )
+    published = ("bulut2019", "guo2023", "li2024", "kim2013", "l1_adaptive", "indi")
     own = "centroidal"
     gains: Mapping[str, Any] = {"perfect": {"preset": "stiff"}, "noisy": {"preset": "adaptive"}}
     return (
         Entrant(name="paper_pd", group="paper", law="paper_pd"),
         Entrant(name="paper_ct", group="paper", law="paper_ct"),
-        Entrant(name="ct_level_gravity", group="step", law="ct_level_gravity", options=PAPER_GAINS),
-        *(Entrant(name=name, group="step", law=name, options=PAPER_GAINS) for name in (*steps, "ct_lag_inversion")),
+        Entrant(
+            name="ct_level_gravity",
+            group="step",
+            law="hybrid_computed_torque",
+            options={**PAPER_GAINS, "terms": Terms(full_gravity=False)},
+        ),
+        *(
+            Entrant(name=f"ct_ladder {n}", group="step", law="ct_ladder", options={**PAPER_GAINS, "steps": n})
+            for n in range(1, LAG_INVERSION + 1)
+        ),
         Entrant(name="paper_pd (tuned)", group="published", law="decoupled_pd", tuned=True),
         Entrant(name="paper_ct (tuned)", group="published", law="hybrid_computed_torque", tuned=True),
-        Entrant(name="ct_lag_inversion (tuned)", group="published", law="ct_lag_inversion", tuned=True),
+        Entrant(name="ct_ladder (tuned)", group="published", law="ct_ladder", tuned=True),
         *(Entrant(name=name, group="published", law=name, tuned=True) for name in published),
         Entrant(name="learned_compensator", group="published", law="learned_compensator", tuned=True),
         Entrant(name="nmpc", group="published", law="nmpc"),
@@ -128,12 +132,6 @@ def _all() -> tuple[Entrant, ...]:
             **gains,
         ),
     )
-
-
-def entrant_name(name: str) -> str:
-    """The entrant's own name where it is given by an alias or an old name of its controller ("exact_ee (tuned)")."""
-    law, space, rest = name.partition(" ")
-    return f"{full_name(law)}{space}{rest}"
 
 
 def own_entrant(law: str) -> Entrant | None:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 
-from skyarm.actuation.lagged_torque import LaggedTorque
+from skyarm.actuation.drive import LaggedTorque
 from skyarm.compare import envelope_motions as motions
 from skyarm.compare.envelope_setting import Setting
 from skyarm.compare.suite import NOISE

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.files.old_names import old_attributes
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.leaves import is_record
@@ -68,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those inside layers, which stand in ``inner``, with the belief that they share."""
+    """Constants of a law; those inside layers, which stand in ``inner``, with the model that they share."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -113,23 +112,23 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 
 def presses(par: Any) -> bool:
-    """Whether a law, inside whatever layers, answers the contact that a reference asks for."""
+    """Whether a law, inside any layers, controls the contact that a reference requests."""
     return getattr(innermost(par), "interaction", None) is not None
 
 
 def senses_force(par: Any) -> bool:
-    """Whether a law, inside whatever layers, is to be told by a force sensor at the tip."""
+    """Whether a law, inside any layers, uses a force sensor at the tip."""
     own = innermost(par)
     return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
 
 
 def senses_torque(par: Any) -> bool:
-    """Whether the sensor is to tell a law the torque about the tip, too."""
+    """Whether the law also uses the sensor's torque about the tip."""
     return bool(getattr(getattr(innermost(par), "admittance", None), "senses_torque", False))
 
 
 def learns_load(par: Any) -> bool:
-    """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
+    """Whether a law, inside any layers, estimates the load that a reference announces."""
     return hasattr(getattr(innermost(par), "load", None), "limit")
 
 
@@ -145,6 +144,3 @@ def _applied(desired: Command, sent: Command) -> tuple[Any, ...]:
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
     joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))
     return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
-
-
-__getattr__ = old_attributes(__name__, {"informed": "with_applied_command", "all_obeyed": "all_applied"})

@@ -1,4 +1,4 @@
-"""What laws find out while they fly, for the log."""
+"""Online estimates of laws, for the log."""
 
 from __future__ import annotations
 

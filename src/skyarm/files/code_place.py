@@ -16,7 +16,7 @@ PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-pa
 LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "ray", "pyarrow", "typer", "click"])
 """Installed libraries: an error that they raise is told at the line that called them."""
 
-DEPTH = 4
+DEPTH = 8
 """How far functions within functions are followed."""
 
 

@@ -20,7 +20,7 @@ from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_world import carried_at, patch_about, touches_at
 from skyarm.film.read_log import continuous, end_of, read
 from skyarm.log.flight_log import Log
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.reference.phase_guard import Guard
+from skyarm.reference.task_records import Guard
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log

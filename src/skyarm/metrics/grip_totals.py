@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.metrics.metric import Metric
-from skyarm.reference.tip_push import out_of_axis
+from skyarm.reference.tip_motion import out_of_axis
 from skyarm.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
 
 if TYPE_CHECKING:

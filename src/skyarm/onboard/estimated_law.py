@@ -12,13 +12,13 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import checked_law
 from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.estimate.filter_memory import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
+from skyarm.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
 from skyarm.onboard.setpoint_units import drives_of
 from skyarm.records.leaves import leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar
-from skyarm.sensors.sensor_readings import (
+from skyarm.sensors.sensor_kinds import (
     EncoderReading,
     HeadingReading,
     ImuReading,

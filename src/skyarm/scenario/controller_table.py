@@ -25,16 +25,15 @@ from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
-    full_name,
     make_controller,
     make_named,
     make_tuned,
+    present_name,
     preset,
     suitable_options,
     tuned_factors,
 )
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.make import ABLATIONS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.files import Fields, all_wrong_words, did_you_mean, must_be_one_of, number, read_toml, shown, unreadable
@@ -85,7 +84,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     """The controller with the safety layer whose constants are these; as it is if they are a law's."""
     if isinstance(before, VectoredParameters):
         before = own_parameters(before)
-    from skyarm.control.safety.memory import SafetyParameters
+    from skyarm.control.safety.safety_layer import SafetyParameters
 
     if not isinstance(before, SafetyParameters):
         return made
@@ -167,8 +166,9 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     law, best = fields.take("law"), fields.flag("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
-        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm list')}{hint}")
-    law = full_name(law)
+        raise ValueError(
+            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm list')}{hint}"
+        )
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
@@ -189,7 +189,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     if option in RECORDS:
         return record_from(RECORDS[option], Fields(value, at))
     if option == "terms":
-        return _terms(law, value, at)
+        return _terms(value, at)
     default = inspect.signature(LAWS[law].function()).parameters.get(option)
     if default is None or not is_record(default.default):
         return value
@@ -199,12 +199,11 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     return dataclasses.replace(default.default, **numbers)
 
 
-def _terms(law: str, value: Any, at: str) -> Terms:
+def _terms(value: Any, at: str) -> Terms:
     """Terms without those of a list."""
-    allowed = ABLATIONS[law]
+    allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
-        there = f"a list of {', '.join(allowed)}" if allowed else f"left out, law {law!r} has nothing to leave out"
-        raise ValueError(f"{at} = {shown(value)}: must be {there}")
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
     return Terms(**dict.fromkeys(value, False))
 
 

@@ -2,7 +2,7 @@
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from what the law believes; the scenario
-keeps it as a curve of time (:class:`skyarm.reference.path_time.PathTime`), so that every engine flies the same numbers.
+keeps it as a curve of time (:mod:`skyarm.reference.governor.path_time`), so that every engine flies the same numbers.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
-from skyarm.reference.path_pause import PathPause
-from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.setting import Setting
+from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.governor.pause import PathPause
 from skyarm.reference.signals import Derivatives
+from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scalars import Scalar
 from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
@@ -207,8 +207,8 @@ class GovernorOptions:
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
         fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
-        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.path_pause`); infinite bounds
-            never pause.
+        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.governor.pause`); infinite
+            bounds never pause.
     """
 
     reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = 0.2

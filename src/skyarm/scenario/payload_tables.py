@@ -32,9 +32,8 @@ from skyarm.files import Fields, did_you_mean, shown
 from skyarm.files.fields import list_of_tables
 from skyarm.records.read_table import make_at
 from skyarm.reference import Trajectory
-from skyarm.reference.compose import Sum, Windowed
-from skyarm.reference.setting import TaskEvent
-from skyarm.reference.signals import Constant
+from skyarm.reference.signals import Constant, Sum, Windowed
+from skyarm.reference.task_records import TaskEvent
 from skyarm.scenario.scenario_record import Change
 
 OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}

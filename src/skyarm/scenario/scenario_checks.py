@@ -389,7 +389,7 @@ def _force_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tu
     """Name and frame of the first force-torque sensor on the tip's link."""
     if not sensors or not vehicle.end_effector:
         return None
-    from skyarm.sensors.force_sensors import ForceTorque
+    from skyarm.sensors.sensor_kinds import ForceTorque
 
     framed = ((name, vehicle.frame(s.frame or None)) for name, s in sensors if isinstance(s, ForceTorque))
     return next(((name, frame) for name, frame in framed if frame.link == vehicle.frame().link), None)
@@ -405,7 +405,7 @@ def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]],
     """Phases wait for what a sensor of the vehicle reads."""
     if not trajectory.guards:
         return
-    from skyarm.sensors.force_sensors import TactileSwitch
+    from skyarm.sensors.sensor_kinds import TactileSwitch
 
     switches = [name for name, sensor in sensors if isinstance(sensor, TactileSwitch)]
     for guard in trajectory.guards:

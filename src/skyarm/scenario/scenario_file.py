@@ -61,7 +61,7 @@ from skyarm.files.kinds_of_files import names_in, read_named
 from skyarm.metrics.windows import windows_from
 from skyarm.plant.interface import Truth
 from skyarm.records.read_table import record_from
-from skyarm.reference.setting import Setting
+from skyarm.reference.task_records import Setting
 from skyarm.registry import names
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import loop_facts

@@ -11,7 +11,7 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.model import Model
-from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log

@@ -27,11 +27,11 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Trajectory
-from skyarm.reference.path_pause import PathPause
-from skyarm.reference.path_time import PathTime
+from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.governor.pause import PathPause
 from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.endings import Ending
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 
 if TYPE_CHECKING:

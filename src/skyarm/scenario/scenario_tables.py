@@ -25,15 +25,16 @@ from skyarm.plant.interface import Truth
 from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.reference.feasibility import Feasibility, feasibility
-from skyarm.reference.setting import Setting
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 from skyarm.registry.plugins import known_names
 from skyarm.registry.registrations import LOADED_BY
 from skyarm.scenario.controller_table import by_words, controller_of_file, make_named_or_tuned, on_actuators
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.sensors.noise import SensorNoise
+from skyarm.scenario.standing_start import standing
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.mounted_drives import mounted_drives
@@ -335,7 +336,6 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     fields.done()
     if not stands:
         return state
-    from skyarm.scenario.standing_start import standing
 
     return standing(scenario.world, scenario.contacts[0], state)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import PRESETS, TUNED, full_name
+from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.files import Fields, number, read_toml, shown
 from skyarm.files.write_toml import toml_text, toml_value
 from skyarm.registry.plugins import is_law_of_file
@@ -123,12 +123,11 @@ def _ends(window: Any) -> float:
 def _controller(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
     """The table of a controller by one name, under the layers of the file's."""
     layers = {word: before[word] for word in LAYERS if word in before}
-    full = full_name(name)
-    if full in PRESETS:
-        return {"preset": full, **layers}
-    if full.endswith(TUNED):
-        return {"law": full.removesuffix(TUNED), "tuned": True, **layers}
-    return {"law": full, **layers}
+    if name in PRESETS:
+        return {"preset": name, **layers}
+    if name.endswith(TUNED):
+        return {"law": name.removesuffix(TUNED), "tuned": True, **layers}
+    return {"law": name, **layers}
 
 
 def _table_of(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -14,10 +14,11 @@ from typing import Any
 from skyarm.actuation import AllocationError, make_mixer
 from skyarm.actuation.hover import highest_thrust
 from skyarm.actuation.servo import Servo
-from skyarm.control.catalogue.law_entries import BEARS_UNDRIVEN, SHIPPED_LAWS
+from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.control.vectored_layer import pairs_model, turns_rotors
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
+from skyarm.registry.shipped import SHIPPED
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.scenario_tables import feasibility_of
 from skyarm.vehicle.battery import Battery
@@ -429,7 +430,7 @@ def law_of_undriven(scenario: Scenario) -> Iterator[str]:
     free = undriven_joints(scenario.world.vehicle, [each.joint for each in scenario.joint_drives])
     name = scenario.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
-    if free and law in SHIPPED_LAWS and law not in BEARS_UNDRIVEN:
+    if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:
         joints = f"joint{'s' if len(free) > 1 else ''} {', '.join(free)}"
         others = f"{', '.join(BEARS_UNDRIVEN[:-1])} or {BEARS_UNDRIVEN[-1]}"
         yield (

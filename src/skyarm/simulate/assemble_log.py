@@ -20,7 +20,7 @@ from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
 from skyarm.reference import Reference
-from skyarm.reference.phase_words import phase_numbers
+from skyarm.reference.trajectory import phase_numbers
 from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement

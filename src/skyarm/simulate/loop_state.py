@@ -63,7 +63,7 @@ class Row:
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
     ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
-    (:mod:`skyarm.reference.path_time`); without a governor both are empty: structure.
+    (:mod:`skyarm.reference.governor.path_time`); without a governor both are empty: structure.
     """
 
     time: Scalar

@@ -1,6 +1,6 @@
 """The clock of a governor that pauses: the law is led along the reference more slowly while it cannot follow.
 
-The rate r of the reference's time is to be r* (:class:`skyarm.reference.path_pause.PathPause`), and follows it with a
+The rate r of the reference's time is to be r* (:mod:`skyarm.reference.governor.pause`), and follows it with a
 bounded acceleration a: a' = 4 k (clip(k (r* - r), -A, A) - a), a critically damped pair that overshoots nothing: time
 never runs backwards. What the law is told are the reference's derivatives by the flight's time. The reference
 itself, and errors, go on with the flight's time.
@@ -14,9 +14,9 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.records.leaves import blend
-from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.polynomials import uniform_curve
-from skyarm.reference.tip_push import counted_error
+from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.splines import uniform_curve
+from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import Reference
 from skyarm.scalars import Scalar, clip, divide, maximum, sqrt
 from skyarm.scenario.scenario_record import Scenario

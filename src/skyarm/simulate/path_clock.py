@@ -16,11 +16,10 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import leaves
-from skyarm.reference.path_offset import offset_reference
-from skyarm.reference.phase_guard import Guard
-from skyarm.reference.phase_words import PASSED
-from skyarm.reference.tip_push import counted_error
-from skyarm.reference.trajectory import Reference
+from skyarm.reference.governor.path_time import offset_reference
+from skyarm.reference.task_records import Guard
+from skyarm.reference.tip_motion import counted_error
+from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scalars import logical_and, logical_not, logical_or, minimum, sqrt, where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.clock_records import PathClock, Seen

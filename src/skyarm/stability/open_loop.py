@@ -33,7 +33,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scalars import data
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.noise import measure, noise_count
+from skyarm.sensors.measurement import measure, noise_count
 from skyarm.simulate.command_line import mean_efforts, switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs

@@ -10,7 +10,7 @@ from typing import Any
 from skyarm.records.leaves import Place, is_record, part, parts
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.reference import Trajectory
-from skyarm.reference.polynomials import Polynomials
+from skyarm.reference.splines import Polynomials
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.paths import names, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError

@@ -19,7 +19,7 @@ from skyarm.environment import TimedPayload
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.tip_motion import TipPush
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -33,7 +33,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import full_name, require_different
+from skyarm.control.catalogue import require_different
 from skyarm.files import (
     Fields,
     all_wrong_words,
@@ -261,7 +261,7 @@ def _controllers(top: Fields) -> list[str] | None:
     if wrong:
         raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")
     require_different(given, "controllers")
-    return [full_name(each) for each in given]
+    return list(given)
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.control.catalogue import PRESETS, TUNED, full_name
+from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.files.write_toml import toml_key, toml_value
 from skyarm.records.identity import identity
 from skyarm.records.leaves import part, walk
@@ -26,10 +26,9 @@ def front_name(number: int) -> str:
 
 def words_of(name: str) -> dict[str, Any]:
     """What a [law] table says of a controller by its name in the catalogue."""
-    own = full_name(name)
-    if own in PRESETS:
-        return {"preset": own}
-    return {"law": own.removesuffix(TUNED), "tuned": True} if own.endswith(TUNED) else {"law": own}
+    if name in PRESETS:
+        return {"preset": name}
+    return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:

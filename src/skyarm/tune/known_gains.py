@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import plain_model
-from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name, make_named, tuned_factors
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.gain_presets import without_preset
 from skyarm.records.leaves import Place, replaced
@@ -61,7 +61,7 @@ def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
         label: of the law, as it was asked for.
     """
     known = _known(flight, knobs)
-    names = [name for name in (full_name(label), *known) if name in known]
+    names = [name for name in (label, *known) if name in known]
     if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
         middle = [values(knob) for knob in knobs]
         numbers: dict[Place, float] = {}

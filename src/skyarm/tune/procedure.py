@@ -1,6 +1,6 @@
 """Tuning of the laws' gains: one procedure, and one budget for every traceable law.
 
-    python -m skyarm.tune.procedure [LAW ...]    writes control/catalogue/tuned.toml; laws that are not named stay
+    python -m skyarm.tune.procedure [LAW ...]    writes control/tuned.toml; laws that are not named stay
 
 Candidates are factors on the gains a law's maker takes by itself, one per path of
 :data:`skyarm.control.catalogue.KNOBS`: 256 points of a Sobol sequence, log-uniform in [1/12, 12]; then eight rounds
@@ -36,7 +36,8 @@ from statistics import NormalDist
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.control.catalogue import KNOBS, tuned_gains
+from skyarm.control import catalogue
+from skyarm.control.catalogue import KNOBS
 from skyarm.files import write_atomically
 from skyarm.sweep.sobol import BITS, sobol
 from skyarm.tune.candidate_costs import FULL, SHORT, Judge, untuned
@@ -165,7 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Tune the gains of laws.")
     parser.add_argument("laws", nargs="*", metavar="LAW", help=f"all if none is named; of {', '.join(KNOBS)}")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads or processes")
-    parser.add_argument("--file", type=Path, default=Path(tuned_gains.__file__).with_name("tuned.toml"))
+    parser.add_argument("--file", type=Path, default=Path(catalogue.__file__).with_name("tuned.toml"))
     given = parser.parse_args()
     unknown = [law for law in given.laws if law not in KNOBS]
     if unknown:

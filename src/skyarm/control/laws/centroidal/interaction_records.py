@@ -13,7 +13,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import ForceErrors
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.reference.tip_push import STRONGEST, out_of_axis
+from skyarm.reference.tip_motion import STRONGEST, out_of_axis
 from skyarm.scalars import Scalar, logical_and, logical_or, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
