@@ -1,6 +1,6 @@
 """Tuned gains of the laws, as factors on the gains a law's maker takes by itself, so that they fit any vehicle.
 
-The file beside this one is written by :mod:`skyarm.tune.procedure`, whose docstring says how and at what cost.
+How the factors in the file next to this one were found is described in docs/control_laws.md, Tuned gains.
 """
 
 from __future__ import annotations
