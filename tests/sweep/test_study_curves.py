@@ -13,9 +13,9 @@ from skyarm.figures.robustness import robustness_figure
 from skyarm.figures.study_curves import curves_figure
 from skyarm.sweep import run_sweep
 from skyarm.sweep.curves import MOST, drawn_metrics, metric_curves, varying
-from skyarm.sweep.manifest import read_manifest
 from skyarm.sweep.maps import robustness_maps
 from skyarm.sweep.stats import Rows, statistics
+from skyarm.sweep.study_folder import read_manifest
 from sweeps import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")

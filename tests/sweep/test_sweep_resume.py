@@ -15,7 +15,7 @@ import pytest
 
 from skyarm.files.one_writer import LOCK, TakenError
 from skyarm.sweep import StudyError, run_sweep
-from skyarm.sweep.manifest import MANIFEST
+from skyarm.sweep.study_folder import MANIFEST
 from sweeps import MASS, document, files_of, read, small_study
 from thorough import sampled
 
@@ -254,9 +254,10 @@ def test_rows_that_do_not_say_whose_they_are_are_not_overwritten(done: Path) -> 
 
 
 WRONG = [
-    ("[]", "must be a table"),
-    ('{"schema": 3}', "schema = 3: must be a manifest of schema 1 or 2"),
-    ("NaN", "NaN"),
+    ("[]", "must be as 'skyarm sweep' wrote it"),
+    ('{"schema": 3}', "schema = 3: must be 2"),
+    ("NaN", "delete it, and it is made anew"),
+    ("[" * 100_000, "must be as 'skyarm sweep' wrote it"),
 ]
 
 

@@ -88,7 +88,7 @@ def _written(target: Path, images: dict[str, bytes], before: str) -> list[str]:
 
 
 def _lines(found: dict[str, Any]) -> str:
-    from skyarm.sweep.rows_there import not_counted
+    from skyarm.sweep.study_folder import not_counted
 
     lines = []
     for name, each in found["controllers"].items():
@@ -104,7 +104,7 @@ def _lines(found: dict[str, Any]) -> str:
         lines.append(
             f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
         )
-    lines += not_counted(found["files_not_counted"], found["files_beyond_the_last"])
+    lines += not_counted(found["files_not_counted"])
     if found["manifest_rebuilt"]:
         lines.append("no manifest, so the study's limits of success are not known: --success gives them")
     return "\n".join(lines)

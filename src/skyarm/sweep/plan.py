@@ -23,9 +23,9 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.units_of_numbers import unit_at
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.draws import draws_needed
+from skyarm.sweep.chunk_file import Origin
 from skyarm.sweep.design import derived_extremes, extremes, values
 from skyarm.sweep.expressions import ExpressionError
-from skyarm.sweep.origin import Origin
 from skyarm.sweep.study import Study, StudyError
 
 PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
