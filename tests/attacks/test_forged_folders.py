@@ -42,7 +42,7 @@ steady = [0.2, 0.5]
 @pytest.fixture(autouse=True)
 def _one_metric_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """In place of six, which would take most of the time."""
-    monkeypatch.setattr("skyarm.sweep.curves.MOST", 1)
+    monkeypatch.setattr("skyarm.sweep.banded_curves.MOST", 1)
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     from skyarm.figures.study_curves import curves_figure
     from skyarm.metrics.words_of_metrics import metric_words
     from skyarm.scenario.units_of_numbers import labelled
-    from skyarm.sweep.curves import drawn_metrics, metric_curves, varying
+    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
 
     found: dict[str, bytes] = {}
     for metric in drawn_metrics(rows) if varying(rows) else ():
