@@ -18,8 +18,8 @@ from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.control.laws.ladder.law import _force_series, _turn
 from skyarm.control.laws.ladder.make import LADDER
 from skyarm.control.model import Model, Terms
-from skyarm.reference import Reference
 from skyarm.metrics.windows import Window, Windows
+from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 from vehicles_random import PinocchioTwin
@@ -164,7 +164,8 @@ def mean_errors(case, controller):
     """Mean errors of base and joints against the continuous reference, from 10 s to 20 s."""
     scenario = dataclasses.replace(load_scenario(case, duration=20.0), controller=controller)
     names = ("position_error_mean_continuous", "joint_error_mean_continuous")
-    found = Batch(scenario, (), metrics=names, windows=Windows(steady=Window(10.0, 20.0))).fly({}, episodes=np.zeros(1, dtype=int))
+    batch = Batch(scenario, (), metrics=names, windows=Windows(steady=Window(10.0, 20.0)))
+    found = batch.fly({}, episodes=np.zeros(1, dtype=int))
     return [float(found.metrics[name][0]) for name in names]
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.identify.cell_loss import losses
-from skyarm.identify.records import Cell, IdentificationStudy, Settings
+from skyarm.identify.study import Cell, Constant, IdentificationStudy, Settings, Target
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
@@ -162,14 +161,13 @@ class Candidates:
 
     def _restructured(self, fixed: Settings) -> bool:
         """Whether an option lays tables over the scenarios."""
-        options = (self.study.choice(name).option(value) for name, value in fixed.items() if isinstance(value, str))
-        return any(option.tables for option in options)
+        return any(option.tables for option in self.study.taken(fixed))
 
     def _paths(self, flight: str, names: Sequence[str]) -> set[str]:
         """Paths of a flight that some parameters, and every choice, set."""
-        targets = [target for name in names for target in self.study.parameter(name).targets]
+        targets: list[Target | Constant] = [t for name in names for t in self.study.parameter(name).targets]
         targets += [target for choice in self.study.choices for option in choice.options for target in option.sets]
-        return {target.path for target in targets if any(fnmatchcase(flight, each) for each in target.flights)}
+        return {str(target.path) for target in targets if target.flights.fit(flight)}
 
     def _ends(self, flight: str, fixed: Settings, names: Sequence[str]) -> list[dict[str, Any]]:
         """Numbers of a flight with each varied parameter at its ends, and all of them at the upper one."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.records import Cell
+from skyarm.identify.study import Cell
 
 Array = npt.NDArray[np.float64]
 

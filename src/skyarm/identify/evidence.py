@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from skyarm.identify.candidates import Candidates
 from skyarm.identify.cell_loss import tally
-from skyarm.identify.records import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
 from skyarm.identify.search import compass, decoded, differential_evolution, encoded
+from skyarm.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
 
 Array = npt.NDArray[np.float64]
 

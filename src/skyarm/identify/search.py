@@ -11,7 +11,7 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.records import Parameter
+from skyarm.identify.study import Parameter
 from skyarm.sweep.sobol import BITS, sobol
 
 Array = npt.NDArray[np.float64]

@@ -17,9 +17,8 @@ from skyarm.control.controller import Controller
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.stability.along import Instant
-from skyarm.stability.closed_loop import radius
+from skyarm.stability.closed_loop import OpenLoop, radius
 from skyarm.stability.frozen_scenario import LAGS
-from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.settled_hover import SettledHover
 from skyarm.tune.front import LoopMargins, Required
 from skyarm.tune.law_knobs import Knob
