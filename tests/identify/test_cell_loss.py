@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.identify.cell_loss import losses, slack_distance, tally, within
+from skyarm.identify.candidates import losses, slack_distance, tally, within
 from skyarm.identify.study import Cell
 
 

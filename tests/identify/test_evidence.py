@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_identification import METRICS, STUDY, THICK
 
-from skyarm.identify.cell_loss import losses
+from skyarm.identify.candidates import losses
 from skyarm.identify.evidence import Evidence, _range
 from skyarm.identify.study import read_identification
 

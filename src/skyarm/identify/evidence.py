@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.candidates import Candidates
-from skyarm.identify.cell_loss import tally
+from skyarm.identify.candidates import Candidates, tally
 from skyarm.identify.search import compass, decoded, differential_evolution, encoded
 from skyarm.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
 

@@ -13,7 +13,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -123,36 +123,34 @@ WORTH = 1.1
 THRUST = 1.5
 """Largest thrust over that of a hover: below, wind and turns leave too little for torques."""
 
+SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
+"""Of a group's bandwidth that are tried."""
+
+SETTLING = (1.0, 0.6, 0.35)
+"""Shares of all bandwidths with which a hover is flown to linearise there; the first that settles."""
+
+ALL = "all gains"
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Cause:
-    """A cause of a lack of margin: the part, a description, the loop without it, and the factor on the margins then.
+class Change:
+    """A change of a loop: a cause of a lack of margin taken away, or gains of one group that are a remedy.
 
     A mismatch of plant and model is a cause whatever it costs: not all of it shows in a hover.
-    """
-
-    part: str
-    words: str
-    without: Edges | None
-    relief: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Remedy:
-    """A change of one group of gains.
 
     Attributes:
-        part: the group. share: of its bandwidth. after: the loop then. meets: whether that is enough.
-        relief: factor by which the margins grow.
-        gains: path of the controller -> number.
+        part: that is changed. words: of a cause. after: the loop then; None where no hover settles, or statics decide.
+        relief: factor by which the margins grow. meets: whether that is enough.
+        share: of the group's bandwidth. gains: path of the controller -> number.
     """
 
     part: str
-    share: float
-    after: Edges
-    meets: bool
+    words: str = ""
+    after: Edges | None
     relief: float
-    gains: Mapping[str, float]
+    meets: bool = False
+    share: float = 1.0
+    gains: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -165,8 +163,8 @@ class Explanation:
     now: Edges | None
     required: Required
     thrust_margin: float
-    causes: tuple[Cause, ...]
-    remedies: tuple[Remedy, ...]
+    causes: tuple[Change, ...]
+    remedies: tuple[Change, ...]
 
     @property
     def short(self) -> bool:
@@ -189,31 +187,26 @@ def words(found: Explanation) -> list[str]:
     else:
         stable = found.now.growth <= 0.0
         state = "stable" if stable else f"UNSTABLE, grows {found.now.growth:.3g} 1/s"
-        lines = [f"hover: {state}; {margins_in_words(found.now.margins)}; wanted: {wanted}"]
-        where = "swings" if not stable else "nearest to swinging"
+        lines = [f"hover: {state}; {_in_words(found.now.margins)}; wanted: {wanted}"]
         if found.now.frequency > 0.0:
-            lines.append(f"{where} at {found.now.frequency:.2g} Hz")
+            lines.append(f"{'nearest to swinging' if stable else 'swings'} at {found.now.frequency:.2g} Hz")
     for cause in found.causes:
-        lines.append(f"{cause.part}: {cause.words}{_without(cause)}")
+        without = "; in a hover that costs no margin" if cause.relief < WORTH else ""
+        if cause.after is not None and not without:
+            without = f"; without: {_in_words(cause.after.margins)}"
+        lines.append(f"{cause.part}: {cause.words}{without if cause.after is not None else ''}")
     if not found.short:
         lines.append("nothing is short of margin")
     for remedy in found.remedies:
+        assert remedy.after is not None
         enough = "enough" if remedy.meets else "helps, not enough"
         lines.append(
-            f"{remedy.part} at {remedy.share:g} of its bandwidth: {margins_in_words(remedy.after.margins)} ({enough})"
+            f"{remedy.part} at {remedy.share:g} of its bandwidth: {_in_words(remedy.after.margins)} ({enough})"
         )
     return lines
 
 
-def _without(cause: Cause) -> str:
-    if cause.without is None:
-        return ""
-    if cause.relief < WORTH:
-        return "; in a hover that costs no margin"
-    return f"; without: {margins_in_words(cause.without.margins)}"
-
-
-def margins_in_words(margins: LoopMargins) -> str:
+def _in_words(margins: LoopMargins) -> str:
     """Margins on one line."""
     delay = f"{1e3 * margins.delay:.3g} ms" if math.isfinite(margins.delay) else "over 100 ms"
     rotors, joints = (
@@ -230,55 +223,42 @@ def plain(found: Explanation) -> dict[str, Any]:
         "parts": list(found.parts),
         "thrust_margin": found.thrust_margin,
         "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-        "now": None if found.now is None else _plain_edges(found.now),
+        "now": _plain_edges(found.now),
         "causes": [
-            {
-                "part": cause.part,
-                "words": cause.words,
-                "relief": cause.relief,
-                "without": None if cause.without is None else _plain_edges(cause.without),
-            }
-            for cause in found.causes
+            {"part": each.part, "words": each.words, "relief": each.relief, "without": _plain_edges(each.after)}
+            for each in found.causes
         ],
         "remedies": [
             {
-                "part": remedy.part,
-                "bandwidth": remedy.share,
-                "enough": remedy.meets,
-                "relief": remedy.relief,
-                "after": _plain_edges(remedy.after),
-                "gains": dict(remedy.gains),
+                "part": each.part,
+                "bandwidth": each.share,
+                "enough": each.meets,
+                "relief": each.relief,
+                "after": _plain_edges(each.after),
+                "gains": dict(each.gains),
             }
-            for remedy in found.remedies
+            for each in found.remedies
         ],
     }
 
 
-def _plain_edges(found: Edges) -> dict[str, Any]:
-    margins = found.margins
+def _plain_edges(found: Edges | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
     return {
         "growth_1_s": found.growth,
         "frequency_hz": found.frequency,
-        "delay_margin_s": margins.delay,
-        "rotor_gain": margins.rotors,
-        "joint_gain": margins.joints,
+        "delay_margin_s": found.margins.delay,
+        "rotor_gain": found.margins.rotors,
+        "joint_gain": found.margins.joints,
     }
-
-
-SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
-"""Of a group's bandwidth that are tried."""
-
-SETTLING = (1.0, 0.6, 0.35)
-"""Shares of all bandwidths with which a hover is flown to linearise there; the first that settles."""
-
-ALL = "all gains"
 
 
 def explain(scenario: Scenario, knobs: Sequence[Knob]) -> Explanation:
     """Look at a scenario's loop in hover.
 
     Args:
-        scenario: plant, belief, law and delays.
+        scenario: plant, model, law and delays.
         knobs: of its law.
 
     Raises:
@@ -298,9 +278,8 @@ class _Probe:
     def __init__(self, scenario: Scenario, knobs: Sequence[Knob]) -> None:
         self._scenario, self._knobs = scenario, tuple(knobs)
         self._differences = differences(scenario)
-        own = slowed(knobs, 1.0)
         plant = {path for each in self._differences for path in each.believed}
-        self._base = own | {path: number_at(scenario, path) for path in sorted(plant)}
+        self._base = slowed(knobs, 1.0) | {path: number_at(scenario, path) for path in sorted(plant)}
         # the code has no delays: they are put into the linearised loop
         prompt = dataclasses.replace(scenario, delays=Delays(), payloads=())
         self._loops = SettledHover(prompt, tuple(self._base))
@@ -315,13 +294,12 @@ class _Probe:
 
     def explanation(self) -> Explanation:
         """Margins now, causes, remedies."""
-        vehicle, gravity = self._scenario.world.vehicle, float(self._scenario.world.gravity)
-        spare = thrust_margin(vehicle, gravity)
+        spare = thrust_margin(self._scenario.world.vehicle, float(self._scenario.world.gravity))
         now = self._edges({})
         causes = [] if now is None else self._causes(now)
         if spare < THRUST:
             words = f"a hover takes {1.0 / spare:.0%} of the thrust; at most {1.0 / THRUST:.0%} are wanted"
-            causes.insert(0, Cause(part="thrust margin", words=words, without=None, relief=math.inf))
+            causes.insert(0, Change(part="thrust margin", words=words, after=None, relief=math.inf))
         remedies = [] if now is None or now.shortness(self._required) <= 1.0 else self._remedies(now)
         return Explanation(
             now=now,
@@ -331,76 +309,74 @@ class _Probe:
             remedies=tuple(remedies),
         )
 
-    def _causes(self, now: Edges) -> list[Cause]:
-        def cause(part: str, words: str, without: Edges | None) -> Cause:
-            return Cause(part=part, words=words, without=without, relief=self._relief(now, without))
-
-        found = [cause(each.name, each.words, self._edges(each.believed)) for each in self._differences]
+    def _causes(self, now: Edges) -> list[Change]:
+        found = [self._changed(now, each.name, each.believed, words=each.words) for each in self._differences]
         measured, command = self._delays["measurement_delay"], self._delays["command_delay"]
         late = command + max(self._delays["rotors_delay"], self._delays["joints_delay"])
         delays = []
         if late > 0.0:
             prompt = {"command_delay": 0.0, "rotors_delay": 0.0, "joints_delay": 0.0}
-            delays.append(cause("delay", f"commands take {1e3 * late:.3g} ms", self._edges({}, **prompt)))
+            delays.append(self._changed(now, "delay", {}, prompt, words=f"commands take {1e3 * late:.3g} ms"))
         if measured:
             age = 1e3 * measured / self._scenario.rates.control
             words = f"measurements are {age:.3g} ms old"
-            delays.append(cause("delay", words, self._edges({}, measurement_delay=0)))
+            delays.append(self._changed(now, "delay", {}, {"measurement_delay": 0}, words=words))
         found += [each for each in delays if each.relief >= WORTH]
         return sorted(found, key=lambda cause: -cause.relief)
 
-    def _remedies(self, now: Edges) -> list[Remedy]:
+    def _remedies(self, now: Edges) -> list[Change]:
         found = []
         for name, members in {**groups(self._knobs), ALL: list(self._knobs)}.items():
-            tried = []
-            for share in SHARES:
-                gains = slowed(members, share)
-                after = self._edges(gains)
-                if after is not None:
-                    tried.append((share, gains, after))
-            if not tried:
-                continue
-            meeting = [each for each in tried if each[2].shortness(self._required) <= 1.0]
-            near = min(meeting, key=lambda each: abs(math.log(each[0])), default=None)
-            share, gains, after = near or min(tried, key=lambda each: each[2].shortness(self._required))
-            relief = self._relief(now, after)
-            if relief >= WORTH:
-                found.append(
-                    Remedy(part=name, share=share, after=after, meets=bool(meeting), relief=relief, gains=gains)
-                )
-        # least change that is enough first, then what helps most; all gains at once come last among equals
-        return sorted(
-            found,
-            key=lambda r: (not r.meets, abs(math.log(r.share)) if r.meets else -r.relief, r.part == ALL, -r.relief),
+            tried = [self._changed(now, name, slowed(members, share), share=share) for share in SHARES]
+            settled = [each for each in tried if each.after is not None]
+            best = min(settled, key=_order, default=None)
+            if best is not None and best.relief >= WORTH:
+                found.append(best)
+        # all gains at once come last among equals
+        return sorted(found, key=lambda each: (*_order(each), each.part == ALL, -each.relief))
+
+    def _changed(
+        self,
+        now: Edges,
+        part: str,
+        numbers: Mapping[str, float],
+        delays: Mapping[str, float] | None = None,
+        *,
+        words: str = "",
+        share: float = 1.0,
+    ) -> Change:
+        after = self._edges(numbers, delays) if delays else self._edges(numbers)
+        short = math.inf if after is None else after.shortness(self._required)
+        relief = now.shortness(self._required) / max(short, 1e-9)
+        return Change(
+            part=part, words=words, after=after, relief=relief, meets=short <= 1.0, share=share, gains=numbers
         )
 
-    def _relief(self, now: Edges, after: Edges | None) -> float:
-        if after is None:
-            return 0.0
-        return now.shortness(self._required) / max(after.shortness(self._required), 1e-9)
-
-    def _edges(self, changes: Mapping[str, float], **delays: float) -> Edges | None:
+    def _edges(self, changes: Mapping[str, float], delays: Mapping[str, float] | None = None) -> Edges | None:
         """Of the loop with some numbers and delays changed; None where no hover settles."""
         numbers = {path: changes.get(path, value) for path, value in self._base.items()}
         settled = self._settled(numbers)
         if settled is None:
             return None
         values = [numbers[path] for path in self._loops.paths]
-        late: Any = self._delays | delays
+        late: Any = self._delays | dict(delays or {})
         loops = {lag: dataclasses.replace(self._loops.opened(settled, values, lag), **late) for lag in LAGS}
         by_lag = {lag: margins(loop, measured=False) for lag, loop in loops.items()}
         return Edges.of(Instant(hover=True, time=0.0, by_lag=by_lag, swings=math.nan))
 
     def _settled(self, numbers: Mapping[str, float]) -> Any:
         """A settled hover with these numbers, or with all gains slower: where the loop would rest if it were stable."""
-        lanes = [dict(numbers) | self._slower(numbers, share) for share in SETTLING]
+        usual = slowed(self._knobs, 1.0)
+        slower = [slowed(self._knobs, share) for share in SETTLING]
+        lanes = [numbers | {path: numbers[path] * slow[path] / usual[path] for path in usual} for slow in slower]
         values = {path: np.array([lane[path] for lane in lanes]) for path in self._loops.paths}
         return next((each for each in self._loops.settle(values) if each is not None), None)
-
-    def _slower(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
-        usual, slow = slowed(self._knobs, 1.0), slowed(self._knobs, share)
-        return {path: numbers[path] * slow[path] / usual[path] for path in usual}
 
     def close(self) -> None:
         """End the threads."""
         self._loops.close()
+
+
+def _order(change: Change) -> tuple[bool, float]:
+    """Least change that is enough first, then the one that helps most."""
+    return not change.meets, abs(math.log(change.share)) if change.meets else -change.relief
