@@ -287,6 +287,7 @@ def test_tables_laid_over_others() -> None:
     assert below == {"a": {"b": 1, "c": [1, 2]}, "d": 4}
 
 
+@pytest.mark.thorough
 def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """A study that goes on after a stop asks in another order, and must find the same bits.
 

@@ -88,6 +88,7 @@ def test_the_gains_fly(tuned):
     assert found.name == "decoupled_pd"
 
 
+@pytest.mark.thorough
 def test_a_killed_search_goes_on_to_the_same_bytes_on_other_threads(tuned, tmp_path):
     folder, _ = tuned
     shutil.copytree(folder, tmp_path / "cut")
