@@ -368,7 +368,7 @@ class _Probe:
         """A settled hover with these numbers, or with all gains slower: where the loop would rest if it were stable."""
         usual = slowed(self._knobs, 1.0)
         slower = [slowed(self._knobs, share) for share in SETTLING]
-        lanes = [numbers | {path: numbers[path] * slow[path] / usual[path] for path in usual} for slow in slower]
+        lanes = [dict(numbers) | {path: numbers[path] * slow[path] / usual[path] for path in usual} for slow in slower]
         values = {path: np.array([lane[path] for lane in lanes]) for path in self._loops.paths}
         return next((each for each in self._loops.settle(values) if each is not None), None)
 
