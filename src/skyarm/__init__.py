@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.session import Session
     from skyarm.stability.along import margins
     from skyarm.stability.hover_delay import hover_delay
-    from skyarm.sweep.fly_sweep import fly_sweep
+    from skyarm.sweep.runner import fly_sweep
     from skyarm.sweep.study import StudyError
     from skyarm.sweep.study_file import list_studies, load_study
     from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
@@ -145,7 +145,7 @@ _ROOMS = {
     "skyarm.simulate.session": ("Session",),
     "skyarm.stability.along": ("margins",),
     "skyarm.stability.hover_delay": ("hover_delay",),
-    "skyarm.sweep.fly_sweep": ("fly_sweep",),
+    "skyarm.sweep.runner": ("fly_sweep",),
     "skyarm.sweep.study": ("StudyError",),
     "skyarm.sweep.study_file": ("list_studies", "load_study"),
     "skyarm.vehicle": ("Body", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"),

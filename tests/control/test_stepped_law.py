@@ -16,9 +16,10 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
 from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.control.model import Model
+from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.tune.trials import Together, Trial
+from skyarm.simulate.batch import Batch
 from vehicles_random import PinocchioTwin
 
 NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
@@ -143,18 +144,26 @@ def test_a_wanted_force_near_nothing_does_not_ask_for_endless_turning(force):
     assert np.abs(found).max() < 1e3
 
 
+def mean_errors(case, controller):
+    """Mean errors of base and joints against the continuous reference, from 10 s to 20 s."""
+    scenario = dataclasses.replace(load_scenario(case, duration=20.0), controller=controller)
+    names = ("position_error_mean_continuous", "joint_error_mean_continuous")
+    batch = Batch(scenario, (), metrics=names, windows=Windows(steady=Window(10.0, 20.0)))
+    found = batch.fly({}, episodes=np.zeros(1, dtype=int))
+    return [float(found.metrics[name][0]) for name in names]
+
+
 @pytest.mark.thorough
 def test_each_step_buys_something_with_the_papers_gains():
     """Case 3 in wind for the observer, without for the rest: every rung against the one below, perfect sensors."""
     model = load_scenario("case3").controller.par.model
     flown = {}
-    for law in ("ct_ladder 2", "ct_ladder 3", "ct_ladder 4", "ct_ladder 5", "ct_ladder 6"):
-        course = Together(make_law(law, model, gains=HUMMINGBIRD, joint_gains=ACCELERATION))
-        flown[law] = [course.fly(Trial(case=name), {}) for name in ("case3", "case3_wind")]
-    base = {law: float(scores[0].base[0]) for law, scores in flown.items()}
-    joint = {law: float(scores[0].joint[0]) for law, scores in flown.items()}
-    assert flown["ct_ladder 2"][1].base[0] > 0.5
-    assert flown["ct_ladder 3"][1].base[0] < 0.02
-    assert base["ct_ladder 4"] < 0.85 * base["ct_ladder 3"]
-    assert joint["ct_ladder 5"] < 0.8 * joint["ct_ladder 4"]
-    assert base["ct_ladder 6"] < 0.85 * base["ct_ladder 5"]
+    for steps in (2, 3, 4, 5, 6):
+        controller = make_law(f"ct_ladder {steps}", model, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
+        flown[steps] = [mean_errors(name, controller) for name in ("case3", "case3_wind")]
+    base, joint = ({steps: found[0][k] for steps, found in flown.items()} for k in (0, 1))
+    assert flown[2][1][0] > 0.5
+    assert flown[3][1][0] < 0.02
+    assert base[4] < 0.85 * base[3]
+    assert joint[5] < 0.8 * joint[4]
+    assert base[6] < 0.85 * base[5]

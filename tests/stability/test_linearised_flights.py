@@ -26,8 +26,7 @@ from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
 from skyarm.stability.closed_loop import closed_loop, radius
 from skyarm.stability.frozen_scenario import with_lag
-from skyarm.stability.open_loop import Differentiator
-from skyarm.stability.open_point import open_point
+from skyarm.stability.open_loop import Differentiator, open_point
 
 
 def even(scenario):

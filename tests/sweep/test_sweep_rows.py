@@ -79,20 +79,19 @@ def test_a_lane_is_the_same_at_every_vector_width(bit_exact: bool, single_: bool
     assert one.status.tolist() == four.status.tolist()
 
 
-@pytest.mark.parametrize("controller", ["paper_ct", "paper_pd"])
-def test_rows_equal_single_runs(tmp_path: Path, controller: str) -> None:
+def test_rows_equal_single_runs(tmp_path: Path) -> None:
     study = small_study()
-    rows = flown(tmp_path)[controller]
-    ended = [int(k) for k in np.flatnonzero(rows["status"] != "completed")[:2]]
-    assert ended, "some flights must end early, or half of what is compared here is not there"
-    for episode in [*range(2), *ended]:
-        log = single(study, controller, rows, episode)
-        assert rows["status"][episode] == log.status
-        assert rows["end_time"][episode] == log.info["end_time"]
-        for name, value in metrics_of(log).items():
-            if name in rows:
-                # fused multiply-adds round otherwise: 1e-16 a step, which the loop keeps small for half a second
-                assert rows[name][episode] == pytest.approx(value, rel=1e-9, abs=1e-9, nan_ok=True), name
+    for controller, rows in flown(tmp_path).items():
+        ended = [int(k) for k in np.flatnonzero(rows["status"] != "completed")[:2]]
+        assert ended, "some flights must end early, or half of what is compared here is not there"
+        for episode in [*range(2), *ended]:
+            log = single(study, controller, rows, episode)
+            assert rows["status"][episode] == log.status
+            assert rows["end_time"][episode] == log.info["end_time"]
+            for name, value in metrics_of(log).items():
+                if name in rows:
+                    # fused multiply-adds round otherwise: 1e-16 a step, which the loop keeps small for half a second
+                    assert rows[name][episode] == pytest.approx(value, rel=1e-9, abs=1e-9, nan_ok=True), name
 
 
 def test_turbulence_starts_anew_in_every_episode_as_in_a_single_run() -> None:

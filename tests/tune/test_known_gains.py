@@ -14,8 +14,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.tune.excitation import excited
 from skyarm.tune.gain_search import scatter
 from skyarm.tune.hover_margins import with_gains
-from skyarm.tune.known_gains import GIVEN, centred
-from skyarm.tune.law_knobs import find_knobs
+from skyarm.tune.law_knobs import GIVEN, centred, find_knobs
 
 LABEL = "centroidal_tip"
 FLIGHT = excited(load_scenario("case3", controller=LABEL))

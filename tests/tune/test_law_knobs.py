@@ -15,8 +15,8 @@ from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, part, walk
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
+from skyarm.tune.explain import group_of, slowed
 from skyarm.tune.law_knobs import KnobError, find_knobs
-from skyarm.tune.loop_parts import group_of, slowed
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 MODEL = Model(vehicle=load_vehicle("hummingbird_arm2"))

@@ -14,10 +14,9 @@ from skyarm.cli.commands import app
 from skyarm.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.tune import conductor, tuning
-from skyarm.tune.conductor import FURTHER, POOL
-from skyarm.tune.plant_spread import draw_plants
-from skyarm.tune.tuning_records import ASIDE, UNSEEN
+from skyarm.tune import tuning
+from skyarm.tune.excitation import draw_plants
+from skyarm.tune.tuning import ASIDE, FURTHER, POOL, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--controller", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
@@ -40,8 +39,7 @@ def tuned(tmp_path_factory):
         return draw_plants(scenario, count, seed=seed, mixed=mixed)
 
     with pytest.MonkeyPatch.context() as patch:
-        for room in (tuning, conductor):
-            patch.setattr(room, "draw_plants", drawn)
+        patch.setattr(tuning, "draw_plants", drawn)
         result = tune("--workers", "1", "--json", folder=folder)
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
@@ -90,6 +88,7 @@ def test_the_gains_fly(tuned):
     assert found.name == "decoupled_pd"
 
 
+@pytest.mark.thorough
 def test_a_killed_search_goes_on_to_the_same_bytes_on_other_threads(tuned, tmp_path):
     folder, _ = tuned
     shutil.copytree(folder, tmp_path / "cut")

@@ -15,10 +15,7 @@ from skyarm.cli.machine_output import give
 from skyarm.cli.progress import waiting
 from skyarm.cli.terminal_tables import aligned
 from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
-from skyarm.identify.attitude_age import attitude_age
-from skyarm.identify.lag_records import Estimated, Lag, LoopLags
-from skyarm.identify.lag_tables import lag_tables
-from skyarm.identify.loop_lags import loop_lags
+from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, attitude_age, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import load_log, require_format
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -29,7 +29,7 @@ def write_page(found: Any, loci: Any, file: Path) -> Path:
 
     Args:
         found: of :func:`skyarm.stability.along.evidence`.
-        loci: of :func:`skyarm.stability.nyquist_loci.hover_loci`.
+        loci: of :func:`skyarm.stability.along.hover_loci`.
         file: ends with .html.
     """
     return write_atomically(file, margins_page(found, loci).encode())

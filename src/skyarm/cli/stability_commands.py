@@ -157,7 +157,7 @@ def margins(
     give(_plain(found) | _plugins() | ({} if page is None else {"page": page}))
     if page is not None:
         from skyarm.cli.loop_margin_page import write_page
-        from skyarm.stability.nyquist_loci import hover_loci
+        from skyarm.stability.along import hover_loci
 
         write_page(found, hover_loci(scenario), page)
         console.print(f"page: {page}", soft_wrap=True)

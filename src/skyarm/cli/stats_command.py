@@ -68,7 +68,7 @@ def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     from skyarm.figures.study_curves import curves_figure
     from skyarm.metrics.words_of_metrics import metric_words
     from skyarm.scenario.numbers import labelled
-    from skyarm.sweep.curves import drawn_metrics, metric_curves, varying
+    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
 
     found: dict[str, bytes] = {}
     for metric in drawn_metrics(rows) if varying(rows) else ():
@@ -88,7 +88,7 @@ def _written(target: Path, images: dict[str, bytes], before: str) -> list[str]:
 
 
 def _lines(found: dict[str, Any]) -> str:
-    from skyarm.sweep.rows_there import not_counted
+    from skyarm.sweep.study_folder import not_counted
 
     lines = []
     for name, each in found["controllers"].items():
@@ -104,7 +104,7 @@ def _lines(found: dict[str, Any]) -> str:
         lines.append(
             f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
         )
-    lines += not_counted(found["files_not_counted"], found["files_beyond_the_last"])
+    lines += not_counted(found["files_not_counted"])
     if found["manifest_rebuilt"]:
         lines.append("no manifest, so the study's limits of success are not known: --success gives them")
     return "\n".join(lines)

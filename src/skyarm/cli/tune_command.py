@@ -70,15 +70,14 @@ def tune(
         if not low <= value <= high:
             raise ValueError(f"{option} = {value}: must be from {low} to {high}")
     wanted = wanted_of(target, controller)
+    from skyarm.tune.candidate_flights import shortened
     from skyarm.tune.excitation import excited
     from skyarm.tune.front import POINTS
     from skyarm.tune.gain_search import Effort
-    from skyarm.tune.gains_result import front_name, gains_text
     from skyarm.tune.law_knobs import find_knobs
-    from skyarm.tune.own_motion import shortened
-    from skyarm.tune.tune_page import tune_page
+    from skyarm.tune.tune_page import front_name, gains_text, tune_page
+    from skyarm.tune.tuning import Plan
     from skyarm.tune.tuning import tune as perform
-    from skyarm.tune.tuning_records import Plan
 
     scenario = wanted.scenario
     say_if_many(scenario.name, scenario.world.vehicle.n)
@@ -123,7 +122,7 @@ def explain(target: str, controller: str | None, knobs: Sequence[str] | None, co
     """
     wanted = wanted_of(target, controller)
     from skyarm.tune.explain import explain as look
-    from skyarm.tune.explanation_words import plain, words
+    from skyarm.tune.explain import plain, words
     from skyarm.tune.law_knobs import find_knobs
 
     scenario = wanted.scenario
@@ -148,7 +147,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         ValueError: one line.
     """
     from skyarm.tune.excitation import of_vehicle
-    from skyarm.tune.gains_result import words_of
+    from skyarm.tune.tune_page import words_of
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(

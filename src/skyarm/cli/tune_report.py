@@ -15,7 +15,7 @@ from skyarm.registry.plugins import identities
 def print_front(found: Any, console: Console, seconds: float) -> None:
     """Print the front, then what the pick and the starts do on plants and a path kept aside."""
     from skyarm.tune.tune_page import error_words
-    from skyarm.tune.tuning_records import ASIDE
+    from skyarm.tune.tuning import ASIDE
 
     vehicle = found.plan.flight.world.vehicle
     error = error_words(vehicle)
@@ -67,7 +67,7 @@ def _margins(margins: Any) -> tuple[str, str, str]:
 
 def plain_tuning(found: Any) -> dict[str, Any]:
     """What a tuning found, as plain data."""
-    from skyarm.tune.gains_result import about, gains_of, plain_aside, plain_point
+    from skyarm.tune.tune_page import about, gains_of, plain_aside, plain_point
 
     return {
         "controller": found.plan.label,

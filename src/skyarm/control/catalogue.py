@@ -296,7 +296,7 @@ def _part(record: Any, place: Place) -> Any:
 def tuned_factors() -> Mapping[str, Mapping[str, float]]:
     """Tuned gains as factors on a law's default gains, which fit any vehicle, by law and path.
 
-    The file is written by :mod:`skyarm.tune.procedure`, whose docstring says how and at what cost.
+    How the factors in the file next to this one were found is described in docs/control_laws.md, Tuned gains.
     """
     text = resources.files("skyarm.control").joinpath("tuned.toml").read_text(encoding="utf-8")
     laws: Mapping[str, Mapping[str, float]] = tomllib.loads(text)["law"]

@@ -12,8 +12,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 
 from skyarm.figures import style
-from skyarm.stability.loop_margin import MOST
-from skyarm.stability.nyquist_loci import Locus
+from skyarm.stability.along import Locus
+from skyarm.stability.disk_margins import MOST
 
 ACROSS = 3
 """Diagrams side by side."""

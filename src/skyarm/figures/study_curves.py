@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from skyarm.figures import style
-from skyarm.sweep.curves import MetricCurve
+from skyarm.scenario.numbers import labelled
+from skyarm.sweep.banded_curves import BandedCurves
 
 COLUMNS = 3
 WIDTH, HEIGHT, FURNITURE = 3.1, 2.3, 0.5
@@ -27,11 +28,11 @@ DASHES: Sequence[Any] = ("-", (0, (3.2, 1.3)), (0, (6.0, 1.5, 1.0, 1.5)), (0, (6
 """Of the laws, in order; further ones begin again."""
 
 
-def curves_figure(curves: Mapping[str, Sequence[MetricCurve]], label: str) -> Figure:
+def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
     """Draw a panel for each varied number, all on one value axis.
 
     Args:
-        curves: from :func:`skyarm.sweep.curves.metric_curves`; one at least.
+        curves: from :func:`skyarm.sweep.banded_curves.metric_curves`; one at least.
         label: of the metric, with its unit.
     """
     columns = min(COLUMNS, len(curves))
@@ -42,11 +43,11 @@ def curves_figure(curves: Mapping[str, Sequence[MetricCurve]], label: str) -> Fi
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
     for ax in panels[len(curves) :]:
         ax.set_axis_off()
-    for i, (ax, lines) in enumerate(zip(panels, curves.values(), strict=False)):
+    for i, (ax, lines) in enumerate(zip(panels, curves, strict=False)):
         _panel(style.dress(ax), lines)
         if i % columns == 0:
             ax.set_ylabel(label, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
-    found = [line for lines in curves.values() for each in lines for line in (each.low, each.middle, each.high)]
+    found = [line for lines in curves for each in lines.curves for line in (each.low, each.middle, each.high)]
     seen = np.concatenate(found)
     seen = seen[np.isfinite(seen)]
     if seen.size and np.ptp(seen) < ROUNDING:
@@ -56,14 +57,14 @@ def curves_figure(curves: Mapping[str, Sequence[MetricCurve]], label: str) -> Fi
     return figure
 
 
-def _panel(ax: Axes, lines: Sequence[MetricCurve]) -> None:
-    across = lines[0].axis
-    for i, each in enumerate(lines):
+def _panel(ax: Axes, lines: BandedCurves) -> None:
+    for i, each in enumerate(lines.curves):
         color, dash = COLORS[i % len(COLORS)], DASHES[i % len(DASHES)]
-        ax.fill_between(across.centers, each.low, each.high, color=color, alpha=0.16, linewidth=0.0)
-        ax.plot(across.centers, each.middle, label=each.controller, color=color, linestyle=dash, linewidth=1.1)
-    if across.logarithmic:
+        ax.fill_between(each.x, each.low, each.high, color=color, alpha=0.16, linewidth=0.0)
+        ax.plot(each.x, each.middle, label=each.controller, color=color, linestyle=dash, linewidth=1.1)
+    if lines.over.logarithmic:
         style.logarithmic(ax.xaxis)
     else:
         ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
-    ax.set_xlabel(across.label or across.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
+    label = labelled(lines.over.words, lines.over.unit)
+    ax.set_xlabel(label, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)

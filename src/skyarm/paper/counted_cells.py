@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.identify.cell_loss import losses, tally
-from skyarm.identify.records import Cell
+from skyarm.identify.candidates import losses, tally
+from skyarm.identify.study import Cell
 from skyarm.paper.agreement import known
 from skyarm.paper.inferred_settings import unstated_study
 from skyarm.paper.published import PAPER, rounding

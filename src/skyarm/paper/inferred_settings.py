@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.identify.identification import study_digest
-from skyarm.identify.records import IdentificationStudy
-from skyarm.identify.study_reader import read_identification
+from skyarm.identify.study import IdentificationStudy, read_identification
 from skyarm.paper.flights import HOLDS, Flight, Metrics, flights, metrics
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from

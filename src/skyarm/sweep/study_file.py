@@ -54,9 +54,16 @@ from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.scenario.scenario_tables import require_plugins
 from skyarm.sweep.derived_numbers import derived_from, is_own_name, require_used
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
-from skyarm.sweep.facts import LARGEST_CHUNK, MOST_EPISODES
 from skyarm.sweep.sobol import DIMENSIONS
-from skyarm.sweep.study import DESIGNS, OLD_PRECISIONS, PRECISIONS, Study, StudyError
+from skyarm.sweep.study import (
+    DESIGNS,
+    LARGEST_CHUNK,
+    MOST_EPISODES,
+    OLD_PRECISIONS,
+    PRECISIONS,
+    Study,
+    StudyError,
+)
 
 LIBRARY = resources.files("skyarm.sweep") / "studies"
 

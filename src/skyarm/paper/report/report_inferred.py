@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from skyarm.identify.records import Cell
+from skyarm.identify.study import Cell
 from skyarm.paper.counted_cells import RULE, counts, inferred, stated
 from skyarm.paper.impossible import impossible
 from skyarm.paper.inference_tables import (
