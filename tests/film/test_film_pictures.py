@@ -10,11 +10,12 @@ import pytest
 from PIL import Image
 
 from film_flights import flight, needs_display
+from skyarm.drawing.shapes import Solid
 from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.film.make_film import film_frames, make_film
-from skyarm.film.solids import Solid, ghost_solids, vehicle_solids
+from skyarm.film.marks import ghost_solids, vehicle_solids
 from skyarm.film.stage import Panel, open_stage
 
 pytestmark = needs_display

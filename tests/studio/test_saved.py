@@ -8,8 +8,7 @@ import skyarm
 from skyarm.files import read_toml
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studio.documents import flown_document, prepare, read_document
-from skyarm.studio.fleet import Fleet, load_fleet, make_flight
-from skyarm.studio.saved import save_flights, saved_document
+from skyarm.studio.fleet import Fleet, load_fleet, make_flight, save_flights, saved_document
 
 BITS = (
     "position",

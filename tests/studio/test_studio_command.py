@@ -13,8 +13,8 @@ import pytest
 
 import skyarm
 from commanded import skyarm as typed
-from skyarm.studio.guard import Guard, is_loopback
-from skyarm.studio.page_words import fleet_under
+from skyarm.studio.fleet import fleet_under
+from skyarm.studio.server import Guard, is_loopback
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 

@@ -75,7 +75,7 @@ class Posed:
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     """Joint values for a drawing: BENT where the axis lies across the side view at zero, else zero; within limits."""
-    level = body_poses(vehicle, (0.0, 0.0, 0.0), UPRIGHT, [0.0] * vehicle.n)
+    level = _at_origin(vehicle, [0.0] * vehicle.n)
     found = []
     for i, link in enumerate(vehicle.links):
         axis = level[i][0] @ np.array([float(c) for c in link.joint.axis])
@@ -97,7 +97,7 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
     values = drawing_angles(vehicle) if joints is None else tuple(float(q) for q in joints)
     if len(values) != vehicle.n:
         raise ValueError(f"joints = {list(values)}: must be {vehicle.n} numbers, one a joint of {vehicle.name}")
-    poses = body_poses(vehicle, (0.0, 0.0, 0.0), UPRIGHT, values)
+    poses = _at_origin(vehicle, values)
     frames = [DrawnFrame("base", poses[BASE][1], poses[BASE][0])]
     for frame in vehicle.frames:
         R, p = poses[frame.link]
@@ -130,6 +130,12 @@ def _ends(vehicle: Vehicle, i: int, poses: dict[int, tuple[Array, Array]]) -> li
     found = [R @ _vector(other.joint.position) for other in vehicle.moving if other.parent == i]
     found += [R @ _vector(frame.position) for frame in vehicle.frames if frame.link == i]
     return [p + each for each in found if np.linalg.norm(each) > 1e-6]
+
+
+def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> dict[int, tuple[Array, Array]]:
+    """Body -> (R_WB, p_WB) of a level base at the origin."""
+    found = body_poses(vehicle, np.zeros((1, 3)), np.array([UPRIGHT]), np.array([joints], dtype=float))
+    return {body: (R[0], p[0]) for body, (R, p) in found.items()}
 
 
 def _vector(v: Iterable[Any]) -> Array:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from skyarm.drawing.carried_poses import logged_poses
-from skyarm.drawing.world_shapes import WorldShape, ground_height, world_shapes
+from skyarm.drawing.shapes import Solid
+from skyarm.drawing.world_shapes import ground_height, logged_poses, world_shapes
 from skyarm.figures import picture_styles
 from skyarm.figures.flight_facts import FlightFacts
 from skyarm.figures.flight_labels import ending_of
@@ -69,7 +69,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 def draw_view(
     ax: Axes, view: View, named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle,
-    span: tuple[float, float], world: tuple[tuple[WorldShape, ...], float | None],
+    span: tuple[float, float], world: tuple[tuple[Solid, ...], float | None],
 ) -> dict[str, Any]:  # fmt: skip
     """Draw the tips' paths and the world in one view; returns what a legend has of it.
 
@@ -125,7 +125,7 @@ def _frame(ax: Axes) -> None:
     ax.set_autoscale_on(False)
 
 
-def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[WorldShape, ...], float | None]:
+def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[Solid, ...], float | None]:
     """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
     for log in named.values():
         try:
@@ -147,7 +147,7 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple
     return (), None
 
 
-def _draw_solid(ax: Axes, view: View, solid: WorldShape, style: PictureStyle) -> None:
+def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None:
     """Outline of a solid as it is at first, filled; where it is at last, as a line."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
