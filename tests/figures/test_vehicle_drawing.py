@@ -16,8 +16,8 @@ from skyarm.algebra import Vec3
 from skyarm.drawing.shapes import between
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.figures.drawing_pose import BENT, drawing_angles, pose
-from skyarm.figures.picture_styles import TALK_DARK
 from skyarm.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
+from skyarm.figures.style import TALK_DARK
 from skyarm.figures.vehicle_drawing import AZIMUTH, ELEVATION, vehicle_drawing
 from skyarm.vehicle.vehicle_files import list_vehicles
 from thorough import sampled

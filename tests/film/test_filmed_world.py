@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgba
 from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
 from skyarm.drawing.shapes import OBJECT, SURFACE, Solid
-from skyarm.figures.contact_curves import APART, touchings
+from skyarm.figures.flight_facts import APART, touchings
 from skyarm.figures.flight_plot import plot
 from skyarm.film import camera_paths
 from skyarm.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, looking_towards

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
 from skyarm.drawing.shapes import Shape
 from skyarm.figures.drawing_pose import DrawnFrame, DrawnJoint, Rod
-from skyarm.figures.label_places import Labels
-from skyarm.figures.picture_styles import PictureStyle
 from skyarm.figures.projection import View, across, arc
+from skyarm.figures.style import PictureStyle
 from skyarm.vehicle.vehicle_records import Rotor
 
 Array = npt.NDArray[np.float64]
@@ -38,6 +40,18 @@ MERGED = 0.02
 """Share of the reach within which names stand together at one point."""
 
 
+DISTANCES = (0.9, 1.4, 2.0, 2.8, 3.8, 5.0, 6.5)
+"""Of a label from its point, in font sizes, nearest first."""
+
+DIRECTIONS = 16
+
+GAP = 0.12
+"""Least gap between two labels, in font sizes."""
+
+LEADER = 1.6
+"""Distance from which a thin line leads from a label to its point, in font sizes."""
+
+
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """A label still to be placed: its words, its point (2,) on paper, its colour."""
@@ -56,7 +70,7 @@ class Marks:
 
     def __init__(self, ax: Axes, view: View, style: PictureStyle, reach: float) -> None:
         self.ax, self.view, self.style, self.reach = ax, view, style, reach
-        self.colors = AXIS_COLORS[style.face != "#ffffff"]
+        self.colors = AXIS_COLORS[style.dark]
         self._wanted: list[Wanted] = []
         self._names: list[tuple[Array, list[str]]] = []
         self._points: list[Array] = []
@@ -151,14 +165,11 @@ class Marks:
     def write(self) -> None:
         """Place every label; names of what stands at one point are one label."""
         labels = Labels(self.ax, self.style, np.concatenate(self._points) if self._points else np.zeros((0, 2)))
+        names = [Wanted(", ".join(names), at) for at, names in self._names]
+        # the letters of axes first: they have the least room
         letters = [each for each in self._wanted if each.text in LETTERS]
-        others = [each for each in self._wanted if each.text not in LETTERS]
-        for each in letters:
-            labels.put(each.text, each.at, color=each.color)
-        for at, names in self._names:
-            labels.put(", ".join(names), at)
-        for each in others:
-            labels.put(each.text, each.at, color=each.color)
+        for each in (*letters, *names, *(each for each in self._wanted if each.text not in LETTERS)):
+            labels.put(each.text, each.at, each.color)
 
     def _name(self, at: Array, name: str) -> None:
         flat = self.view.flat(at)
@@ -170,36 +181,69 @@ class Marks:
 
     def _arrow(self, flat: Array, color: str, width: float, *, dashed: bool = False) -> None:
         """A line through points (N, 2) with a head at its end."""
-        width *= self.style.small
-        before = flat[-2]
         dash = (0, (3.0, 2.0)) if dashed else "-"
-        self.ax.plot(
-            *flat.T, color=color, linewidth=width, linestyle=dash, zorder=5.0, solid_capstyle="butt", label="_mark"
-        )
+        look: dict[str, Any] = {"color": color, "linewidth": width * self.style.small, "linestyle": dash, "zorder": 5.0}
+        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
         # the head alone: its shaft would end before the point
-        head = FancyArrowPatch(
-            tuple(before),
-            tuple(flat[-1]),
-            arrowstyle="-|>",
-            mutation_scale=0.9 * self.style.small,
-            color=color,
-            shrinkA=0.0,
-            shrinkB=0.0,
-        )
+        ends = tuple(flat[-2]), tuple(flat[-1])
+        scale = 0.9 * self.style.small
+        head = FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=scale, color=color, shrinkA=0.0, shrinkB=0.0)
         head.set(linewidth=0.0, zorder=5.1)
         self.ax.add_patch(head)
         self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
 
     def _line(self, flat: Array, dash: tuple[float, ...]) -> None:
-        self.ax.plot(
-            *flat.T,
-            color=self.style.frame,
-            linewidth=0.08 * self.style.small,
-            linestyle=(0, dash),
-            zorder=4.5,
-            label="_mark",
-        )
+        look: dict[str, Any] = {"color": self.style.frame, "linewidth": 0.08 * self.style.small, "zorder": 4.5}
+        self.ax.plot(*flat.T, linestyle=(0, dash), label="_mark", **look)
 
 
 def _millimetres(length: float) -> str:
     return f"{round(1e3 * length, 1):g} mm"
+
+
+class Labels:
+    """Labels of one panel, placed one after the other, each where it covers no other one.
+
+    Args:
+        ax: with its limits set. style: of the picture. points: (N, 2) in data units that labels should leave free.
+    """
+
+    def __init__(self, ax: Axes, style: PictureStyle, points: Array) -> None:
+        self.ax, self.style = ax, style
+        self._taken: list[Bbox] = []
+        self._points = ax.transData.transform(points) if points.size else np.zeros((0, 2))
+        self._dots = style.small * ax.figure.dpi / 72.0
+
+    def put(self, text: str, at: Array, color: str | None = None) -> None:
+        """Write a label near a point (2,), where it covers no label and as few points as can be."""
+        words = {**self.style.small_words, "color": color or self.style.ink}
+        label = self.ax.text(*at, text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words)
+        halo = withStroke(linewidth=0.3 * self.style.small, foreground=self.style.face, alpha=0.8)
+        label.set_path_effects([halo])
+        here, box = self.ax.transData.transform(at), label.get_window_extent()
+        _, middle, box = min(self._tries(here, box), key=lambda found: found[0])
+        label.set_position(tuple(self.ax.transData.inverted().transform(middle)))
+        self._taken.append(box.padded(GAP * self._dots))
+        if math.dist(middle, here) > LEADER * self._dots + 0.5 * box.width:
+            edge = np.array([np.clip(here[0], box.x0, box.x1), np.clip(here[1], box.y0, box.y1)])
+            ends = self.ax.transData.inverted().transform([edge, here])
+            width = 0.07 * self.style.small
+            self.ax.plot(*ends.T, color=self.style.frame, linewidth=width, zorder=8.0, label="_leader")
+
+    def _tries(self, here: Array, box: Bbox) -> Iterator[tuple[float, Array, Bbox]]:
+        """(cost, middle, box) of each place, in dots."""
+        size = np.array([box.width, box.height])
+        for distance in DISTANCES:
+            for k in range(DIRECTIONS):
+                angle = 2.0 * math.pi * (k + 0.5) / DIRECTIONS
+                way = np.array([math.cos(angle), math.sin(angle)])
+                middle = here + way * (distance * self._dots + 0.5 * size)
+                tried = Bbox([middle - 0.5 * size, middle + 0.5 * size])
+                yield distance + self._cost(tried), middle, tried
+
+    def _cost(self, box: Bbox) -> float:
+        wide, inside = box.padded(GAP * self._dots), self.ax.bbox
+        covered = sum(wide.overlaps(each) for each in self._taken)
+        out = not (inside.x0 <= box.x0 and box.x1 <= inside.x1 and inside.y0 <= box.y0 and box.y1 <= inside.y1)
+        hits = np.all((self._points >= box.min) & (self._points <= box.max), axis=1).sum()
+        return 1000.0 * covered + 500.0 * out + min(int(hits), 8)

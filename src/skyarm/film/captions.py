@@ -13,7 +13,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from skyarm.figures.error_strip import Curve, Strip, error_strip
-from skyarm.figures.typeface import typeface
+from skyarm.figures.style import typeface
 from skyarm.film.filmed_flight import FilmedFlight
 from skyarm.film.marks import one_wind, wind_words
 

@@ -24,7 +24,7 @@ from skyarm.drawing.world_shapes import (
     touch_arrows,
     world_shapes,
 )
-from skyarm.figures.contact_curves import wanted_push
+from skyarm.figures.flight_facts import flight_labels, wanted_push
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
 from skyarm.log.flight_log import Log
@@ -146,15 +146,6 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     if len(names) != len(logs):
         raise ValueError(f"labels = {shown(names)}: must be as many as the flights, {len(logs)}")
     return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
-
-
-def flight_labels(logs: Sequence[Log]) -> list[str]:
-    """What tells the flights apart: their laws, or their scenarios, or the plants that they were flown on."""
-    for field in ("controller", "scenario", "plant"):
-        names = [str(log.info.get(field, "")) for log in logs]
-        if len(set(names)) == len(names):
-            return names
-    return [f"flight {i + 1}" for i in range(len(logs))]
 
 
 def _contact(log: Log) -> Array | None:
