@@ -10,7 +10,7 @@ import zstandard
 
 
 def unpacked(content: bytes) -> dict[str, Any]:
-    """Messages and arrays of a recording: the length of what is packed, then zstd of a length, msgpack, aligned arrays."""
+    """Messages and arrays of a recording: zstd of a length, msgpack and aligned arrays, after the packed length."""
     inner = zstandard.ZstdDecompressor().decompress(content[8:])
     length = int.from_bytes(inner[:8], "little")
     found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])

@@ -13,8 +13,7 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.contact import Contact, ContactPoint, Material, Surface
 from skyarm.contact.free_object import FreeObject
-from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.mechanism_effort import MechanismMotion
+from skyarm.contact.mechanism import Mechanism, MechanismMotion
 from skyarm.drawing.meshes import AROUND, mesh_of
 from skyarm.drawing.poses import body_poses, disc_name, rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes

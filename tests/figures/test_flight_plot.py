@@ -276,7 +276,13 @@ def require_words_apart(figure: Figure) -> None:
         assert box.y1 <= figure.bbox.y1 + 0.5
 
 
-@pytest.mark.parametrize(("kind", "style"), [("all", "paper"), ("rotors", "talk"), ("attitude", "talk")])
+@pytest.mark.parametrize(
+    ("kind", "style"),
+    [
+        ("rotors", "talk"),
+        *(pytest.param(*each, marks=pytest.mark.thorough) for each in (("all", "paper"), ("attitude", "talk"))),
+    ],
+)
 def test_labels_and_legends_have_room(kind: str, style: str) -> None:
     log = flights()["paper_ct"]
     many = {f"a law with a rather long name, number {i}": log for i in range(5)} | flights()

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skyarm.dynamics.broadcast import unit_quaternion
+from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.clock_checks import check_clocks, require_whole
 from skyarm.scenario.law_table import _require_clock

@@ -16,6 +16,7 @@ from skyarm.studio.documents import LONGEST, prepare, read_document
 from skyarm.studio.fleet import Fleet, Flight, load_fleet, make_flight, saved_document
 from skyarm.studio.knobs import knobs_of
 from skyarm.studio.sights import Watched
+from thorough import sampled
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -246,7 +247,7 @@ def test_mujocos_plant_flies_in_the_studio_too() -> None:
 EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml") if "schema" in path.read_text())]
 
 
-@pytest.mark.parametrize("source", EVERY)
+@pytest.mark.parametrize("source", sampled(EVERY, 8))
 def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
     if Path(source).stem == "press_in_four_worlds":
         with pytest.raises(skyarm.ScenarioError, match=r"press_in_four_worlds.toml: .* is a study file"):

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, ContactPoint, Surface
-from skyarm.contact.mechanism_effort import MechanismMotion
+from skyarm.contact.mechanism import MechanismMotion
 from skyarm.drawing.poses import matrices, rotations_of, vectors
 from skyarm.drawing.shapes import OBJECT, Shape, Solid, between, floats
 from skyarm.drawing.vehicle_shapes import longest_boom

@@ -217,7 +217,9 @@ class Labels:
     def put(self, text: str, at: Array, color: str | None = None) -> None:
         """Write a label near a point (2,), where it covers no label and as few points as can be."""
         words = {**self.style.small_words, "color": color or self.style.ink}
-        label = self.ax.text(*at, text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words)
+        label = self.ax.text(
+            float(at[0]), float(at[1]), text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words
+        )
         halo = withStroke(linewidth=0.3 * self.style.small, foreground=self.style.face, alpha=0.8)
         label.set_path_effects([halo])
         here, box = self.ax.transData.transform(at), label.get_window_extent()

@@ -160,8 +160,6 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
     return at
 
 
-
-
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from skyarm.compile import leaves
-from skyarm.contact.carried_contact import NOBODY
+from skyarm.contact.carrier import NOBODY
 from skyarm.contact.contact import Contact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete

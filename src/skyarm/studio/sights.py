@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact import Contact
-from skyarm.contact.carried_contact import NOBODY
+from skyarm.contact.carrier import NOBODY
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.drawing.poses import Placed, place
 from skyarm.drawing.shapes import floats
