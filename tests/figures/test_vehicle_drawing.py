@@ -15,7 +15,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.drawing.shapes import between
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.figures.drawing_pose import BENT, drawing_angles, pose
+from skyarm.figures.drawing_marks import BENT, drawing_angles, pose
 from skyarm.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
 from skyarm.figures.style import TALK_DARK
 from skyarm.figures.vehicle_drawing import AZIMUTH, ELEVATION, vehicle_drawing

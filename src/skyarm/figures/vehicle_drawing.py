@@ -12,8 +12,7 @@ from matplotlib.patches import Polygon
 
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.vehicle_shapes import rotor_radius, vehicle_shapes
-from skyarm.figures.drawing_marks import TRIAD, Marks
-from skyarm.figures.drawing_pose import DrawnFrame, Posed, pose
+from skyarm.figures.drawing_marks import TRIAD, DrawnFrame, Marks, Posed, pose
 from skyarm.figures.projection import SIDE, TOP, View, axonometric, hull, surface
 from skyarm.figures.style import Picture, PictureStyle, picture_style
 from skyarm.vehicle.vehicle_records import Vehicle
