@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.cli.loop_margin_page import margins_page, write_page
-from skyarm.figures.nyquist import nyquist_figure
+from skyarm.figures.stability_figures import nyquist_figure
 from skyarm.stability.along import Evidence, Locus, hover_loci, margins
 
 

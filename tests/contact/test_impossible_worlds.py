@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
-from skyarm.contact.carried_contact import Carried
+from skyarm.contact.carrier import Carried
 from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import rotation_of
 from skyarm.scenario.standing_start import with_standing_objects

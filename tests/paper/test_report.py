@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
-from skyarm.figures import paper_figures
+from skyarm.figures.paper_figures import paper_figures
 from skyarm.paper.published import TITLES
 from skyarm.paper.report.report_frame import MAIN, page_script
 from skyarm.paper.report.report_headlines import CLAIMS, meets, ordered, tally

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skyarm.dynamics.broadcast import unit_quaternion
+from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.controller_table import _require_clock
 from skyarm.scenario.scenario_checks import _check_clocks_of_law, check_quaternion, require_whole

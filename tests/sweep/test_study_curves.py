@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skyarm.figures.robustness import robustness_figure
-from skyarm.figures.study_curves import curves_figure
+from skyarm.figures.metric_figure import curves_figure
+from skyarm.figures.share_maps import robustness_figure
 from skyarm.sweep import run_sweep
 from skyarm.sweep.banded_curves import FEWEST_OF_BAND, MOST, drawn_metrics, metric_curves, varying
 from skyarm.sweep.maps import robustness_maps

@@ -53,8 +53,7 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
 
     try:
         from skyarm.film.film_settings import FilmSettings
-        from skyarm.film.recording import record, save_recording
-        from skyarm.film.recording_page import import_viser
+        from skyarm.film.recording import import_viser, record, save_recording
 
         import_viser()
     except ValueError:  # one line that names the extra

@@ -11,8 +11,7 @@ from typing import Any
 from skyarm.cli.machine_output import give
 from skyarm.files import must_be_one_of, output_file, printable, shown, write_atomically
 from skyarm.files.write_toml import toml_text
-from skyarm.vehicle.robots_by_name import is_robot
-from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, vehicle_of_text
+from skyarm.vehicle.vehicle_files import is_robot, list_vehicles, load_vehicle, vehicle_of_text
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TIPS = ("tip", "tcp", "tool0", "ee_link", "ee", "end_effector", "flange")

@@ -92,8 +92,7 @@ def perform(
         ValueError, OSError: one line.
     """
     from skyarm.files import output_file, require_writable, taken_back
-    from skyarm.film.recording import SUFFIXES, record, save_recording
-    from skyarm.film.recording_page import import_viser
+    from skyarm.film.recording import SUFFIXES, import_viser, record, save_recording
     from skyarm.film.video_files import require_film_format
     from skyarm.scenario.scenario_file import list_scenarios
 

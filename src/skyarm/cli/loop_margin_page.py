@@ -37,8 +37,8 @@ def write_page(found: Any, loci: Any, file: Path) -> Path:
 
 def margins_page(found: Any, loci: Any) -> str:
     """HTML of margins: one file that needs nothing else."""
-    from skyarm.figures.embed import image_bytes
-    from skyarm.figures.nyquist import nyquist_figure
+    from skyarm.figures.stability_figures import nyquist_figure
+    from skyarm.figures.style import image_bytes
 
     body = ""
     if loci:

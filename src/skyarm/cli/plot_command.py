@@ -40,10 +40,10 @@ def draw_flights(
     for option, value in of_sweeps.items():
         if value is not None:
             raise ValueError(f"{option} = {shown(value)}: must come with a folder that 'skyarm sweep' wrote")
-    from skyarm.figures.flight_labels import flight_labels
+    from skyarm.figures.flight_facts import flight_labels
     from skyarm.figures.flight_panels import ALL
     from skyarm.figures.flight_plot import plot
-    from skyarm.figures.picture_styles import picture_style
+    from skyarm.figures.style import picture_style
     from skyarm.files.picture_names import picture_file
 
     target = picture_file(file, "--out")
@@ -128,7 +128,7 @@ def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> Path:
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.figures.picture_files import save_picture
+    from skyarm.figures.style import save_picture
     from skyarm.figures.vehicle_drawing import vehicle_drawing
     from skyarm.files.picture_names import picture_file
     from skyarm.vehicle.vehicle_files import load_vehicle

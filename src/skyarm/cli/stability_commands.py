@@ -241,8 +241,8 @@ def basin(
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.figures.basin_map import basin_figure
-    from skyarm.figures.embed import image_bytes
+    from skyarm.figures.share_maps import basin_figure
+    from skyarm.figures.style import image_bytes
     from skyarm.stability.basin import CAUGHT
     from skyarm.stability.basin import basin as fly
 

@@ -56,16 +56,16 @@ def stats(
 
 
 def _map(each: Any) -> bytes:
-    from skyarm.figures.embed import image_bytes
-    from skyarm.figures.robustness import robustness_figure
+    from skyarm.figures.share_maps import robustness_figure
+    from skyarm.figures.style import image_bytes
 
     return image_bytes(robustness_figure(each), dpi=DPI)
 
 
 def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     """Metric -> PNG of its curves over each varied number."""
-    from skyarm.figures.embed import image_bytes
-    from skyarm.figures.study_curves import curves_figure
+    from skyarm.figures.metric_figure import curves_figure
+    from skyarm.figures.style import image_bytes
     from skyarm.metrics.words_of_metrics import metric_words
     from skyarm.scenario.numbers import labelled
     from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying

@@ -37,8 +37,7 @@ def studio(
     """
     import secrets
 
-    from skyarm.studio.guard import Guard, is_loopback
-    from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
+    from skyarm.studio.server import Guard, StudioError, bound, close_server, is_loopback, open_server, require_viser
 
     if token is None and not is_loopback(host):
         raise StudioError(f"--host = {host!r}: must be this machine's (127.0.0.1, localhost) without a --token")
@@ -49,8 +48,8 @@ def studio(
     require_viser()
     listening = bound(host, port)
     try:
+        from skyarm.studio.fleet import fleet_under
         from skyarm.studio.page import Page
-        from skyarm.studio.page_words import fleet_under
 
         fleet = fleet_under(scenario, controller or [])
         guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))

@@ -17,8 +17,8 @@ from skyarm.compare.fly_comparison import Progress, perform, step_times
 from skyarm.compare.suite import Condition, conditions
 from skyarm.compare.summary import pairs, table
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.laws import Share, laws_figure
+from skyarm.figures.comparison_figures import Share, laws_figure
+from skyarm.figures.style import image_bytes
 from skyarm.files import require_writable, write_atomically
 from skyarm.registry.plugins import identities
 

@@ -10,8 +10,8 @@ from typing import Any
 from skyarm.compare.contact_flights import ContactFlights
 from skyarm.compare.fly_comparison import Progress
 from skyarm.compare.one_by_one import numbers_of, one_episode
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.task_figure import task_figure
+from skyarm.figures.path_views import task_figure
+from skyarm.figures.style import image_bytes
 from skyarm.files import write_atomically
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.make_film import make_film

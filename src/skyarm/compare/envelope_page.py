@@ -18,8 +18,8 @@ from skyarm.compare.envelope_tables import (
     summary_rows,
     violation_rows,
 )
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.envelope_panels import envelope_figure
+from skyarm.figures.comparison_figures import envelope_figure
+from skyarm.figures.style import image_bytes
 from skyarm.files import versions
 from skyarm.pages import details, image, page, section, table
 

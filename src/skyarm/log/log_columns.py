@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.contact.mechanism_kinds import KINDS
+from skyarm.contact.mechanism import KINDS
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.joint_setpoints import setpoints_of
 from skyarm.log.sensor_data import sources_of

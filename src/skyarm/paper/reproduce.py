@@ -11,10 +11,8 @@ from typing import Any
 from skyarm.compare.comparison import PAGE, Comparison, fly_comparison, prepare
 from skyarm.compare.envelope_page import envelope_section
 from skyarm.compare.envelope_suite import Envelope, fly_envelope
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.overview import overview_figure
-from skyarm.figures.paper_figures import paper_figures
-from skyarm.figures.tip_trace import tip_figure
+from skyarm.figures.paper_figures import overview_figure, paper_figures, tip_figure
+from skyarm.figures.style import image_bytes
 from skyarm.files import require_replaceable, require_writable, write_atomically
 from skyarm.files.old_names import warn_of_old_name
 from skyarm.paper.beyond_paper import WIND, in_the_wind

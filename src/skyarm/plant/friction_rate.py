@@ -10,8 +10,7 @@ import math
 import numpy as np
 
 from skyarm.compile import leaves
-from skyarm.dynamics.array_front import mass_matrix
-from skyarm.dynamics.broadcast import Array
+from skyarm.dynamics.array_front import Array, mass_matrix
 from skyarm.records.coerce import concrete
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import Joint

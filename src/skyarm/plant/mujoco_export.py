@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
 from skyarm.actuation.rotor import push
-from skyarm.dynamics.followers import every_joint
+from skyarm.dynamics.kinematics import every_joint
 from skyarm.dynamics.state import State
 from skyarm.plant.mujoco_digits import exact_xml
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
-from skyarm.contact.carried_contact import Meeting
+from skyarm.contact.carrier import Meeting
 from skyarm.contact.contact import Contact
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.dynamics.energy import center_of_mass

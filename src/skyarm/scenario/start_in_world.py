@@ -9,8 +9,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.contact.carried_contact import NOBODY
-from skyarm.contact.carrier import CarriedFrame
+from skyarm.contact.carrier import NOBODY, CarriedFrame
 from skyarm.contact.contact import Contact
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.surface import Surface

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.drawing.shapes import turn_onto
-from skyarm.dynamics.followers import every_joint
-from skyarm.dynamics.kinematics import joint_placement
+from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.log_columns import distinct
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle

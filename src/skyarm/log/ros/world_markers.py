@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.contact import Contact
-from skyarm.drawing.carried_poses import logged_poses
-from skyarm.drawing.hole_parts import without_holes
-from skyarm.drawing.world_shapes import WorldShape, world_shapes
+from skyarm.drawing.shapes import Solid
+from skyarm.drawing.world_shapes import logged_poses, without_holes, world_shapes
 from skyarm.log.flight_log import Log
 from skyarm.log.ros.frame_transforms import WORLD, of_matrices, quaternion, xyz
 from skyarm.log.ros.instants import Part
@@ -26,9 +25,6 @@ CUBE, SPHERE, CYLINDER = 1, 2, 3
 
 THIN = 1e-3
 """m: height of a plane's patch."""
-
-COLORS = {"surface": (0.66, 0.64, 0.60, 1.0), "object": (0.62, 0.46, 0.30, 1.0)}
-"""Role of a shape -> red, green, blue, opacity."""
 
 
 class WorldMarkers:
@@ -76,7 +72,7 @@ def contacts_of(log: Log) -> tuple[Contact, ...]:
     return (found,) if isinstance(found, Contact) else ()
 
 
-def _marker(number: int, solid: WorldShape, stamps: Any, chosen: int | slice) -> dict[str, Any]:
+def _marker(number: int, solid: Solid, stamps: Any, chosen: int | slice) -> dict[str, Any]:
     """One marker at one instant, or at many."""
     turns = of_matrices(solid.rotation)[chosen]
     return {
@@ -86,12 +82,12 @@ def _marker(number: int, solid: WorldShape, stamps: Any, chosen: int | slice) ->
         "type": {"box": CUBE, "patch": CUBE, "sphere": SPHERE, "cylinder": CYLINDER}[solid.shape.kind],
         "pose": {"position": xyz(solid.position[chosen]), "orientation": quaternion(turns)},
         "scale": xyz(_lengths(solid)),
-        "color": dict(zip("rgba", COLORS[solid.shape.role], strict=True)),
+        "color": dict(zip("rgba", solid.rgba, strict=True)),
         "frame_locked": False,
     }
 
 
-def _lengths(solid: WorldShape) -> tuple[float, float, float]:
+def _lengths(solid: Solid) -> tuple[float, float, float]:
     """Extents along the solid's axes, m."""
     kind, size = solid.shape.kind, solid.shape.size
     if kind == "box":

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.figures.figure_list import PAPER_CATALOGUE
 from skyarm.figures.interactive import experiment_figure, tool_path_figure
+from skyarm.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.log.flight_log import Log
 from skyarm.paper.flights import WINDOWS
 from skyarm.paper.published import TITLES

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from string import Template
 
-from skyarm.figures.embed import plot_script, plot_style
-from skyarm.figures.interactive_spec import PanelsFigure, PathFigure, figure_json
+from skyarm.figures.interactive import PanelsFigure, PathFigure, figure_json, plot_script, plot_style
 from skyarm.paper.report.report_markup import section, text
 
 MAIN = "report.html"

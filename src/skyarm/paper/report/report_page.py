@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.figure_list import PAPER_CATALOGUE
 from skyarm.figures.interactive import damping_figure
+from skyarm.figures.paper_figures import PAPER_CATALOGUE
+from skyarm.figures.style import image_bytes
 from skyarm.files import file_names
 from skyarm.paper.agreement import known
 from skyarm.paper.counted_cells import sentence

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.figures.embed import image_bytes
+from skyarm.figures.style import image_bytes
 from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.pages import image
 from skyarm.vehicle.vehicle_files import load_vehicle

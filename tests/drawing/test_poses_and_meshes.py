@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.drawing.meshes import blade_mesh, mesh_of
-from skyarm.drawing.pose_program import PoseProgram, quaternions_of
-from skyarm.drawing.poses import body_poses
+from skyarm.drawing.poses import body_poses, place, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
 from skyarm.log.tip_positions import tip
 
@@ -19,13 +18,12 @@ RNG = np.random.default_rng(7)
 @pytest.mark.parametrize("name", skyarm.list_vehicles())
 def test_the_program_gives_the_poses_of_the_bodies_and_the_tip(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
-    program = PoseProgram(vehicle)
     for _ in range(5):
         p, q, joints = RNG.normal(size=3), RNG.normal(size=4), 0.5 * RNG.normal(size=vehicle.n)
-        found, wanted = program(p, q, joints), body_poses(vehicle, p, q, joints)
-        for body, (R, place) in wanted.items():
-            assert np.allclose(found.rotations[body + 1], R, atol=1e-12)
-            assert np.allclose(found.positions[body + 1], place, atol=1e-12)
+        found, wanted = place(vehicle, p, q, joints), body_poses(vehicle, p[None], q[None], joints[None])
+        for body, (R, at) in wanted.items():
+            assert np.array_equal(found.rotations[body + 1], R[0])
+            assert np.array_equal(found.positions[body + 1], at[0])
         assert np.allclose(found.tip, tip(vehicle, p[None], q[None], joints[None])[0], atol=1e-12)
 
 

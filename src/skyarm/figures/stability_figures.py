@@ -1,30 +1,31 @@
-"""Nyquist diagrams of loops with the disks that they stay out of."""
+"""Nyquist diagrams of loops, and the torques that rotors can add to a hover."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 
-from skyarm.figures import style
+from skyarm.figures.style import PAPER
 from skyarm.stability.along import Locus
 from skyarm.stability.disk_margins import MOST
 
-ACROSS = 3
-"""Diagrams side by side."""
+Array = npt.NDArray[np.float64]
 
-SIDE = 2.1
-"""in, of a diagram."""
+ACROSS, SIDE = 3, 2.1
+"""Diagrams side by side, and in, of a diagram."""
 
 SPAN = (-3.2, 1.2, -2.2, 2.2)
 """Of both axes: what lies farther off is far from -1."""
 
 CURVE, DISK = "#0b4f8a", "#b2182b"
+
+LINES = ((CURVE, "-"), (DISK, "--"))
+"""Colour and dash of the first and the second boundary: either tells them apart."""
 
 
 def nyquist_figure(loci: Sequence[Locus]) -> Figure:
@@ -35,15 +36,10 @@ def nyquist_figure(loci: Sequence[Locus]) -> Figure:
     """
     across = min(ACROSS, len(loci))
     down = -(-len(loci) // across)
-    figure = Figure(
-        figsize=(across * SIDE, down * (SIDE + 0.25)),
-        layout=ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.04),
-        facecolor="white",
-    )
-    FigureCanvasAgg(figure)
+    figure = PAPER.blank(across * SIDE, down * (SIDE + 0.25))
     every = figure.subplots(down, across, squeeze=False).ravel()
     for ax, locus in zip(every, loci, strict=False):
-        _diagram(style.dress(ax), locus)
+        _diagram(PAPER.dress(ax), locus)
     for ax in every[len(loci) :]:
         ax.set_axis_off()
     return figure
@@ -65,4 +61,23 @@ def _diagram(ax: Axes, locus: Locus) -> None:
     ax.set_ylim(*SPAN[2:])
     ax.set_aspect("equal")
     title = f"{margin.name}: {margin.disk:.2f} at {margin.frequency:.3g} rad/s"
-    ax.set_title(title, fontsize=style.SMALL_SIZE, family=style.FONT)
+    ax.set_title(title, **PAPER.small_words)
+
+
+def attainable_torque_figure(boundaries: Sequence[tuple[str, Array]]) -> Figure:
+    """Draw boundaries of attainable torque over each other.
+
+    Args:
+        boundaries: (label, corners (K, 2)) of at most two arm poses: roll and pitch torque, N m.
+    """
+    figure, ax = PAPER.single(PAPER.width, 3.0)
+    for (label, corners), (color, dash) in zip(boundaries, LINES, strict=False):
+        closed = np.vstack([corners, corners[:1]])
+        ax.plot(closed[:, 0], closed[:, 1], dash, color=color, linewidth=1.2, label=label)
+        ax.fill(closed[:, 0], closed[:, 1], color=color, alpha=0.08)
+    ax.plot([0.0], [0.0], "+", color=PAPER.frame, markersize=6)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("roll torque, N m", **PAPER.small_words)
+    ax.set_ylabel("pitch torque, N m", **PAPER.small_words)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, prop=PAPER.prop)
+    return figure
