@@ -32,7 +32,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Begun, after_period, issue
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6

@@ -14,12 +14,11 @@ from skyarm.plant.largest_step import lanes_step
 from skyarm.scalars import floor
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.commanded_stages import StagesByActions
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 
 
@@ -57,7 +56,7 @@ class LanePrograms:
         def step(now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
             numbers, command = values
             varied = self._varied(numbers)
-            stages = Stages(varied) if self._law else StagesByActions(varied, command)
+            stages = Stages(varied, None if self._law else command)
             row = self._row(stages.scenario, now.ticks)
             following, _ = make_period(stages, RigidBodySteps(stages, self._plant.substeps))(now, row, drawn)
             return following, ()

@@ -120,18 +120,13 @@ def after_period(stages: Any, begun: Begun, found: Response, state: Any, coupled
     )
 
 
-def make_period(
-    stages: Any, plant: PlantSteps, begin: Callable[..., Begun] = begin, respond: Callable[..., Response] = respond
-) -> Period:
+def make_period(stages: Any, plant: PlantSteps) -> Period:
     """The function of one control period.
 
     An episode that has ended keeps the state it ended in.
 
     Args:
-        stages: :class:`skyarm.simulate.stages.Stages`, or the same stages as programs over flat numbers.
-        plant: of the same kind of numbers.
-        begin: the stages before the plant is first called; of flat numbers, as a program.
-        respond: those between its two calls, likewise.
+        stages: :class:`skyarm.simulate.stages.Stages`. plant: of the same numbers.
     """
 
     def period(now: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:

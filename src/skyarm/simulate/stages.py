@@ -14,7 +14,8 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.observed_push import observed_push
+from skyarm.compile import Node
+from skyarm.control.blocks.observed_push import PushAlone, observed_push
 from skyarm.control.controller import senses_torque
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
@@ -25,7 +26,7 @@ from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.coupled_memory import Memories
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, logical_and, where
 from skyarm.scenario.scenario_record import Scenario
@@ -65,10 +66,12 @@ class Stages:
 
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
+        command: from outside, in place of the law's; None for the law's own.
+        given: 1 where that command takes the law's place, 0 where the law decides; None for always.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(self, scenario: Scenario, command: Command | None = None, given: Any = None) -> None:
+        self.scenario, self._command, self._given = scenario, command, given
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
@@ -231,7 +234,19 @@ class Stages:
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
     ) -> tuple[Any, Command]:
-        """The law."""
+        """The law, or the command from outside, which leaves the law's memory as it is."""
+        if self._command is not None and self._given is None:
+            return memory, with_rest(self.scenario.world.vehicle, self._command)
+        following, command = self.apply_law(memory, measurement, reference, path_time)
+        if self._command is None:
+            return following, command
+        own = self._given < 0.5
+        return blend(own, following, memory), blend(own, command, self._command)
+
+    def apply_law(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
+    ) -> tuple[Any, Command]:
+        """The law's memory and command."""
         par = self.waits.believing(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.world.vehicle, command)
@@ -284,3 +299,73 @@ class Stages:
         """The next period's state; of an episode that has ended, the one it ended in."""
         kept: LoopState = blend(alive > 0.5, following, ended(now))
         return kept
+
+
+class EpisodeEndedError(Exception):
+    """An ending came within a period that is evaluated in Python.
+
+    Attributes:
+        command: its numbers where the command is what ended the episode; else ().
+    """
+
+    def __init__(self, command: tuple[float, ...]) -> None:
+        super().__init__("the episode has ended")
+        self.command = command
+
+
+class StagesInPython(Stages):
+    """Stages of a period that is evaluated in Python: an ending stops it, and a law may be called with floats.
+
+    Args:
+        scenario: of the episode. calls: of its law. example: a command, for its structure.
+        command, given: as of :class:`Stages`.
+    """
+
+    def __init__(
+        self, scenario: Scenario, calls: LawCalls, example: Command, command: Command | None = None, given: Any = None
+    ) -> None:
+        super().__init__(scenario, command, given)
+        self._calls, self._example = calls, example
+
+    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
+        """Endings; one that has come leaves the period."""
+        going: Any = super().check(alive, state, reference, clock)
+        return going.graph.external(_require_alive, [(going,)], 1)[0]
+
+    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
+        """Command line; a command that is not finite leaves the period."""
+        going, moved, acting = super().send(alive, queue, command)
+        return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
+
+    def apply_law(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
+    ) -> tuple[Any, Command]:
+        """The law, called with floats if it cannot be traced; others than the law know its observed push alone."""
+        if self.scenario.controller.compiled:
+            return super().apply_law(memory, measurement, reference, path_time)
+        inputs, law, count = (measurement, reference, path_time), super().apply_law, len(leaves((self._example, memory)))
+
+        def call(given: tuple[float, ...], numbers: tuple[float, ...]) -> tuple[float, ...]:
+            if given and given[0] > 0.5:
+                return (0.0,) * count
+            self._calls.memory, command = law(self._calls.memory, *rebuild(inputs, iter(numbers)))
+            return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
+
+        graph = next(leaf.graph for leaf in leaves(inputs) if isinstance(leaf, Node))
+        given = () if self._given is None else (self._given,)
+        results = iter(graph.external(call, [given, leaves(inputs)], count))
+        command: Command = rebuild(self._example, results)
+        return rebuild(memory, results), command
+
+
+@dataclass(slots=True)
+class LawCalls:
+    """Memory of a law that is called with floats: any object."""
+
+    memory: Any
+
+
+def _require_alive(alive: tuple[float, ...], command: tuple[float, ...] = ()) -> tuple[float, ...]:
+    if alive[0] < 0.5:
+        raise EpisodeEndedError(command)
+    return alive
