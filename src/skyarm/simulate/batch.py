@@ -38,7 +38,7 @@ from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latenci
 from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.outcome import Outcome
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[Any]
 
@@ -99,7 +99,7 @@ class Batch:
         self.stepped: BatchSession | None = None
         self.names = metric_names(metrics, scenario.world.vehicle.n, scenario.told)
         scenario.controller.require_compiled("a batch")
-        try_own_code(scenario)
+        require_shapes(scenario)
         require_apart(scenario, self.paths)
         require_latencies(scenario, self.paths)
         require_changes(scenario)

@@ -32,7 +32,7 @@ from skyarm.simulate.lane_arguments import (
 from skyarm.simulate.lane_programs import LanePrograms
 from skyarm.simulate.lane_rules import LaneRules, require_latencies
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.user_code import require_shapes
 from skyarm.simulate.short_steps import require_short_steps
 
 Array = npt.NDArray[Any]
@@ -91,7 +91,7 @@ class BatchSession:
             raise ScenarioError("changes: must be left out for lanes that are stepped; set() gives them other numbers")
         lanes, threads = require_count("lanes", lanes), require_count("threads", threads)
         paths, seed = require_paths(paths), noise_key("seed", seed)
-        try_own_code(scenario, law=law)
+        require_shapes(scenario)
         require_apart(scenario, paths)
         require_latencies(scenario, paths)
         self.scenario, self.paths, self._autoreset, self._seed = scenario, paths, autoreset, seed

@@ -38,9 +38,10 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
-from skyarm.simulate.period import make_period
+from skyarm.simulate.period import make_period, measure
 from skyarm.simulate.plant_steps import CalledPlant, RigidBodySteps, Substeps, rigid_body_plant
 from skyarm.simulate.stages import EpisodeEndedError, LawCalls, Stages, StagesInPython
+from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -90,6 +91,7 @@ class EpisodeCode:
         effort: int | None = None,
         key: Any = None,
     ) -> None:
+        require_shapes(scenario)
         self.scenario, self.commands, self.own_reference, self.key = scenario, commands, own_reference, key
         self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
         self.calls: LawCalls | None = None if machine_code else LawCalls(copy.deepcopy(scenario.controller.memory))
@@ -142,12 +144,7 @@ class EpisodeCode:
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
         """The first stages of a period, up to the law's measurement."""
         stages, plant, row = self._begin(numbers, fed)
-        row = stages.led(now, row)
-        _, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
-        acting = stages.acting(now.queue)
-        force, pushes = plant.specific_force(now.state, acting, around), stages.pushes(around, now.state)
-        read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, uniforms, pushes)
-        return now, read.measurement
+        return now, measure(stages, plant, now, stages.led(now, row), uniforms).read.measurement
 
     @cached_property
     def measurement(self) -> Loop:

@@ -81,6 +81,5 @@ class LanePrograms:
     def _sound(self, numbers: tuple[Any, ...], ticks: Any, state: State, clock: Any) -> Any:
         """1 where no ending has come, else 0."""
         stages = Stages(self._varied(numbers))
-        now = dataclasses.replace(self.first, ticks=ticks, clock=clock)
-        row = stages.led(now, self._row(stages.scenario, ticks))
-        return stages.check(1.0, state, row.reference, clock)
+        now = dataclasses.replace(self.first, ticks=ticks, state=state, clock=clock)
+        return stages.alive(now, stages.led(now, self._row(stages.scenario, ticks)).reference)

@@ -120,12 +120,16 @@ class Stages:
             return ()
         return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
 
-    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
-        """Endings: 1 while the episode goes on, else 0."""
-        fine = logical_and(alive > 0.5, healthy(self.scenario, state, reference.position))
-        if isinstance(clock, PathClock):
-            fine = logical_and(fine, clock.failed < 0.5)
+    def alive(self, now: LoopState, reference: Reference) -> Any:
+        """Endings: 1 while none has come, else 0."""
+        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
+        if isinstance(now.clock, PathClock):
+            fine = logical_and(fine, now.clock.failed < 0.5)
         return where(fine, 1.0, 0.0)
+
+    def check(self, now: LoopState, row: Row) -> LoopState:
+        """The loop, not alive where an ending has come."""
+        return dataclasses.replace(now, alive=self.alive(now, row.reference))
 
     def surround(
         self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
@@ -295,9 +299,9 @@ class Stages:
         """Control periods flown."""
         return ticks + alive
 
-    def keep(self, alive: Any, following: LoopState, now: LoopState) -> LoopState:
+    def keep(self, following: LoopState, now: LoopState) -> LoopState:
         """The next period's state; of an episode that has ended, the one it ended in."""
-        kept: LoopState = blend(alive > 0.5, following, ended(now))
+        kept: LoopState = blend(following.alive > 0.5, following, ended(now))
         return kept
 
 
@@ -327,9 +331,9 @@ class StagesInPython(Stages):
         super().__init__(scenario, command, given)
         self._calls, self._example = calls, example
 
-    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
+    def alive(self, now: LoopState, reference: Reference) -> Any:
         """Endings; one that has come leaves the period."""
-        going: Any = super().check(alive, state, reference, clock)
+        going: Any = super().alive(now, reference)
         return going.graph.external(_require_alive, [(going,)], 1)[0]
 
     def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
