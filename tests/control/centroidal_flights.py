@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from skyarm.simulate.compiled_flight import trace_scenario
 
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
@@ -16,7 +17,6 @@ from skyarm.log.tip_positions import level_tip, tip
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensors.noise import SensorNoise
-from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
 
 NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.linalg
+from skyarm.simulate.compiled_flight import fly
 
 from flown import ARM2, MODEL
 from log_metrics import Errors
@@ -37,7 +38,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_flight import fly
 
 import skyarm
 from skyarm.actuation import Command
@@ -22,7 +23,6 @@ from skyarm.scalars import where
 from skyarm.scenario.scenario_file import ScenarioError, scenario_from
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 
 LIFT = Constant(3.0)

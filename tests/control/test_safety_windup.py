@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_flight import fly
 
 import skyarm
 from law_flights import PAPER
@@ -20,7 +21,6 @@ from skyarm.reference.signals import Ramp
 from skyarm.scalars import logical_and, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate import run
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 

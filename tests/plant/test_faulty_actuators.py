@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_flight import fly
 
 import skyarm
 from skyarm.actuation import rotor_force
@@ -15,7 +16,6 @@ from skyarm.environment import Effectiveness, Fault, WindSample
 from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")

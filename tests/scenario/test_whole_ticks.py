@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from skyarm.simulate.staged_flight import StagedFlight
 
 from skyarm.dynamics.broadcast import unit_quaternion
 from skyarm.plant.interface import whole_steps
@@ -16,7 +17,6 @@ from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
-from skyarm.simulate.staged_flight import StagedFlight
 
 SIDES = pytest.mark.parametrize("side", [-1.0, 1.0], ids=["less", "more"])
 OFF = pytest.mark.parametrize("off", [1e-5, 0.2, 0.4])

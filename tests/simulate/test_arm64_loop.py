@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_flight import fly, trace_scenario
 
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
@@ -15,7 +16,6 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensors.noise import SensorNoise
-from skyarm.simulate.compiled_flight import fly, trace_scenario
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 

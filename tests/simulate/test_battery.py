@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
+from skyarm.simulate.staged_flight import StagedFlight
 
 from skyarm.actuation import speeds_after
 from skyarm.actuation.time_aloft import time_aloft
@@ -24,7 +25,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.staged_flight import StagedFlight
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.thrust_table import ThrustTable

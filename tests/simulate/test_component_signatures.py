@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from skyarm.simulate.component_trials import try_components
 
 import skyarm
 from added_components import registry_kept
@@ -22,7 +23,6 @@ from skyarm.registry.class_signatures import class_mistake
 from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.simulate.component_trials import try_components
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 BASE = load_scenario("case1", duration=0.25)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_session import CompiledSteps
+from skyarm.simulate.staged_flight import StagedFlight
 
 from added_components import Lag, Servo, same_logs, with_law
 from skyarm.actuation import Command
@@ -18,10 +20,8 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import Delays, run
-from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.staged_flight import StagedFlight
 
 BASE = load_scenario("case1", duration=0.1)
 

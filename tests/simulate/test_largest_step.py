@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
 
 from added_components import Servo, SteadyWrench, same_logs, with_law
 from skyarm.actuation import Command
@@ -29,12 +30,11 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
 from skyarm.simulate.session import Session
-from skyarm.simulate.short_steps import require_short_steps
 from skyarm.simulate.stages import Stages
 from skyarm.sweep.design import extremes
 from skyarm.sweep.plan import prepare

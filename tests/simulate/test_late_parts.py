@@ -23,8 +23,8 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import commands_waiting
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.stages import joined_reference
 from thorough import sampled
 
 ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_flight import fly, trace_scenario
 
 from shared_programs import shared_programs
 from simulate_flights import document
@@ -19,7 +20,6 @@ from skyarm.environment import dryden
 from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Scenario, run
-from skyarm.simulate.compiled_flight import fly, trace_scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled

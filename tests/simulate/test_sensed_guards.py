@@ -22,8 +22,7 @@ from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
-from skyarm.simulate.clock_records import Seen
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Seen, Waits
 from thorough import sampled
 
 OUT = (-0.6, 0.0, 0.8)

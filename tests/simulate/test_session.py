@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.compiled_session import CompiledSteps
+from skyarm.simulate.staged_flight import StagedFlight
 
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
 from shared_programs import shared_programs
@@ -24,8 +26,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import Delays, Log, Rates, ScenarioError, run, staged_flight
-from skyarm.simulate.compiled_session import CompiledSteps
-from skyarm.simulate.staged_flight import StagedFlight
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 NOISY = dataclasses.replace(

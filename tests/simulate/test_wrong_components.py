@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.component_trials import try_components
 
 import skyarm
 from added_components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
@@ -23,7 +24,6 @@ from skyarm.sensors.sensor import Sensor
 from skyarm.simulate import component_trials, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.component_trials import try_components
 
 BASE = load_scenario("case1", duration=0.25)
 STATE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"

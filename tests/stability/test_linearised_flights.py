@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 from scipy.spatial.transform import Rotation
+from skyarm.simulate.compiled_flight import fly
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
@@ -18,7 +19,6 @@ from skyarm.control.model import Model
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.simulate import Delays, run
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from hand_made import T, double_integrator
+from skyarm.simulate.compiled_flight import trace_scenario
 from test_linearised_flights import even, growth
 from test_margins import sampled, two_axes
 
@@ -17,7 +18,6 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.simulate import Delays
-from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability import margins

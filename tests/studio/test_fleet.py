@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skyarm.simulate.live_steps import BLOCK, FlownRows
 
 import skyarm
 from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.simulate.live_steps import BLOCK, FlownRows
 from skyarm.studio.documents import LONGEST, prepare, read_document
 from skyarm.studio.fleet import Fleet, load_fleet, make_flight
 from skyarm.studio.flight import Flight

@@ -16,7 +16,7 @@ from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_arguments import require_rigid_body
+from skyarm.simulate.lane_numbers import require_rigid_body
 from skyarm.simulate.user_code import require_shapes
 
 PRECISIONS = ("single", "double", "bit_exact")

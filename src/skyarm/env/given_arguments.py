@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.simulate.lane_arguments import require_count
+from skyarm.simulate.lane_numbers import require_count
 
 MOST_LANES = 1_000_000
 """Episodes that fly together at most: some hundreds of numbers each, so that this asks for gigabytes already."""

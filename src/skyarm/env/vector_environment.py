@@ -20,7 +20,7 @@ from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures, 
 from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_arguments import lane_mask, require_count
+from skyarm.simulate.lane_numbers import lane_mask, require_count
 
 Array = npt.NDArray[Any]
 

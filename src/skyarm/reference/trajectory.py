@@ -93,7 +93,7 @@ class Trajectory:
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`); with a ``load``
     it says when the tip is told to hold one. With ``guards`` it waits for the flight
-    (:mod:`skyarm.simulate.path_clock`), and ``phases`` are those of its task.
+    (:mod:`skyarm.simulate.reference_clock`), and ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO

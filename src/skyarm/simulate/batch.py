@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -14,7 +15,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.files.old_names import warn_of_old_name
-from skyarm.log.batch_log import batch_log
+from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.metrics.metric_catalogue import metric_names, needed
 from skyarm.metrics.metric_catalogue import values as metric_values
 from skyarm.metrics.windows import Windows
@@ -26,19 +27,43 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.batch_rows import lane_columns
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.lane_arguments import (
+from skyarm.simulate.lane_numbers import (
+    LaneRules,
+    require_apart_from_changes,
     require_count,
+    require_draws,
     require_kind,
+    require_latencies,
     require_paths,
     require_rigid_body,
     require_values,
     require_width,
 )
-from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
-from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.outcome import Outcome
 from skyarm.simulate.user_code import require_shapes
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a batch of episodes left, one entry per lane.
+
+    Attributes:
+        metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.
+        completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
+        status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
+        state: the last one of each lane.
+        log: of a batch that keeps one, else None.
+    """
+
+    metrics: dict[str, Array]
+    completed: Array
+    end_time: Array
+    status: Array
+    state: State
+    log: BatchLog | None = None
+
 
 Array = npt.NDArray[Any]
 

@@ -32,15 +32,15 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
 from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, refused
-from skyarm.simulate.clock_of_change import clock_of_change
-from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
 from skyarm.simulate.period import make_period, measure
-from skyarm.simulate.plant_steps import CalledPlant, RigidBodySteps, Substeps, rigid_body_plant
-from skyarm.simulate.stages import EpisodeEndedError, LawCalls, Stages, StagesInPython
+from skyarm.simulate.plant_steps import RigidBodySteps, Substeps, rigid_body_plant
+from skyarm.simulate.python_calls import CalledPlant, EpisodeEndedError, LawCalls, StagesInPython
+from skyarm.simulate.reference_clock import PathClock, clock_of_change
+from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[np.float64]

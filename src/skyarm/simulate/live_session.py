@@ -23,8 +23,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.engine import Engine, EpisodeCode
-from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
-from skyarm.simulate.lane_rules import require_latencies
+from skyarm.simulate.lane_numbers import require_latencies, require_paths, require_values, require_within_queue
 from skyarm.simulate.loop_state import LoopState
 
 

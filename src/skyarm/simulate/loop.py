@@ -46,9 +46,7 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None, *, keep:
     return _fly(lambda each: _Episode(each, machine_code=False), scenario, progress, keep)
 
 
-def _fly(
-    make: Callable[[Scenario], Session], scenario: Scenario, progress: Progress | None, keep: Keep | None
-) -> Log:
+def _fly(make: Callable[[Scenario], Session], scenario: Scenario, progress: Progress | None, keep: Keep | None) -> Log:
     """The log of a session that is flown to its end."""
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")

@@ -77,7 +77,8 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
     An episode that has ended keeps the state it ended in.
 
     Args:
-        stages: :class:`skyarm.simulate.stages.Stages`. plant: over the same scalars.
+        stages: :class:`skyarm.simulate.stages.Stages`.
+        plant: over the same scalars.
     """
 
     def period(before: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:

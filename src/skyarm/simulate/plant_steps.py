@@ -11,16 +11,14 @@ from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant, Steps
-from skyarm.plant.coupled_memory import memories_of, places_in, with_memories
+from skyarm.plant.coupled_memory import memories_of, with_memories
 from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import VERLET
-from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves, rebuild
 from skyarm.scalars import where
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import first_surroundings
 from skyarm.simulate.loop_state import LoopState
@@ -104,102 +102,3 @@ class RigidBodySteps:
 
         now = repeat_while(count, where(far, 0.0, float(count)), step, now)
         return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
-
-
-class CalledPlant:
-    """A plant of flat numbers within a traced period, as external calls.
-
-    Args:
-        plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
-
-    Raises:
-        ScenarioError: a user-defined plant that has no function for a part of the scenario, or a delay that is no
-            whole number of physics steps.
-    """
-
-    def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
-        self._plant, self._period, self._late = plant, stages.period, stages.late
-        scenario, vehicle = stages.scenario, stages.scenario.world.vehicle
-        for name in ("command", "rotors", "joints"):
-            steps = getattr(scenario.delays, name) * scenario.rates.physics
-            if abs(steps - round(steps)) > 1e-6:
-                delay = getattr(scenario.delays, name)
-                raise ScenarioError(
-                    f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.plant}"
-                )
-        self._kind, self._rotors, self._joints = scenario.plant, len(vehicle.rotors), vehicle.n
-        self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
-        self._apart = None if stages.apart is None else tuple(rest for _, rest in stages.apart)
-        self._impact, self._coupled = _impact_of(plant, scenario), places_in(around)
-        self._read: tuple[Flat, Flat] = ((), ())
-
-    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
-        graph: Any = state.position.x.graph
-        groups = [leaves(state), leaves(command), leaves(around)]
-        return Vec3(*graph.external(self._specific_force, groups, 3))
-
-    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State and coupled memories after the period."""
-        graph: Any = state.position.x.graph
-        groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
-        numbers = iter(graph.external(self._advance, groups, self._end + len(self._coupled)))
-        return rebuild(state, numbers), rebuild(memories_of(around), numbers)
-
-    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
-        self._read = state, around
-        return self._plant.specific_force(state, command, around)
-
-    def _advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
-        # a plant that has just been given these tuples need not read them again
-        if state == self._read[0]:
-            state = self._read[0]
-        if around == self._read[1]:
-            around = self._read[1]
-        if self._impact is not None:
-            state = self._impact(state, around)
-        parts, left = [(self._late, before)], self._period
-        if self._apart is not None:
-            n, end = self._rotors, self._rotors + self._joints
-            old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
-            pairs = switches(old, new, *self._apart)
-            parts = [(seconds, (*u.rotor_speeds, *u.efforts, *u.tilts)) for seconds, u in pairs]
-        for seconds, command in parts:
-            if seconds > 0.0:
-                found = self._hold(state, command, around, seconds)
-                state, around = found[: self._end], self._with_memories(around, found[self._end :])
-            left = left - seconds
-        return self._hold(state, after, around, left)
-
-    def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Numbers of the state and of the coupled memories after an interval of one command."""
-        found = self._plant.advance(state, command, around, seconds)
-        if self._coupled and len(found) != self._end + len(self._coupled):
-            raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
-        return found
-
-    def _with_memories(self, around: Flat, memories: Flat) -> Flat:
-        """Numbers of the surroundings with other coupled memories."""
-        if not self._coupled:
-            return around
-        numbers = list(around)
-        for place, value in zip(self._coupled, memories, strict=True):
-            numbers[place] = value
-        return tuple(numbers)
-
-
-def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
-    """The function of a plant for grasps and joints that get stuck; None where the scenario has none.
-
-    Raises:
-        ScenarioError: a user-defined plant without it.
-    """
-    stuck = any(fault.stuck for fault in scenario.faults)
-    rigid = any(payload.rigid for payload in scenario.payloads)
-    if not rigid and not stuck:
-        return None
-    found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
-    if found is None:
-        what = "rigid payloads" if rigid else "environment.faults with stuck"
-        raise ScenarioError(f"plant.kind = {scenario.plant!r}: does not know {what}; it has no after_impact")
-    return found

@@ -13,9 +13,8 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
-from skyarm.algebra import Vec3
-from skyarm.compile import Node
-from skyarm.control.blocks.observed_push import PushAlone, observed_push
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.controller import senses_torque
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
@@ -24,17 +23,17 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.coupled_memory import Memories
+from skyarm.plant.loaded_vehicle import payloads_of
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import field_names, leaves
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, logical_and, where
+from skyarm.scalars import Scalar, absolute, data, logical_and, mul, where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.tip_sensor import sensor_offset, tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.command_line import (
     command_delay,
     issued,
@@ -43,12 +42,10 @@ from skyarm.simulate.command_line import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.due_period import due
-from skyarm.simulate.felt_pushes import push_at
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
-from skyarm.simulate.pace_clock import PaceClock, Paces
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import PaceClock, Paces, PathClock, Waits, due
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -305,71 +302,83 @@ class Stages:
         return kept
 
 
-class EpisodeEndedError(Exception):
-    """An ending came within a period that is evaluated in Python.
+POSES = ("position", "yaw", "joints", "tip")
+"""What a reference at rest keeps; its derivatives are zero."""
 
-    Attributes:
-        command: its numbers where the command is what ended the episode; else ().
+ASKED = (0, 5)
+"""Places in the push of what asks for contact: force and grip."""
+
+
+def joins_late(scenario: Scenario) -> bool:
+    """Whether the law may join after the first instant."""
+    return not (type(scenario.joined) is int and scenario.joined == 0)
+
+
+def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Reference:
+    """What the law is told: until it joins the pose of t = 0, at rest, then the reference as it goes.
+
+    Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
+    if not joins_late(scenario):
+        return going
+    still, resting = scenario.trajectory.at(0.0), time < scenario.joined
+    fields: dict[str, Any] = {}
+    for name in field_names(Reference) or ():
+        moving, rest = getattr(going, name), getattr(still, name)
+        if isinstance(moving, (Vec3, tuple)):
+            pose = tuple(rest) if name in POSES else (0.0,) * len(tuple(moving))
+            if name == "push" and moving:  # no contact yet, and what is believed of it
+                pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
+            kept = [_resting(resting, a, b) for a, b in zip(pose, moving, strict=True)]
+            fields[name] = Vec3(*kept) if isinstance(moving, Vec3) else tuple(kept)
+        else:
+            fields[name] = _resting(resting, rest if name in POSES else 0.0, moving)
+    return Reference(**fields)
 
-    def __init__(self, command: tuple[float, ...]) -> None:
-        super().__init__("the episode has ended")
-        self.command = command
+
+def _resting(resting: Any, still: Any, going: Any) -> Any:
+    return going if type(going) is int else where(resting, still, going)
 
 
-class StagesInPython(Stages):
-    """Stages of a period that is evaluated in Python: an ending stops it, and a law may be called with floats.
+def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
+    """Force and torque at a frame of all that pushes on its link and on the links that it carries.
+
+    Of payloads it is the weight: what it takes to accelerate them is not there. All components are data, also where
+    nothing can push, because sensors keep them in their memories.
 
     Args:
-        scenario: of the episode. calls: of its law. example: a command, for its structure.
-        command, given: as of :class:`Stages`.
+        frame: of the vehicle.
+        around: surroundings of the period.
+        vehicle: the true one.
+        state: the truth.
+        gravity: m/s^2.
     """
-
-    def __init__(
-        self, scenario: Scenario, calls: LawCalls, example: Command, command: Command | None = None, given: Any = None
-    ) -> None:
-        super().__init__(scenario, command, given)
-        self._calls, self._example = calls, example
-
-    def alive(self, now: LoopState, reference: Reference) -> Any:
-        """Endings; one that has come leaves the period."""
-        going: Any = super().alive(now, reference)
-        return going.graph.external(_require_alive, [(going,)], 1)[0]
-
-    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
-        """Command line; a command that is not finite leaves the period."""
-        going, moved, acting = super().send(alive, queue, command)
-        return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
-
-    def apply_law(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
-    ) -> tuple[Any, Command]:
-        """The law, called with floats if it cannot be traced; others than the law know its observed push alone."""
-        if self.scenario.controller.compiled:
-            return super().apply_law(memory, measurement, reference, path_time)
-        inputs, law, count = (measurement, reference, path_time), super().apply_law, len(leaves((self._example, memory)))
-
-        def call(given: tuple[float, ...], numbers: tuple[float, ...]) -> tuple[float, ...]:
-            if given and given[0] > 0.5:
-                return (0.0,) * count
-            self._calls.memory, command = law(self._calls.memory, *rebuild(inputs, iter(numbers)))
-            return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
-
-        graph = next(leaf.graph for leaf in leaves(inputs) if isinstance(leaf, Node))
-        given = () if self._given is None else (self._given,)
-        results = iter(graph.external(call, [given, leaves(inputs)], count))
-        command: Command = rebuild(self._example, results)
-        return rebuild(memory, results), command
+    motion, carried = PointMotion(vehicle, state, around.air_velocity), beyond(vehicle, frame.link)
+    force, torque = ZERO3, ZERO3
+    at = motion.position(frame.position, frame.link)
+    for wrench in around.wrenches(motion, state.rotor_speeds):
+        if wrench.body in carried:
+            force = force + wrench.force_W
+            torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
+    for payload, memory in payloads_of(around):
+        link, load = payload.body(vehicle, memory.held)
+        if link in carried:
+            weight = Vec3(0, 0, mul(-gravity, load.mass))
+            force = force + weight
+            torque = torque + (motion.position(load.com, link) - at).cross(weight)
+    axes = [motion.turned(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
+    return Push(
+        force=Vec3(*(data(axis.dot(force)) for axis in axes)),
+        torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),
+    )
 
 
-@dataclass(slots=True)
-class LawCalls:
-    """Memory of a law that is called with floats: any object."""
-
-    memory: Any
-
-
-def _require_alive(alive: tuple[float, ...], command: tuple[float, ...] = ()) -> tuple[float, ...]:
-    if alive[0] < 0.5:
-        raise EpisodeEndedError(command)
-    return alive
+def beyond(vehicle: Vehicle, link: int) -> set[int]:
+    """Numbers of the links that move with one; all of them and the base for the base."""
+    found = {link}
+    if link == BASE:
+        return {BASE, *range(len(vehicle.moving))}
+    for i, each in enumerate(vehicle.moving):
+        if each.parent in found:
+            found.add(i)
+    return found

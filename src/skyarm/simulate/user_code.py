@@ -75,7 +75,7 @@ class Part:
         """A step whose mistakes are one line."""
         try:
             following, result = self.step(memory, time, state, draws)
-        except _WrongShape as error:
+        except _ShapeError as error:
             raise self.refusal(str(error)) from None
         except (TypeError, AttributeError, RecordError) as error:
             words = mistake_in(error)
@@ -88,7 +88,7 @@ class Part:
         return following, result
 
 
-class _WrongShape(Exception):
+class _ShapeError(Exception):
     """A result of the wrong shape, in words."""
 
 
@@ -210,20 +210,20 @@ def _component(place: str, component: Any, index: int, scenario: Scenario, perio
         following = component.advance(memory, time[0], period, state, draws)
         air = component.velocity(following, time[0], state.position)
         if not isinstance(air, Vec3):
-            raise _WrongShape(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3")
+            raise _ShapeError(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3")
         motion = PointMotion(vehicle, state)
         wrenches = component.wrenches(following, time[0], motion, state.rotor_speeds)
         if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
-            raise _WrongShape(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
+            raise _ShapeError(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
         for each in wrenches:
             if not BASE <= each.body < len(vehicle.moving):
                 bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
-                raise _WrongShape(f"gives a wrench on body {each.body}: must be {bodies}")
+                raise _ShapeError(f"gives a wrench on body {each.body}: must be {bodies}")
         if component.coupled:
             slope = component.slope(following, time[0], motion, state.rotor_speeds)
             different = difference(following, slope, "the slope")
             if different:
-                raise _WrongShape(f"gives the rates of its memory in another structure: {different}")
+                raise _ShapeError(f"gives the rates of its memory in another structure: {different}")
         vectors = (air, *(each for one in wrenches for each in (one.force_W, one.torque_W, one.point)))
         return following, tuple(data(number) for vector in vectors for number in vector)
 
@@ -242,7 +242,7 @@ def _drive(place: str, drive: Any, scenario: Scenario, period: float) -> Part:
         following = drive.advance(memory, 0.1 + position, position, rate, period)
         effort = data(drive.effort(following, 0.1 + position, position, rate))
         if kind_of(effort) != "a number":
-            raise _WrongShape(f"gives an effort that is {kind_of(effort)}: must be a number")
+            raise _ShapeError(f"gives an effort that is {kind_of(effort)}: must be a number")
         return following, (effort,)
 
     position = first_state(scenario).joints[index]
@@ -257,11 +257,11 @@ def _sensor(place: str, sensor: Any, scenario: Scenario, period: float) -> Part:
     def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
         result = sensor.take(memory, time[0], state, WEIGHT, NO_PUSH, draws, every)
         if not isinstance(result, tuple) or len(result) != 2:
-            raise _WrongShape(f"returns {kind_of(result)}: must return (memory, reading)")
+            raise _ShapeError(f"returns {kind_of(result)}: must return (memory, reading)")
         for at, each in named_parts(result[1], "a reading"):
             if kind_of(each) != "a number" and type(each) not in (int, bool):
                 found = f"{at} as {kind_of(each)}"
-                raise _WrongShape(f"gives {found}: must be a number, or a tuple or a frozen dataclass of numbers")
+                raise _ShapeError(f"gives {found}: must be a number, or a tuple or a frozen dataclass of numbers")
         return result
 
     def first(_instant: Any, numbers: Sequence[float]) -> None:
@@ -288,11 +288,11 @@ def _estimator(place: str, estimator: Any, scenario: Scenario, period: float) ->
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
         result = estimator.step(memory, readings, command, period)
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
-            raise _WrongShape(f"returns {kind_of(result)}: must return (memory, Measurement)")
+            raise _ShapeError(f"returns {kind_of(result)}: must return (memory, Measurement)")
         for name in ("joints", "joint_rates"):
             given = getattr(result[1], name)
             if len(given) != vehicle.n:
-                raise _WrongShape(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
+                raise _ShapeError(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
         return result
 
     memory = estimator.start(scenario.controller.par.model.vehicle)

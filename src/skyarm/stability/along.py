@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from skyarm.compile import leaves
 from skyarm.environment import NO_WIND
 from skyarm.reference import Constant, Trajectory
