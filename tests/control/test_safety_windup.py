@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from skyarm.simulate.compiled_flight import fly
 
 import skyarm
 from law_flights import PAPER
+from shared_programs import fly
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import LAWS, make_controller
@@ -21,7 +21,6 @@ from skyarm.reference.signals import Ramp
 from skyarm.scalars import logical_and, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate import run
-from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
 START, RELEASE, END = 1.0, 2.0, 5.0
@@ -77,7 +76,7 @@ def at_release(scenario):
     if not scenario.controller.compiled:
         return SEEN[round(RELEASE * scenario.rates.control) - 1]
     half = dataclasses.replace(scenario, duration=RELEASE)
-    return fly(half, episode_inputs(half)).carry.memory
+    return fly(half).carry.memory
 
 
 def estimated(memory):

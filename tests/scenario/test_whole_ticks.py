@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from skyarm.simulate.staged_flight import StagedFlight
 
+import skyarm
 from skyarm.dynamics.broadcast import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.clock_checks import check_clocks, require_whole
@@ -48,7 +48,8 @@ def test_no_time_is_no_tick_and_less_than_half_a_tick_is_none():
 @pytest.mark.parametrize("steps", [0, 3, 12])
 def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
     scenario = load_scenario("case1", duration=0.05)
-    StagedFlight(dataclasses.replace(scenario, delays=Delays(command=steps * 0.001)))
+    late = dataclasses.replace(scenario, plant="mujoco", delays=Delays(command=steps * 0.001))
+    skyarm.Session(late)
 
 
 @SIDES
@@ -56,9 +57,9 @@ def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
 def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped(off, side):
     scenario = load_scenario("case1", duration=0.05)
     # machine code takes any delay up to a longest one
-    late = dataclasses.replace(scenario, delays=Delays(command=(3 + side * off) * 0.001, longest_command=0.02))
+    late = Delays(command=(3 + side * off) * 0.001, longest_command=0.02)
     with pytest.raises(ScenarioError, match=r"delays\.command = .*whole number of physics steps"):
-        StagedFlight(late)
+        skyarm.Session(dataclasses.replace(scenario, plant="mujoco", delays=late))
 
 
 @SIDES

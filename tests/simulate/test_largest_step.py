@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
 
 from added_components import Servo, SteadyWrench, same_logs, with_law
 from skyarm.actuation import Command
@@ -34,6 +33,7 @@ from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.sweep.design import extremes

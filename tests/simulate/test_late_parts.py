@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
+from shared_programs import fly, hurried
 from simulate_flights import circling
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
@@ -18,11 +18,10 @@ from skyarm.scalars import where
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.simulate import Delays, ScenarioError, compiled_flight, run
+from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import commands_waiting
-from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import joined_reference
 from thorough import sampled
@@ -88,10 +87,9 @@ def test_each_part_arrives_when_its_own_delay_is_over(plant: str, rotors: float,
 def test_engines_agree_on_late_parts(rotors: float, joints: float) -> None:
     scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=0.7), joined=0.4)
     compiled = run(scenario)
-    inputs = episode_inputs(scenario)
-    floats = compiled_flight.fly(scenario, inputs, reference=True)
+    floats = fly(scenario, python=True)
     staged, other = run_in_python(scenario), run_in_python(dataclasses.replace(scenario, plant="mujoco"))
-    assert np.array_equal(compiled_flight.samples(floats).states[:, :3], compiled.position)
+    assert np.array_equal(floats.engine.samples(0, floats.engine.tick).states[:, :3], compiled.position)
     assert np.allclose(staged.joints, compiled.joints, rtol=0.0, atol=1e-12)
     # held forces make MuJoCo's steps first order
     assert np.allclose(other.position, compiled.position, atol=1e-3)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
 
 from flying_engines import ENGINES, evaluate
 from skyarm.actuation import Command
@@ -29,6 +28,7 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages, joined_reference
 
 VALUES = {

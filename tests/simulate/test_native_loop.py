@@ -6,9 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from skyarm.simulate.compiled_flight import fly, trace_scenario
 
-from shared_programs import shared_programs
+from shared_programs import fly, shared_programs
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
@@ -20,6 +19,7 @@ from skyarm.environment import dryden
 from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Scenario, run
+from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
@@ -71,8 +71,8 @@ def columns(scenario: Scenario, rows):
 
 
 def assert_equal_to_the_bit(scenario: Scenario):
-    log, inputs = run(scenario), episode_inputs(scenario)
-    flown, floats = fly(scenario, inputs), fly(scenario, inputs, reference=True)
+    log = run(scenario)
+    flown, floats = fly(scenario), fly(scenario, python=True)
     assert flown.rows.tobytes() == floats.rows.tobytes()
     assert repr(leaves(flown.carry)) == repr(leaves(floats.carry))
     ours, python = columns(scenario, flown.rows), rows_of(log)
@@ -182,7 +182,7 @@ def test_a_joint_past_its_limit_ends_the_episode_at_the_same_instant():
 
 def test_an_episode_that_has_ended_keeps_the_state_it_ended_in():
     shorter, longer = (planned("case2", duration=seconds, **ENDINGS["ground"]) for seconds in (0.5, 1.0))
-    ends = [fly(one, episode_inputs(one)).carry for one in (shorter, longer)]
+    ends = [fly(one).carry for one in (shorter, longer)]
     assert float(ends[0].alive) == 0.0
     assert float(ends[0].state.position.z) > -0.5
     assert leaves(ends[0]) == leaves(ends[1])
@@ -197,8 +197,7 @@ def test_turbulence_starts_from_the_two_steps_before_the_first():
 
 def test_the_reference_in_python_is_machine_code_to_the_bit():
     scenario = planned("everything", duration=0.5)
-    inputs = episode_inputs(scenario)
-    machine, python = fly(scenario, inputs), fly(scenario, inputs, reference=True)
+    machine, python = fly(scenario), fly(scenario, python=True)
     assert machine.rows.tobytes() == python.rows.tobytes()
     assert leaves(machine.carry) == leaves(python.carry)
 
@@ -206,7 +205,7 @@ def test_the_reference_in_python_is_machine_code_to_the_bit():
 def lanes_of(scenario, lanes):
     """Carry after the flight of ten lanes with initial heights of their own."""
     inputs = episode_inputs(scenario)
-    traced = trace_scenario(scenario, inputs)
+    traced = EpisodeCode(scenario, commands=False, effort=0)
     carry = np.repeat(np.array(leaves(first_loop_state(scenario)), dtype=float)[:, None], 10, axis=1)
     carry[4] += 0.05 * np.arange(10)
     rows = np.column_stack([inputs.times, np.array(inputs.held).reshape(scenario.steps, -1)])
@@ -237,7 +236,7 @@ def test_single_precision_stays_near_double():
 def test_the_seed_and_the_episode_both_change_the_noise():
     scenario = planned("case2", duration=0.1, sensors=NOISE, seed=1)
     flights = [
-        fly(one, episode_inputs(one)).rows
+        fly(one).rows
         for one in (scenario, dataclasses.replace(scenario, seed=2), dataclasses.replace(scenario, episode=1))
     ]
     assert not np.array_equal(flights[0], flights[1])

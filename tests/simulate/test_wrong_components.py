@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from skyarm.simulate.component_trials import try_components
 
 import skyarm
 from added_components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
@@ -24,6 +23,7 @@ from skyarm.sensors.sensor import Sensor
 from skyarm.simulate import component_trials, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
+from skyarm.simulate.user_code import check_components
 
 BASE = load_scenario("case1", duration=0.25)
 STATE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
@@ -216,7 +216,7 @@ def test_what_is_right_is_tried_and_flies():
         *("environment.air[0]", "environment.forces[0]", "plant.drives.joint1", "plant.drives.joint2"),
         *("sensors.fix", "estimator", "endings[0]"),
     ]
-    try_components(scenario)
+    check_components(scenario)
     assert run(scenario).time.size == 50
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import optimize
 from scipy.spatial.transform import Rotation
-from skyarm.simulate.compiled_flight import fly
 
 import skyarm
+from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.control.catalogue import make_controller
@@ -127,7 +127,7 @@ def growth(scenario, delay, **parts):
         scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay, **parts)
     )
     still = dataclasses.replace(begun, initial=state)
-    rows = [fly(each, episode_inputs(each)).rows[:, 1:] for each in (begun, still)]
+    rows = [fly(each).rows[:, 1:] for each in (begun, still)]
     size = np.linalg.norm((rows[0] - rows[1])[:, 10:13], axis=1)
     return size[-300:].max() / size[600:900].max()
 

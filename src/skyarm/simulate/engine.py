@@ -224,7 +224,7 @@ class Engine:
         parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
         self._stepper = self._stepped(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._rows = self._input_rows()
-        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])) if code.commands else 0)
+        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
         self._log = np.empty((min(self._steps, LOGGED), code.loop.logged))
         self._stepper.read_tables(self._rows, self._log)
         self.tick = self.begun = 0
@@ -248,8 +248,9 @@ class Engine:
             rows = np.stack([ticks / rates.control, publisher.held_time(ticks)], axis=1)
         else:
             rows = self.inputs.rows(0, scenario.steps)
-        more = 1 + len(leaves(self.first.queue[0])) if self.code.commands else 0
-        return np.ascontiguousarray(np.hstack([rows, np.zeros((len(rows), more))]))
+        if not self.code.commands:
+            return np.ascontiguousarray(rows)
+        return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.queue[0]))))])
 
     @property
     def inputs(self) -> EpisodeInputs:
@@ -288,7 +289,9 @@ class Engine:
     def _fly(self, stop: int) -> bool:
         """Fly up to a period; whether the episode goes on."""
         while stop > len(self._log):
-            self._log = np.concatenate([self._log, np.empty_like(self._log)])
+            longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
+            longer[: len(self._log)] = self._log
+            self._log = longer
             self._stepper.read_tables(self._rows, self._log)
         self._stepper.fly(self.tick, stop)
         carry = self._stepper.carry
