@@ -16,7 +16,7 @@ from skyarm.identify.identification import identify, result_digest, study_digest
 from skyarm.identify.records import IdentificationStudy, laid_over
 from skyarm.identify.study_reader import IdentificationError, read_identification
 from skyarm.metrics.score import score
-from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 

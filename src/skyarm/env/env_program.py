@@ -19,8 +19,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.env.env_task import Task
-from skyarm.env.env_views import Result, Sight
-from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.env.observed_quantities import Result, Sight
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
@@ -29,10 +28,10 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Measured, act, measure
-from skyarm.simulate.plant_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
@@ -86,9 +85,7 @@ class EnvProgram:
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.controller.par.model.vehicle)
-        stiff = task.randomised.stiffest
-        around = first_surroundings(stiff, first_loop_state(stiff))
-        self._plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        self._plant = rigid_body_plant(task.randomised.stiffest)
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self._ratio = scenario.rates.control // scenario.rates.reference

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from skyarm.identify.cell_loss import losses
 from skyarm.identify.records import Cell, IdentificationStudy, Settings
-from skyarm.plant.stop_rate import joint_rate
+from skyarm.plant.joint_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario

@@ -15,8 +15,8 @@ from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.files import number, shown
+from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
-from skyarm.plant.stop_rate import joint_rate
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.directions import near_unit_quaternion
 from skyarm.records.leaves import named_leaves

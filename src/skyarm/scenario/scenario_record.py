@@ -20,8 +20,8 @@ from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassT
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.result_name import ALLOWED, is_result_name
 from skyarm.metrics.windows import Windows
-from skyarm.plant.integrators import INTEGRATORS
 from skyarm.plant.interface import Truth
+from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.coerce import RecordError, accept
 from skyarm.records.field_rules import require_fields, rules
 from skyarm.records.plain import WRITTEN_IF_ANY

@@ -24,8 +24,8 @@ from skyarm.compile.tracing.repeat import operations
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.dynamics import State
+from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.plant.plant_by_name import make_plant
 from skyarm.reference import Publisher, Reference
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario

@@ -7,29 +7,29 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.dynamics import State
-from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.compiled import RigidBodyPlant, Steps
-from skyarm.plant.coupled_memory import memories_of, with_memories
+from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.impact import after_impact
-from skyarm.plant.integrators import VERLET
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.rigid_body import Moved, accelerate
+from skyarm.plant.surroundings import Surroundings, memories_of
 from skyarm.records.blend import blend
-from skyarm.scalars import where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.command_line import switches
-from skyarm.simulate.first_state import first_surroundings
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
 
 Flat = tuple[float, ...]
 
 
-def rigid_body_plant(scenario: Scenario, first: LoopState) -> RigidBodyPlant:
-    """The rigid-body plant of a scenario, which chooses the number of its integration steps."""
-    around = first_surroundings(scenario, first)
+def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> RigidBodyPlant:
+    """The rigid-body plant of a scenario, which chooses the number of its integration steps.
+
+    Args:
+        scenario: with concrete numbers.
+        first: its first loop state, where that is there already.
+    """
+    around = first_surroundings(scenario, first or first_loop_state(scenario))
     return RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
 
 
@@ -84,21 +84,4 @@ class RigidBodySteps:
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         """State and memories after an interval of one command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        name, world = self._scenario.integrator, self._scenario.world
-        near = VERLET if isinstance(count, Steps) and count.verlet else name
-
-        def step(both: Moved) -> Moved:
-            return COUPLED_STEP[near](world, both[0], command, with_memories(around, both[1]), seconds / count)
-
-        far: Any = False
-        if isinstance(count, Steps):
-            motion = PointMotion(world.vehicle, now[0])
-            far = around.with_coupled(now[1]).far(motion, seconds)
-        if not isinstance(count, Steps) or far is False:
-            return repeat(count, step, now)
-
-        def step_far(both: Moved) -> Moved:
-            return far_step(name, world, both, command, around, seconds / count.far, count.rounds)
-
-        now = repeat_while(count, where(far, 0.0, float(count)), step, now)
-        return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
+        return hold(self._scenario.world, self._scenario.integrator, count, now, command, around, seconds)

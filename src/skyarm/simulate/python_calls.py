@@ -11,10 +11,9 @@ from skyarm.algebra import Vec3
 from skyarm.compile import Node
 from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.dynamics import State
-from skyarm.plant.coupled_memory import memories_of, places_in
 from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import Moved
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Surroundings, memories_of, places_in
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError

@@ -22,9 +22,8 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
-from skyarm.plant.coupled_memory import Memories
 from skyarm.plant.loaded_vehicle import payloads_of
-from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.plant.surroundings import Memories, Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.records.leaves import field_names, leaves
 from skyarm.reference import Reference

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 
 try:
     from threadpoolctl import threadpool_limits
