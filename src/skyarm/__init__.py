@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.loop import run
     from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
+    from skyarm.simulate.user_code import check_components, check_law
     from skyarm.stability.along import margins
     from skyarm.stability.hover_delay import hover_delay
     from skyarm.sweep.fly_sweep import fly_sweep
@@ -137,6 +138,7 @@ _ROOMS = {
     "skyarm.simulate.loop": ("run",),
     "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
+    "skyarm.simulate.user_code": ("check_components", "check_law"),
     "skyarm.stability.along": ("margins",),
     "skyarm.stability.hover_delay": ("hover_delay",),
     "skyarm.sweep.fly_sweep": ("fly_sweep",),
@@ -208,6 +210,8 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
+    "check_components",
+    "check_law",
     "circle",
     "energy",
     "euler_lagrange",

@@ -165,15 +165,6 @@ def test_the_old_name_of_a_precision_is_the_same_study() -> None:
     assert before.document == study("paper_ct", precision="bit_exact").document
 
 
-def test_the_old_name_of_bit_exact_batches_makes_them_bit_exact() -> None:
-    scenario = load_scenario("case1", duration=0.1)
-    with pytest.warns(OldNameWarning) as caught:
-        before = library.Batch(scenario, exact=True, effort=0).fly({}).state
-    old(caught, "bit_exact")
-    assert leaves(before) == leaves(library.Batch(scenario, bit_exact=True, effort=0).fly({}).state)
-    assert leaves(before) != leaves(library.Batch(scenario, effort=0).fly({}).state)
-
-
 @pytest.mark.parametrize(("command", "options"), OLD_OPTIONS.items())
 def test_every_old_option_stands_for_one_that_its_command_has(command: str, options: dict[str, str]) -> None:
     shown = skyarm(command, "--help").out

@@ -37,9 +37,6 @@ def test_a_number_that_its_field_refuses_does_not_fly(loaded):
     words = r"values\['plant.payload.mass'\] = -5 \(lane 1\): links\[link2\].mass = .*: must be at least 0"
     with pytest.raises(ScenarioError, match=words):
         loaded.fly(wrong)
-    with pytest.raises(ScenarioError, match=words):
-        loaded.session(wrong)
-    assert loaded.stepped is None
     assert (loaded.fly({LOAD: column(0.01, 0.02)}).status == "completed").all()
 
 

@@ -32,7 +32,7 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.plant_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import PathClock, clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
@@ -132,21 +132,17 @@ class LegOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LegCode:
-    """Machine code of a leg, and what it was made for.
+    """Machine code of a leg.
 
     Attributes:
         kernel: the code. logged: record that it logs.
-        key: of legs that may share it. substeps: seconds -> integration steps, as they were asked for.
+        key: of legs that may share it. substeps: integration steps that it was traced with.
     """
 
     kernel: Kernel
     logged: Any
     key: tuple[Any, ...]
-    substeps: Mapping[float, int]
-
-    def fits(self, plant: RigidBodyPlant) -> bool:
-        """Whether a plant is stepped as often."""
-        return all(plant.substeps(seconds) == count for seconds, count in self.substeps.items())
+    substeps: Substeps
 
 
 class Leg:
@@ -197,7 +193,7 @@ class Leg:
         counts = [2 * count for _, count in draw_plan(self.scenario).components]
         self._first_states = trace(self._start, numbers, *((0.5,) * count for count in counts))
         made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
-        self.code: LegCode | None = next((code for code in made if code.fits(plant)), None)
+        self.code: LegCode | None = next((code for code in made if code.substeps.fit(plant)), None)
         if self.code is None and periods:
             self.code = self._compiled(plant, key)
 
@@ -208,13 +204,7 @@ class Leg:
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
     def _compiled(self, plant: RigidBodyPlant, key: tuple[Any, ...]) -> LegCode:
-        asked: dict[float, int] = {}
-
-        def substeps(seconds: float) -> int:
-            asked[seconds] = plant.substeps(seconds)
-            return asked[seconds]
-
-        options, shape = self._options, structure_of(self.first)
+        options, shape, substeps = self._options, structure_of(self.first), Substeps(plant)
 
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._varied(values)
@@ -233,7 +223,7 @@ class Leg:
         numbers = (*self.base, *self._set.values())
         loop = trace_loop(step, shape, numbers, self._feed.example, draws_needed(self.scenario), loops=True)
         kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort)
-        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=asked)
+        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=substeps)
 
     @property
     def kernel(self) -> Kernel:
