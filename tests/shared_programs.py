@@ -48,15 +48,14 @@ def shared_programs() -> Iterator[None]:
 
 
 @contextmanager
-def hurried(cache: object) -> Iterator[None]:
-    """Within it all machine code is made in a hurry, which has the same bits, and is kept in a folder of its own.
+def hurried() -> Iterator[None]:
+    """Within it all machine code is made in a hurry, which has the same bits.
 
     For files that compare lanes with single flights, whose code is made once and flown for a second; what the compiler
-    makes of a loop when it takes its time is in ``test_batch``, ``test_engines`` and ``tests/compile/test_native``.
+    makes of a loop when it takes its time is in ``test_batch``, ``test_native_loop`` and ``tests/compile/test_native``.
     """
     compiled = kernel._compiled
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKYARM_CACHE", str(cache))
         patch.setattr(kernel, "_compiled", lambda text, effort: compiled(text, 0))
         yield
 

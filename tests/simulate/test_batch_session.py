@@ -13,19 +13,12 @@ import pytest
 
 import skyarm
 from kernel_threads import queues, serving, wait_until
-from shared_programs import hurried
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, rounds
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.environment.environment_tables import wind_from
 
 MASS = "plant.payload.mass"
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 def scenario(**changes):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import fly, hurried
+from shared_programs import fly
 from simulate_flights import circling
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
@@ -32,12 +31,6 @@ ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"
 def moving(duration: float = 1.3, **delays: Any) -> Any:
     """0.3 s of hover, then the step on to the circle and the arm's sines."""
     return dataclasses.replace(scenario_from(circling(duration=duration)), delays=Delays(**delays))
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 def ends(outcome: Any, lane: int = 0) -> list[float]:

@@ -26,6 +26,7 @@ from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import Delays, Log, Rates, ScenarioError, run
 from skyarm.simulate import engine as engine_module
 from skyarm.vehicle.vehicle_files import load_vehicle
+from thorough import sampled
 
 NOISY = dataclasses.replace(
     load_scenario("case3_wind", duration=0.5),
@@ -72,7 +73,7 @@ SCENARIOS: dict[str, Any] = {
 }
 
 
-@pytest.fixture(params=sorted(SCENARIOS))
+@pytest.fixture(params=sampled(sorted(SCENARIOS), 100, keep=("called", "ends", "mujoco", "noisy")))
 def scenario(request: Any) -> Any:
     if request.param == "mujoco":
         pytest.importorskip("mujoco")

@@ -101,9 +101,9 @@ def own_flights(scenario: str, laws: Sequence[str] | None, *, plant: str, seeds:
         for name, controller in chosen.items()
     ]
     for each in found:
-        scenario = each.scenario()
-        check_components(scenario)
-        check_law(scenario)
+        flown = each.scenario()
+        check_components(flown)
+        check_law(flown)
     return found
 
 

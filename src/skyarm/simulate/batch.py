@@ -61,9 +61,6 @@ class Outcome:
     log: BatchLog | None = None
 
 
-Array = npt.NDArray[Any]
-
-
 class Batch:
     """Episodes of a scenario that is compiled once, flown whole by its law; :class:`BatchSession` steps them.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.compile import Node
+from skyarm.compile import Graph, Node
 from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import Plant
@@ -76,9 +76,8 @@ class StagesInPython(Stages):
             self._calls.memory, command = law(self._calls.memory, *rebuild(inputs, iter(numbers)))
             return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
 
-        graph = next(leaf.graph for leaf in leaves(inputs) if isinstance(leaf, Node))
         given = () if self._given is None else (self._given,)
-        results = iter(graph.external(call, [given, leaves(inputs)], count))
+        results = iter(_graph_of(inputs).external(call, [given, leaves(inputs)], count))
         command: Command = rebuild(self._example, results)
         return rebuild(memory, results), command
 
@@ -88,6 +87,11 @@ class LawCalls:
     """Memory of a law that is called with floats: any object."""
 
     memory: Any
+
+
+def _graph_of(record: Any) -> Graph:
+    """The program that a traced record belongs to."""
+    return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
 def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
@@ -125,15 +129,13 @@ class CalledPlant:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        graph: Any = state.position.x.graph
-        groups = [leaves(state), leaves(command), leaves(around)]
+        graph, groups = _graph_of(state), [leaves(state), leaves(command), leaves(around)]
         return Vec3(*graph.external(self._specific_force, groups, 3))
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
         """State and coupled memories after the period."""
-        graph: Any = state.position.x.graph
         groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
-        numbers = iter(graph.external(self._advance, groups, self._end + len(self._coupled)))
+        numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(memories_of(around), numbers)
 
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
@@ -153,7 +155,7 @@ class CalledPlant:
             n, end = self._rotors, self._rotors + self._joints
             old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
             pairs = switches(old, new, *self._apart)
-            parts = [(seconds, (*u.rotor_speeds, *u.efforts, *u.tilts)) for seconds, u in pairs]
+            parts = [(seconds, tuple(leaves(command))) for seconds, command in pairs]
         for seconds, command in parts:
             if seconds > 0.0:
                 found = self._hold(state, command, around, seconds)

@@ -166,7 +166,7 @@ def _require_classes(scenario: Scenario) -> None:
 
 def _records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Place and record of every user-defined part."""
-    places = list(zip(_component_places(scenario), scenario.components, strict=True))
+    places: list[tuple[str, Any]] = list(zip(_component_places(scenario), scenario.components, strict=True))
     places += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
     places += [(f"sensors.{named.name}", named.sensor) for named in scenario.instruments]
     places += [("estimator", scenario.estimator)]
