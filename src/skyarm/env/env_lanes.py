@@ -109,9 +109,6 @@ class EpisodeStarts:
         return slice(self.state.stop, len(self._table))
 
 
-Array = npt.NDArray[Any]
-
-
 class EnvLanes:
     """Episodes of a task side by side. A lane's episodes depend on its seed alone, not on the other lanes.
 
