@@ -225,11 +225,10 @@ class Engine:
         self._stepper = self._stepped(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
-        self._log = np.empty((min(self._steps, LOGGED), code.loop.logged))
-        self._stepper.read_tables(self._rows, self._log)
+        self._write_to(np.empty((min(self._steps, LOGGED), code.loop.logged)))
         self.tick = self.begun = 0
         self.ended: Ended | None = None
-        self._stretch = 1
+        self._stretch, self._commanded = 1, False
 
     def _stepped(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
         """Steps of a program, by machine code if the episode has any."""
@@ -270,7 +269,8 @@ class Engine:
             return False
         if command is not None:
             self._rows[k, self._width :] = (1.0, *command)
-        elif self.code.commands:
+            self._commanded = True
+        elif self._commanded:
             self._rows[k, self._width] = 0.0
         return self._fly(k + 1)
 
@@ -279,20 +279,24 @@ class Engine:
         if self.tick >= self._steps or self.ended is not None:
             return False
         stop, begun, before = min(stop, self.tick + self._stretch), perf_counter(), self.tick
-        if self.code.commands:
+        if self._commanded:
             self._rows[before:stop, self._width] = 0.0
         going = self._fly(stop)
         size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
+    def _write_to(self, log: Array) -> None:
+        """Write samples to another table."""
+        self._log, self._room = log, len(log)
+        self._stepper.read_tables(self._rows, log)
+
     def _fly(self, stop: int) -> bool:
         """Fly up to a period; whether the episode goes on."""
-        while stop > len(self._log):
+        while stop > self._room:
             longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
             longer[: len(self._log)] = self._log
-            self._log = longer
-            self._stepper.read_tables(self._rows, self._log)
+            self._write_to(longer)
         self._stepper.fly(self.tick, stop)
         carry = self._stepper.carry
         over = carry[ALIVE] < 0.5
@@ -384,9 +388,9 @@ class Engine:
         """Go to a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = held
         self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
-        self._log = np.empty((max(len(log), 1), log.shape[1]))
-        self._log[: self.tick] = log[: self.tick]
-        self._stepper.read_tables(self._rows, self._log)
+        own = np.empty_like(log)
+        own[: self.tick] = log[: self.tick]
+        self._write_to(own)
         if self.code.calls is not None:
             self.code.calls.memory = copy.deepcopy(memory)
 

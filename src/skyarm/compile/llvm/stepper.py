@@ -49,6 +49,7 @@ class Stepper:
         self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
+        self._held = memoryview(self._arguments)  # written faster than the array
         self._tables: tuple[Array, ...] = ()
         # who keeps the function alone keeps its arrays and its machine code, too
         step.__dict__["needs"] = (self, kernel)
@@ -63,5 +64,6 @@ class Stepper:
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
         """Step through some rows of the table; ``start``: number of the step of its first, for the random numbers."""
-        self._arguments[7:10] = begin, end, start
+        held = self._held
+        held[7], held[8], held[9] = begin, end, start
         self.step()
