@@ -49,7 +49,7 @@ class Stepper:
         self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
-        self._held = memoryview(self._arguments)  # written faster than the array
+        self._held = self._arguments.data  # written faster than the array
         self._tables: tuple[Array, ...] = ()
         # who keeps the function alone keeps its arrays and its machine code, too
         step.__dict__["needs"] = (self, kernel)
