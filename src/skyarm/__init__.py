@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
     from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
-    from skyarm.scenario.check_law import check_law
     from skyarm.scenario.controller_table import load_controller
     from skyarm.scenario.endings import Ending
     from skyarm.scenario.numbers import with_numbers
@@ -68,6 +67,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.loop import run
     from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
+    from skyarm.simulate.user_code import check_components, check_law
     from skyarm.stability.along import margins
     from skyarm.stability.hover_delay import hover_delay
     from skyarm.sweep.runner import fly_sweep
@@ -121,7 +121,6 @@ _ROOMS = {
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
     "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
-    "skyarm.scenario.check_law": ("check_law",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.controller_table": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
@@ -143,6 +142,7 @@ _ROOMS = {
     "skyarm.simulate.loop": ("run",),
     "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
+    "skyarm.simulate.user_code": ("check_components", "check_law"),
     "skyarm.stability.along": ("margins",),
     "skyarm.stability.hover_delay": ("hover_delay",),
     "skyarm.sweep.runner": ("fly_sweep",),
@@ -214,6 +214,7 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
+    "check_components",
     "check_law",
     "circle",
     "energy",

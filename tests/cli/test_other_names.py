@@ -12,11 +12,9 @@ import skyarm as library
 from commanded import refused, skyarm
 from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
 from skyarm.compare.comparison import Comparison
-from skyarm.compile import leaves
 from skyarm.environment.environment_tables import wind_from
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import find
-from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sweep.study_file import study_from
 
 
@@ -47,15 +45,6 @@ def test_the_old_name_of_a_precision_is_the_same_study() -> None:
         before = study("paper_ct", precision="exact")
     old(caught, "'bit_exact'")
     assert before.document == study("paper_ct", precision="bit_exact").document
-
-
-def test_the_old_name_of_bit_exact_batches_makes_them_bit_exact() -> None:
-    scenario = load_scenario("case1", duration=0.1)
-    with pytest.warns(OldNameWarning) as caught:
-        before = library.Batch(scenario, exact=True, effort=0).fly({}).state
-    old(caught, "bit_exact")
-    assert leaves(before) == leaves(library.Batch(scenario, bit_exact=True, effort=0).fly({}).state)
-    assert leaves(before) != leaves(library.Batch(scenario, effort=0).fly({}).state)
 
 
 @pytest.mark.parametrize(("command", "options"), OLD_OPTIONS.items())

@@ -9,6 +9,7 @@ import scipy.linalg
 
 from flown import ARM2, MODEL
 from log_metrics import Errors
+from shared_programs import fly
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compare.cells import Flights
@@ -44,8 +45,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.compiled_flight import fly
-from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 from thorough import sampled
@@ -600,7 +599,7 @@ def test_what_needs_a_law_over_scalars_refuses_in_one_line():
     scenario = early_case3(make_controller("nmpc", load_scenario("case3").controller.par.model))
     for refused in (
         lambda: Batch(scenario),
-        lambda: fly(scenario, episode_inputs(scenario)),
+        lambda: fly(scenario),
         lambda: export_c(scenario.controller, name="nmpc", period=DT),
     ):
         with pytest.raises(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from shared_programs import fly
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_controller
@@ -22,7 +23,6 @@ from skyarm.scalars import where
 from skyarm.scenario.scenario_file import ScenarioError, scenario_from
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
@@ -46,7 +46,7 @@ class Flown:
 
     def __init__(self, scenario):
         self.inputs = episode_inputs(scenario)
-        flown = fly(scenario, self.inputs)
+        flown = fly(scenario)
         x = flown.rows[:, 1:]
         self.carry = flown.carry
         self.time = self.inputs.times[: len(x)]
@@ -340,8 +340,7 @@ def test_without_the_guard_the_shoulders_loss_is_the_end():
 def test_machine_code_of_every_law_under_guard_has_the_bits_of_python(preset):
     scenario = skyarm.load_scenario("case2_gust", controller=preset, duration=0.1)
     scenario = dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller))
-    inputs = episode_inputs(scenario)
-    assert np.array_equal(fly(scenario, inputs).rows, fly(scenario, inputs, reference=True).rows)
+    assert np.array_equal(fly(scenario).rows, fly(scenario, python=True).rows)
 
 
 def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():

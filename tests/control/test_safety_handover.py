@@ -14,6 +14,7 @@ import pytest
 import skyarm
 from flown import ARM2, cases, controller, vec
 from law_flights import PAPER
+from shared_programs import fly
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
@@ -28,8 +29,6 @@ from skyarm.reference.signals import Ramp
 from skyarm.scalars import logical_and, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate import run
-from skyarm.simulate.compiled_flight import fly
-from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
 START, RELEASE, END = 1.0, 2.0, 5.0
@@ -85,7 +84,7 @@ def at_release(scenario):
     if not scenario.controller.compiled:
         return SEEN[round(RELEASE * scenario.rates.control) - 1]
     half = dataclasses.replace(scenario, duration=RELEASE)
-    return fly(half, episode_inputs(half)).carry.memory
+    return fly(half).carry.memory
 
 
 def estimated(memory):

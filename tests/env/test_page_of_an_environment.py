@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm.env  # noqa: F401 - registers the environments
-from skyarm.env import lane_page
-from skyarm.env.lane_page import OPTIONS, options_of_modes
+from skyarm.env import rendering
+from skyarm.env.rendering import OPTIONS, options_of_modes
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.watched_episode import LONGEST_WAIT
 
@@ -45,7 +45,7 @@ def made(task: str = "skyarm/Hover-v0", **options: Any) -> Any:
 def test_every_step_and_every_beginning_is_shown_with_the_numbers_of_its_episode(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(lane_page, "EpisodePage", Shown)
+    monkeypatch.setattr(rendering, "EpisodePage", Shown)
     env = made("skyarm/Recover-v0", port=8123)
     page: Any = env.page._page
     assert (page.options, page.title) == ({**OPTIONS, **QUIET, "port": 8123}, "skyarm: recover")

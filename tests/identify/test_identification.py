@@ -15,7 +15,7 @@ from skyarm.identify.evidence import Evidence
 from skyarm.identify.identification import identify, result_digest, study_digest
 from skyarm.identify.study import IdentificationError, IdentificationStudy, laid_over, read_identification
 from skyarm.metrics.score import score
-from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.controller_table import _require_clock
@@ -15,7 +16,6 @@ from skyarm.scenario.scenario_checks import _check_clocks_of_law, check_quaterni
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
-from skyarm.simulate.staged_flight import StagedFlight
 
 SIDES = pytest.mark.parametrize("side", [-1.0, 1.0], ids=["less", "more"])
 OFF = pytest.mark.parametrize("off", [1e-5, 0.2, 0.4])
@@ -47,7 +47,8 @@ def test_no_time_is_no_tick_and_less_than_half_a_tick_is_none():
 @pytest.mark.parametrize("steps", [0, 3, 12])
 def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
     scenario = load_scenario("case1", duration=0.05)
-    StagedFlight(dataclasses.replace(scenario, delays=Delays(command=steps * 0.001)))
+    late = dataclasses.replace(scenario, plant="mujoco", delays=Delays(command=steps * 0.001))
+    skyarm.Session(late)
 
 
 @SIDES
@@ -55,9 +56,9 @@ def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
 def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped(off, side):
     scenario = load_scenario("case1", duration=0.05)
     # machine code takes any delay up to a longest one
-    late = dataclasses.replace(scenario, delays=Delays(command=(3 + side * off) * 0.001, longest_command=0.02))
+    late = Delays(command=(3 + side * off) * 0.001, longest_command=0.02)
     with pytest.raises(ScenarioError, match=r"delays\.command = .*whole number of physics steps"):
-        StagedFlight(late)
+        skyarm.Session(dataclasses.replace(scenario, plant="mujoco", delays=late))
 
 
 @SIDES

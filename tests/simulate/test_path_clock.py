@@ -21,12 +21,9 @@ from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.trajectory import PASSED, Reference, Trajectory, phase_numbers
 from skyarm.scenario.in_flight import Overrides
-from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
-from skyarm.simulate.clock_records import PathClock, Seen
-from skyarm.simulate.due_period import due
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import carried
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clock_of_change, due, is_other_reference
 from thorough import sampled
 
 OUT = (0.6, 0.0, 0.8)

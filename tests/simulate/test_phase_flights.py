@@ -20,9 +20,9 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.check_endings import failed_phase
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Waits
+from skyarm.simulate.stages import joined_reference
 from skyarm.sweep.study_file import load_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

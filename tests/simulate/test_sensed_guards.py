@@ -21,8 +21,7 @@ from skyarm.reference.task_records import Guard, Phase, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
-from skyarm.simulate.clock_records import Seen
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Seen, Waits
 from thorough import sampled
 
 OUT = (-0.6, 0.0, 0.8)

@@ -17,7 +17,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.simulate import Delays
-from skyarm.simulate.compiled_flight import trace_scenario
+from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability import margins
@@ -102,7 +102,7 @@ def test_what_each_command_on_its_way_does_is_that_of_the_flight(hover, rotors, 
     """Central differences of one period of the time simulation; every command on its way is another one."""
     late = dataclasses.replace(hover, delays=Delays(rotors=rotors, joints=joints))
     inputs = episode_inputs(late)
-    traced = trace_scenario(late, inputs)
+    traced = EpisodeCode(late, commands=False, effort=0)
     held = np.array(leaves(first_loop_state(late)), dtype=float)
     places = numbered(first_loop_state(late))
     state, queue = places.state, places.queue

@@ -11,7 +11,6 @@ import pytest
 import skyarm
 from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.simulate.live_steps import BLOCK, FlownRows
 from skyarm.studio.documents import LONGEST, prepare, read_document
 from skyarm.studio.fleet import Fleet, Flight, load_fleet, make_flight, saved_document
 from skyarm.studio.knobs import knobs_of
@@ -318,19 +317,6 @@ def test_another_law_flies_without_the_changes_of_the_files_own() -> None:
     document["changes"] = [{"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}]
     assert len(prepare(document).scenario.changes) == 1
     assert not prepare(document).under("centroidal_tip").changes
-
-
-def test_a_way_back_takes_no_second_log() -> None:
-    rows = FlownRows(3)
-    for k in range(5 * BLOCK + 7):
-        rows[k] = np.full(3, float(k))
-    branch = rows.branch(3 * BLOCK + 5)
-    for k in range(3 * BLOCK + 5, 4 * BLOCK):
-        branch[k] = np.full(3, -1.0)
-    assert (rows[0 : 5 * BLOCK + 7][:, 0] == np.arange(5 * BLOCK + 7)).all()
-    assert (branch[0 : 3 * BLOCK + 5] == rows[0 : 3 * BLOCK + 5]).all()
-    assert (branch[3 * BLOCK + 5 : 4 * BLOCK] == -1.0).all()
-    assert sum(a is b for a, b in zip(rows._blocks, branch._blocks, strict=False)) == 3
 
 
 def test_a_payload_is_drawn_while_it_is_held() -> None:

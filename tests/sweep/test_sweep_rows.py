@@ -13,8 +13,8 @@ from log_metrics import Errors, calmness, constant_wind, gust, last, motion, tra
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Contact, Surface
 from skyarm.metrics.windows import Windows
-from skyarm.plant.friction_rate import friction_rate
-from skyarm.plant.integrators import FRICTION_STEP
+from skyarm.plant.joint_rate import friction_rate
+from skyarm.plant.largest_step import FRICTION_STEP
 from skyarm.scenario.endings import PHASE_FAILED, STATUSES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from

@@ -15,7 +15,7 @@ from skyarm.compare.comparison import prepare
 from skyarm.compare.fly_comparison import Progress
 from skyarm.compare.overwrites import require_same_plugins
 from skyarm.files import must_be_one_of, require_writable, shown, taken_back
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.user_code import check_components, check_law
 
 
 def flown_into(
@@ -51,7 +51,9 @@ def try_every_law(todo: Sequence[Flights]) -> None:
         ValueError: one line on what is wrong with it.
     """
     for flights in {each.entrant.name: each for each in todo}.values():
-        try_own_code(flights.scenario())
+        scenario = flights.scenario()
+        check_components(scenario)
+        check_law(scenario)
 
 
 def split_names(option: str, words: str, *, of: str = "") -> list[str]:

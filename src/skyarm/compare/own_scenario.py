@@ -25,7 +25,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.user_code import check_components, check_law
 
 OWN = "own"
 """The scenario's own law, which flies first."""
@@ -101,7 +101,9 @@ def own_flights(scenario: str, laws: Sequence[str] | None, *, plant: str, seeds:
         for name, controller in chosen.items()
     ]
     for each in found:
-        try_own_code(each.scenario())
+        flown = each.scenario()
+        check_components(flown)
+        check_law(flown)
     return found
 
 

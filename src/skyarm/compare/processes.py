@@ -9,8 +9,7 @@ from typing import Any
 from skyarm.compare.cells import Cell, Flights
 from skyarm.compare.one_by_one import collected, fly_single, numbers_of
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.travel import packed
-from skyarm.simulate.workers import workers
+from skyarm.simulate.workers import packed, workers
 
 Done = Callable[[Flights, Cell], None]
 Flown = tuple[dict[str, Any], str]

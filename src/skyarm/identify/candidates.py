@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.identify.study import Cell, Constant, IdentificationStudy, Settings, Target
-from skyarm.plant.stop_rate import joint_rate
+from skyarm.plant.joint_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario

@@ -96,7 +96,7 @@ class Trajectory:
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` says when the tip has to hold one.
-    With ``guards`` it waits for the flight (:mod:`skyarm.simulate.path_clock`); ``phases`` are those of its task.
+    With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO

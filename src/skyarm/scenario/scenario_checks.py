@@ -16,9 +16,8 @@ from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.files import did_you_mean, must_be_one_of, number, shown
-from skyarm.plant.integrators import INTEGRATORS
-from skyarm.plant.largest_step import check_largest_step
-from skyarm.plant.stop_rate import joint_rate
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.largest_step import INTEGRATORS, check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.leaves import named_leaves

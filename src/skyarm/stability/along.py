@@ -11,13 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile import leaves
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.environment import NO_WIND
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.compiled_flight import trace_scenario
-from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
 from skyarm.stability.closed_loop import OpenLoop, closed, gains
 from skyarm.stability.disk_margins import LoopMargin, cut_loops
@@ -191,21 +188,15 @@ class Frozen:
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
     flight = dataclasses.replace(flight, plant="rigid_body")
-    inputs = episode_inputs(flight)
-    traced = trace_scenario(flight, inputs)
-    kernel = Kernel(traced.loop, Lanes(1), effort=0)
-    differentiator = Differentiator(flight)
-    rows = inputs.rows(0, flight.steps)
-    carry = np.array(leaves(traced.carry), dtype=float)[:, None]
-    at = 0
+    engine = Engine(EpisodeCode(flight, commands=False, effort=0))
+    inputs, differentiator = engine.inputs, Differentiator(flight)
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
         until = min(round(k * flight.steps / count), flight.steps - 1)
-        carry, _ = kernel.run(carry, np.zeros((0, 1)), rows[at:until], start=at)
-        at = until
-        now = carry_of(traced.carry, carry[:, 0].tolist())
-        if now.alive < 0.5:
-            return
+        while engine.tick < until:
+            if not engine.fly(until):
+                return
+        now = carry_of(engine.first, leaves(engine.now))
         yield Frozen(
             time=float(inputs.times[until]),
             differentiator=differentiator,

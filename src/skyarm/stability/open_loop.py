@@ -30,7 +30,6 @@ from skyarm.compile.tracing.repeat import repeat
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
-from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scalars import data
@@ -38,9 +37,10 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement, measure, measurement_of, noise_count
 from skyarm.simulate.command_line import mean_efforts, switches
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.stability.closed_loop import OpenLoop
 from skyarm.stability.frozen_scenario import LAGS, SHARES, nominal, require_no_memory, with_lag
@@ -182,8 +182,7 @@ class Differentiator:
         first = first_loop_state(self.scenario)
         require_no_memory(self.scenario, first)
         self._components = first.components
-        around = first_surroundings(self.scenario, first)
-        plant = RigidBodyPlant(self.scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        plant = rigid_body_plant(self.scenario, first)
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics

@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Any
 
 from skyarm.files import versions
+from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
-from skyarm.plant.stop_rate import joint_rate
 from skyarm.records.identity import all_files, identity
 from skyarm.registry import registrations
 from skyarm.scenario.endings import STATUSES

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.sweep.sobol import BITS, sobol
 from skyarm.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.tune.law_knobs import LARGEST_FACTOR, Knob

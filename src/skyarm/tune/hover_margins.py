@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.control.controller import Controller
 from skyarm.records.leaves import replaced
 from skyarm.scenario.scenario_record import Scenario

@@ -1,30 +1,96 @@
-"""The clock of a reference whose phases wait for the flight: a state of the closed loop.
+"""Clocks of the reference: phases that wait for the flight, and a governor that pauses; both are state of the loop.
 
-The clock counts control periods of the reference. It goes on with the flight's own, stands still at the planned end of
-a phase with a guard until the flight shows what the guard asks, and skips what is left of a phase that may end early.
-Guards know what the law knows: the measurement, and the force that the law observes.
+The clock of phases counts control periods of the reference. It goes on with the flight's own, stands still at the
+planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
+that may end early. Guards know what the law knows: the measurement, and the force that the law observes.
 
-Where no phase waits the clock is ``()``: structure, without an operation.
+The clock of a governor slows the law's reference down while the vehicle cannot follow. The rate r of the reference's
+time is to be r* (:class:`skyarm.reference.governor.pause.PathPause`), and follows it with a bounded acceleration a:
+a' = 4 k (clip(k (r* - r), -A, A) - a), a critically damped pair without overshoot: time never runs backwards. The law
+receives the reference's derivatives by the flight's time. The reference itself, and errors, go on with that time.
+
+Where no phase waits and nothing pauses the clock is ``()``: structure, without an operation.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.records.leaves import leaves
-from skyarm.reference.governor.path_time import offset_reference
+from skyarm.records.leaves import blend, leaves, mismatch
+from skyarm.reference.governor.path_time import by_flight_time, offset_reference
+from skyarm.reference.splines import uniform_curve
 from skyarm.reference.task_records import Guard
 from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import PASSED, Reference
-from skyarm.scalars import logical_and, logical_not, logical_or, minimum, sqrt, where
+from skyarm.scalars import (
+    Scalar,
+    clip,
+    divide,
+    floor,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
+from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.clock_records import PathClock, Seen
-from skyarm.simulate.due_period import due
+from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PathClock:
+    """The reference's clock between two control periods; all times are control periods.
+
+    Attributes:
+        place: of the reference, now. held: of the sample that is held; () where each period publishes one.
+        guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
+        origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
+        offset: m, of the reference since a phase ended early while it moved. since: place from which on.
+        held_offset, held_since: those of the sample that is held.
+    """
+
+    place: Scalar
+    held: Scalar | tuple[()]
+    guard: Scalar
+    waited: Scalar
+    reached: Scalar
+    origin: Vec3 | tuple[()]
+    failed: Scalar
+    offset: Vec3 | tuple[()]
+    since: Scalar | tuple[()]
+    held_offset: Vec3 | tuple[()]
+    held_since: Scalar | tuple[()]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Seen:
+    """What guards look at in a control period.
+
+    Attributes:
+        tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
+        force: on the tip as the law observes it, N, world axes; None of a law that observes none.
+        felt: the same as a force sensor reads it, where a guard asks for that. switches: 1 closed, in the order of
+            those that ``Waits`` looks at.
+    """
+
+    tip: Vec3
+    goal: Vec3
+    push: tuple[Any, ...]
+    force: Vec3 | None
+    felt: Vec3 | None = None
+    switches: tuple[Any, ...] = ()
+
 
 WHOLE = 1e-9
 """Control periods that are rounding."""
@@ -270,3 +336,126 @@ class Waits:
 
 def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+QUICKNESS = 5.0
+"""1/s, with which the rate follows."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pace:
+    """Time of the reference, in control periods, and its derivatives by the flight's: 1, 1/s, 1/s^2."""
+
+    place: Scalar
+    rate: Scalar
+    acceleration: Scalar
+    jerk: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PaceClock:
+    """The clock between two periods: the pace now, and that of the sample that is held; () where each is published."""
+
+    now: Pace
+    held: Pace | tuple[()]
+
+
+class Paces:
+    """A scenario's governor that pauses, over any scalar.
+
+    Args:
+        scenario: whose numbers may be traced.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._pause, self._trajectory = scenario.pause, scenario.trajectory
+        self._rate = float(scenario.rates.control)
+        self._ratio = scenario.rates.control // scenario.rates.reference
+        self._vehicle = scenario.controller.par.model.vehicle
+        path = scenario.path_time
+        self._path = None if path is None else uniform_curve([float(p) for p in path.points], 0.0, float(path.step))
+
+    def first(self) -> PaceClock:
+        """The clock before the first period."""
+        now = Pace(place=0.0, rate=1.0, acceleration=0.0, jerk=0.0)
+        return PaceClock(now=now, held=() if self._ratio == 1 else now)
+
+    def begun_at(self, ticks: Any) -> PaceClock:
+        """The clock of a reference that takes over in a control period of the flight."""
+        first = self.first()
+        now = dataclasses.replace(first.now, place=ticks)
+        return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
+
+    def held(self, clock: PaceClock, ticks: Any) -> Pace:
+        """The pace of the sample that holds in a period: taken in it where it publishes one."""
+        if not isinstance(clock.held, Pace):
+            return clock.now
+        held: Pace = blend(due(ticks, self._ratio), clock.now, clock.held)
+        return held
+
+    def path_time(self, clock: PaceClock) -> Any:
+        """How far along the reference the law is led, s."""
+        time = clock.now.place / self._rate
+        return time if self._path is None else self._path.derivatives(time)[0]
+
+    def told(self, clock: PaceClock, ticks: Any) -> Reference:
+        """What the law is told."""
+        pace = self.held(clock, ticks)
+        time = pace.place / self._rate
+        chain = (time, pace.rate, pace.acceleration, pace.jerk, 0)
+        if self._path is None:
+            return by_flight_time(self._trajectory.at(time), chain)
+        s = self._path.derivatives(time)
+        return by_flight_time(by_flight_time(self._trajectory.at(s[0]), s), chain)
+
+    def following(self, clock: PaceClock, ticks: Any, measurement: Measurement, told: Any, command: Command) -> Any:
+        """The clock one control period later."""
+        if self._pause is None:
+            raise AssertionError("a clock needs its bounds")
+        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
+        away = counted_error(tip - goal_of(self._vehicle, told).tool, told.push, tip)
+        share: Any = 0.0
+        for rotor, speed in zip(self._vehicle.rotors, command.rotor_speeds, strict=True):
+            part = divide(speed, rotor.max_speed)
+            share = maximum(share, part * part)
+        wanted = self._pause.rate(sqrt(away.dot(away)), share)
+        now, dt, most = clock.now, 1.0 / self._rate, self._pause.acceleration
+        jerk = 4.0 * QUICKNESS * (clip(QUICKNESS * (wanted - now.rate), -most, most) - now.acceleration)
+        acceleration = now.acceleration + jerk * dt
+        rate = clip(now.rate + acceleration * dt, 0.0, 1.0)
+        following = Pace(place=now.place + 0.5 * (now.rate + rate), rate=rate, acceleration=acceleration, jerk=jerk)
+        return PaceClock(now=following, held=() if self._ratio == 1 else self.held(clock, ticks))
+
+
+def due(ticks: Any, every: int) -> Any:
+    """Whether a period is one of each ``every``; half a period of slack, since a quotient may be rounded."""
+    return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
+
+
+def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: Overrides) -> bool:
+    """Whether a change has put another reference in the place of the one before, as a whole.
+
+    Args:
+        begun: scenario with which the flight began.
+        now: what holds in its place.
+        before: scenario with which the flight began, as it was before the change.
+        then: what held in its place.
+    """
+    parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
+    return parts != old or (begun is not before and begun.trajectory != before.trajectory)
+
+
+def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:
+    """The clock as it begins in the present period; () where the one before goes on, or where there is none.
+
+    Args:
+        scenario: after the change.
+        first: its first loop state.
+        now: the loop where the change came; it may be that of many lanes, of which some have ended.
+        anew: the reference is another one.
+    """
+    other = mismatch(first.clock, now.clock, "clock")
+    if first.clock == () or not (anew or other):
+        return ()
+    begun: Any = (Waits(scenario) if scenario.pause is None else Paces(scenario)).begun_at(now.ticks)
+    return begun if other else blend(now.alive > 0.5, begun, now.clock)
