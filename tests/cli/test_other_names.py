@@ -14,7 +14,6 @@ import skyarm as library
 from commanded import refused, skyarm
 from skyarm.actuation import make_mixer
 from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
-from skyarm.compare.comparison import Comparison
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, PRESETS, aliases, full_name, make_controller, make_named, make_tuned, preset
 from skyarm.control.catalogue.presets import ALIASES as PRESET_ALIASES
@@ -196,12 +195,6 @@ def test_an_old_option_works_with_one_line_and_a_wrong_value_stays_one_line(fold
         "the old one works in 0.2 and goes with the next minor version\n"
     )
     refused(skyarm("sweep", "robustness", "--threads", "-1"), "--workers = -1")
-
-
-def test_reproduce_takes_the_old_name_of_a_comparison() -> None:
-    with pytest.warns(OldNameWarning) as caught, pytest.raises(ValueError, match="plants"):
-        library.reproduce(plants=("none",), bench=Comparison())
-    old(caught, "comparison")
 
 
 def test_a_comparison_takes_other_names_as_the_same_law() -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image
-
 from skyarm.compare.comparison_tables import markdown, number
-from skyarm.compare.envelope_record import FLAGSHIP, violations
 from skyarm.compare.envelope_tables import summary_head, summary_rows, violation_rows
+
+from skyarm.compare.envelope_record import FLAGSHIP, violations
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)

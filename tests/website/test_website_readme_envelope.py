@@ -7,10 +7,10 @@ import re
 from pathlib import Path
 
 from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
-
-from skyarm.compare.envelope_record import FLAGSHIP
 from skyarm.compare.envelope_suite import Envelope, envelope_record, planned
 from skyarm.compare.envelope_tables import summary_rows
+
+from skyarm.compare.envelope_record import FLAGSHIP
 
 README = (ROOT / "README.md").read_text("utf-8")
 FLOWN = ("circle", "payload")

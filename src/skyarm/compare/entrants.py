@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 from skyarm.compare.suite import DELAY
@@ -23,8 +22,6 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.registry.plugins import law_of_file_name
 from skyarm.registry.registrations import SHIPPED, registrations
-
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
 """Every step of the ladder flies with the paper's gains: what changes is the law."""
@@ -52,9 +49,9 @@ class Entrant:
     name: str
     group: str
     law: str
-    options: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
-    perfect: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
-    noisy: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    perfect: Mapping[str, Any] = field(default_factory=dict)
+    noisy: Mapping[str, Any] = field(default_factory=dict)
     tuned: bool = False
     told: bool = True
 
