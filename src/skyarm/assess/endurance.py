@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
 from skyarm.actuation.time_aloft import time_aloft as hover_time
@@ -28,7 +30,11 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
         return [_too_little(vehicle, gravity, question)]
     left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
     text = f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}"
-    facts = {"field": "battery.capacity", "unit": "s", "remedy": "more capacity, more cells, or less mass"}
+    facts: dict[str, Any] = {
+        "field": "battery.capacity",
+        "unit": "s",
+        "remedy": "more capacity, more cells, or less mass",
+    }
     return [at_least(question, found.seconds, text, warning=SHORTEST, **facts)]
 
 

@@ -260,7 +260,7 @@ def key(flights: Flights) -> str:
         "code": own_files([find("metric", name) for name in registered("metric")]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
-        "values": {path: hashlib.sha256(np.ascontiguousarray(column)).hexdigest() for path, column in values.items()},
+        "values": {path: hashlib.sha256(column.tobytes()).hexdigest() for path, column in values.items()},
         "windows": dataclasses.asdict(flights.case.windows),
         "seed": flights.seed,
     }

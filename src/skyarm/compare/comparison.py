@@ -12,7 +12,7 @@ from skyarm.bench.latency import flown_latency, latency
 from skyarm.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.compare.entrants import ENTRANTS, Entrant
-from skyarm.compare.run_suite import DPI, Refused
+from skyarm.compare.run_suite import DPI, Refused, Suite
 from skyarm.compare.suite import CASES, Condition, conditions
 from skyarm.compare.summary import pairs, table
 from skyarm.figures.embed import image_bytes
@@ -31,7 +31,7 @@ CALLS, SECONDS = 20_000, 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class Comparison(Suite):
     """The suite of all laws.
 
     Attributes:
@@ -74,13 +74,9 @@ class Comparison:
         times = step_times(self.entrants, next(iter(self.conditions.values())))
         return {"summaries": table(named), "paired": pairs(named), "step_times": times}
 
-    def pictures(self, found: Mapping[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Errors and successes of all laws."""
         return {"laws.png": comparison_picture(found, list(self.entrants))}
-
-    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
-        """None: ``flights.parquet`` has every flight."""
-        return []
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """Tables of every condition."""

@@ -19,7 +19,7 @@ from skyarm.compare.contact_report import CONDITIONS, contact_report, csv_rows
 from skyarm.compare.contact_tasks import TASKS, Task
 from skyarm.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.run_suite import DPI, Progress, Refused, fly_suite
+from skyarm.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.control.controller import ControllerError
 from skyarm.figures.embed import image_bytes
@@ -106,7 +106,7 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactSuite:
+class ContactSuite(Suite):
     """The suite of tasks in contact.
 
     Attributes:

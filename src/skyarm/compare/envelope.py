@@ -22,7 +22,7 @@ from skyarm.compare.envelope_record import axis_record, points_of, sentence, vio
 from skyarm.compare.envelope_report import csv_rows, envelope_picture, envelope_report
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.compare.envelope_trials import PLANTS, plants_at
-from skyarm.compare.run_suite import Progress, Refused, fly_suite
+from skyarm.compare.run_suite import Progress, Refused, Suite, fly_suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.control.catalogue import is_named
 from skyarm.control.controller import ControllerError
@@ -150,7 +150,7 @@ def axis_flights(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Envelope:
+class Envelope(Suite):
     """The suite of trials along axes.
 
     Attributes:
@@ -212,7 +212,7 @@ class Envelope:
         found = {"laws": laws, "not_flown": dict(refused), "sentences": {law: sentence(law, axes) for law in laws}}
         return {**found, "violations": violations(axes), "axes": axes}
 
-    def pictures(self, found: Mapping[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Every axis."""
         return {"envelope.png": envelope_picture(found)}
 

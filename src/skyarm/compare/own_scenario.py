@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from skyarm.compare.cells import Cell, Flights
 from skyarm.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.run_suite import Refused
+from skyarm.compare.run_suite import Refused, Suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.compare.summary import pairs, table
 from skyarm.control.catalogue import require_different
@@ -54,7 +53,7 @@ class GivenFlights(Flights):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnScenario:
+class OwnScenario(Suite):
     """The suite of laws on one scenario.
 
     Attributes:
@@ -72,7 +71,7 @@ class OwnScenario:
     file = "results"
 
     @property
-    def name(self) -> str:
+    def name(self) -> str:  # type: ignore[override]
         """Of the scenario."""
         return self.planned()[0][0].case.name
 
@@ -104,14 +103,6 @@ class OwnScenario:
         """Summaries, and differences from the first law."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}
-
-    def pictures(self, found: Mapping[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
-        """None."""
-        return {}
-
-    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
-        """None: ``flights.parquet`` has every flight."""
-        return []
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """One table: a row per law, means over the flights that came to their end."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import csv
 import io
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from skyarm.compare.cells import Cell, Cells, Flights, Flown, fly, fly_episode
 from skyarm.compile.llvm.kernel import require_machine_code
@@ -34,34 +35,39 @@ Refused = Mapping[str, str]
 """Law, or law and trial -> why it does not fly."""
 
 
-class Suite(Protocol):
-    """What flies, and how it is judged."""
+class Suite(ABC):
+    """What flies, and how it is judged.
+
+    Attributes:
+        name: of the suite. file: name of its results, without the suffix.
+    """
+
+    name: str
+    file: str
 
     @property
-    def name(self) -> str:
-        """Of the suite."""
-
-    @property
-    def file(self) -> str:
-        """Name of its results, without the suffix."""
-
-    @property
-    def asked(self) -> Mapping[str, Any]:
+    @abstractmethod
+    def asked(self) -> dict[str, Any]:
         """Plain options that fix the report, for its results and to tell two reports apart."""
 
+    @abstractmethod
     def planned(self) -> tuple[Sequence[Flights], Refused]:
         """The flights of every cell, and why a law does not fly."""
 
+    @abstractmethod
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
         """The results as plain data."""
 
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Path in the folder -> PNG of the page; files of further flights are named in the results."""
+        return {}
 
     def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
         """Head and rows of a CSV file; none where the suite writes none."""
+        return []
 
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> Report:
+    @abstractmethod
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """The results for people."""
 
 

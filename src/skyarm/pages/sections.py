@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from skyarm.pages.markup import details, grouped, page, paragraph, section
+from skyarm.pages.markup import grouped, page, paragraph, section
 
 DASH = "-"
 
@@ -84,7 +84,6 @@ class Section:
         title: heading; "" for what stands under the report's own in Markdown.
         notes: paragraphs. remark: a paragraph of the page alone. name: heading of a page's section without a title.
         tables: below them. pictures: HTML of :func:`skyarm.pages.image` s, on the page alone.
-        folded: (title, HTML) of a folded block of the page.
     """
 
     title: str = ""
@@ -93,7 +92,6 @@ class Section:
     name: str = ""
     tables: Sequence[Table] = ()
     pictures: str = ""
-    folded: tuple[str, str] | None = None
 
     def markdown(self) -> list[str]:
         """Blocks of Markdown."""
@@ -107,8 +105,7 @@ class Section:
     def content(self) -> str:
         """HTML below its heading."""
         notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
-        folded = [details(*self.folded)] if self.folded else []
-        return "".join([*notes, self.pictures, *(each.html() for each in self.tables), *folded])
+        return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,7 +114,7 @@ class Report:
 
     Attributes:
         title: heading. facts: first line of the page.
-        sections: of both forms. page_only: further ones of the page. markdown_only: of the Markdown.
+        sections: of both forms. page_only: further ones of the page.
         opening: HTML before all sections.
     """
 
@@ -125,12 +122,11 @@ class Report:
     facts: str
     sections: Sequence[Section]
     page_only: Sequence[Section] = ()
-    markdown_only: Sequence[Section] = ()
     opening: str = ""
 
     def markdown(self) -> str:
         """The report as Markdown."""
-        blocks = [block for each in (*self.sections, *self.markdown_only) for block in each.markdown()]
+        blocks = [block for each in self.sections for block in each.markdown()]
         return "\n\n".join([f"# {self.title}", *blocks]) + "\n"
 
     def html(self) -> str:
