@@ -45,6 +45,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     notes: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(room, "run_campaign", _few)
+        patch.setattr(room, "DPI", 30)
         table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append, film=_film)
     return folder, table, notes
 
