@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.assess.arm_poses import arm_poses
+from skyarm.assess.arm_poses import arm_poses, rest_of_hanging
 from skyarm.assess.assessment import assess_vehicle
-from skyarm.assess.hanging_joints import rest_of_hanging
-from skyarm.assess.torque_authority import locked_inertia
+from skyarm.assess.thrust import locked_inertia
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
@@ -130,8 +129,8 @@ def test_driven_joints_stay_where_the_poses_put_them():
 
 LAWS = (
     *BEARS_UNDRIVEN,
-    *("centroidal", "hybrid_computed_torque", "indi", "li2024", "kim2013"),
-    *("bulut2019", "l1_adaptive", "ct_ladder", "nmpc"),
+    *("centroidal", "hybrid_computed_torque", "indi", "ct_observer", "ct_level_gravity", "li2024", "kim2013"),
+    *("bulut2019", "l1_adaptive", "l1_adaptive_lateral", "ct_lag_inversion", "nmpc"),
 )
 
 

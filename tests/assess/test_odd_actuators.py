@@ -19,10 +19,8 @@ from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.endurance import aloft_for, speed_share
 from skyarm.assess.endurance import time_aloft as assessed_time
-from skyarm.assess.joint_torques import joint_torques
-from skyarm.assess.mass_balance import crowded, disc_radius
-from skyarm.assess.rotor_layout import rotor_layout
-from skyarm.assess.servo_stiffness import servo_stiffness
+from skyarm.assess.joints import joint_torques, servo_stiffness
+from skyarm.assess.layout import crowded, disc_radius, rotor_layout
 from skyarm.cli.vehicle_facts import vehicle_facts
 from skyarm.cli.vehicle_tables import tables
 from skyarm.scenario.scenario_file import load_scenario

@@ -10,8 +10,8 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
+from skyarm.compare.envelope import LAWS, TUNED_LAWS, Envelope
 from skyarm.compare.envelope_axes import AXES
-from skyarm.compare.envelope_suite import LAWS, TUNED_LAWS, Envelope
 
 
 @pytest.fixture
@@ -24,8 +24,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
         found.append((envelope, folder, threads))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.envelope_command.fly_envelope", fly)
-    monkeypatch.setattr("skyarm.cli.envelope_command.planned", lambda _envelope: ([], {}))
+    monkeypatch.setattr("skyarm.cli.compare_command.fly_envelope", fly)
+    monkeypatch.setattr(Envelope, "planned", lambda _envelope: ([], {}))
     return found
 
 
@@ -117,7 +117,7 @@ def test_a_law_of_a_file_flies_and_another_seed_replaces_the_report(tmp_path: Pa
     assert (first.code, again.code) == (0, 0), first.err + again.err
     assert "own_law.py:make_lqr" in first.out
     assert "replaces" not in first.err
-    assert "replaces the report of an envelope of seed 0" in again.err
+    assert "replaces the report of seed 0" in again.err
     (cell,) = (tmp_path / "x" / "cells").iterdir()
     assert cell.name.endswith("own_law.py-make_lqr.cell")
 

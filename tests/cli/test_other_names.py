@@ -11,7 +11,6 @@ import pytest
 import skyarm as library
 from commanded import refused, skyarm
 from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
-from skyarm.compare.comparison import Comparison
 from skyarm.environment.environment_tables import wind_from
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import find
@@ -69,12 +68,6 @@ def test_an_old_option_works_with_one_line_and_a_wrong_value_stays_one_line(fold
         "the old one works in 0.2 and goes with the next minor version\n"
     )
     refused(skyarm("sweep", "robustness", "--threads", "-1"), "--workers = -1")
-
-
-def test_reproduce_takes_the_old_name_of_a_comparison() -> None:
-    with pytest.warns(OldNameWarning) as caught, pytest.raises(ValueError, match="plants"):
-        library.reproduce(plants=("none",), bench=Comparison())
-    old(caught, "comparison")
 
 
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from skyarm.actuation import make_mixer
+from skyarm.assess.arm_poses import Allocation
 from skyarm.assess.assessment import Assessment
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.assess.level_hover import Allocation
-from skyarm.assess.torque_authority import roll_pitch_boundary
+from skyarm.assess.thrust import roll_pitch_boundary
 from skyarm.figures.stability_figures import attainable_torque_figure
 from skyarm.figures.style import image_bytes
 from skyarm.figures.vehicle_drawing import vehicle_drawing

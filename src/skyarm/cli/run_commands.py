@@ -34,7 +34,7 @@ def reproduce(
     from skyarm.cli.show import headline
     from skyarm.files import must_be_one_of
     from skyarm.paper.counted_cells import sentence
-    from skyarm.paper.opening_film import opening_film
+    from skyarm.paper.report_pages import opening_film
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
     from skyarm.scenario.scenario_record import PLANTS
@@ -45,7 +45,7 @@ def reproduce(
     plants = PLANTS if plant == "both" else (plant,)
     if compare:
         from skyarm.compare.comparison import Comparison
-        from skyarm.compare.envelope_suite import Envelope
+        from skyarm.compare.envelope import Envelope
     prepare_folder(out, plants)
     evidence = _evidence(out, processes) if infer else None
     with bar("flying", console) as advance:
@@ -69,14 +69,14 @@ def reproduce(
 def _evidence(out: str, threads: int) -> dict[str, Any]:
     """Search for what the paper leaves open, and print what was found."""
     from skyarm.cli.terminal_tables import aligned
-    from skyarm.paper.infer import infer
     from skyarm.paper.inference_tables import evidence_tables
+    from skyarm.paper.inferred_settings import infer
 
     with bar("inferring", console) as advance:
         evidence = infer(out, threads=threads, progress=advance)
-    for title, head, rows in evidence_tables(evidence):
-        tell(f"\n{title}")
-        for line in aligned([[name.removeprefix(">") for name in head], *rows]):
+    for table in evidence_tables(evidence):
+        tell(f"\n{table.caption}")
+        for line in aligned([[name.removeprefix(">") for name in table.head], *table.rows]):
             tell(line)
     return evidence
 

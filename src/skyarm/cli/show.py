@@ -16,8 +16,7 @@ from skyarm.cli.vehicle_tables import tables
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
 from skyarm.paper.flights import first_plant
-from skyarm.paper.published import said
-from skyarm.paper.short_table import difference, number
+from skyarm.paper.published import digits, percent, said
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -44,8 +43,16 @@ def headline(results: Mapping[str, Any]) -> RenderableType:
     plant = first_plant(results)
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
-        ours = (number(column.get(each)) for column in (cell, cell.get("inferred", {})) for each in PLANTS)
-        add(table, case, controller, metric, said(case, controller, metric) or "-", *ours, difference(cell, plant))
+        ours = (digits(column.get(each)) for column in (cell, cell.get("inferred", {})) for each in PLANTS)
+        add(
+            table,
+            case,
+            controller,
+            metric,
+            said(case, controller, metric) or "-",
+            *ours,
+            percent(cell.get(plant), cell["paper"]),
+        )
     return titled("paper and ours (m, rad)", table)
 
 

@@ -231,7 +231,7 @@ def compare(
         raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
     _require_effect(context, suite)
     if suite == "contact-suite":
-        from skyarm.cli.contact_command import contact
+        from skyarm.cli.compare_command import contact
 
         contact(
             out or "out/contact",
@@ -248,7 +248,7 @@ def compare(
         )
         return
     if suite == "envelope-suite":
-        from skyarm.cli.envelope_command import envelope
+        from skyarm.cli.compare_command import envelope
 
         envelope(
             out or "out/envelope",

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable
 
 FLOORS = {
+    "jinja2": "3.1",
     "llvmlite": "0.45",
     "numpy": "1.26",
     "mujoco-core": "4.0",
