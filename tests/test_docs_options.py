@@ -8,7 +8,7 @@ import pytest
 
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.centroidal.gain_presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
 from skyarm.scenario.law_table import PYTHON_ONLY, WORDS, law_words
 from skyarm.scenario.scenario_file import scenario_from
 

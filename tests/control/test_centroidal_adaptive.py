@@ -14,7 +14,7 @@ from skyarm.control.blocks.attitude import Attitude, upright
 from skyarm.control.blocks.motor_lag import led
 from skyarm.control.blocks.series_kinematics import moving, posture
 from skyarm.control.laws.centroidal import com_tracking
-from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated, goal
 from skyarm.control.laws.centroidal.tip_tasks import level_motion, orientation_error

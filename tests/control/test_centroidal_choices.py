@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.option_checks import checked, periods_of
+from skyarm.control.laws.centroidal.presets import checked, periods_of
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import blank_measurement
@@ -33,10 +33,11 @@ ARMLESS = dataclasses.replace(
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(preset, vehicle, load, friction):
     controller = make_centroidal(Model(vehicle=vehicle), preset=preset)
-    assert (controller.par.adapts_load, controller.par.adapts_friction) == (load, friction)
-    assert controller.par.adaptation == (PRESETS[preset]["adaptation"] if load else 0.0)
-    assert ("adapted tip mass" in controller.par.choices()) == load
-    assert ("adapted friction" in controller.par.choices()) == friction
+    found = controller.par.parts.adaptation
+    rates = (None, None) if found is None else (found.load, found.friction)
+    assert rates == (PRESETS[preset]["adaptation"] if load else None, 2.0 if friction else None)
+    assert ("parts.adaptation.load" in controller.par.choices()) == load
+    assert ("parts.adaptation.friction" in controller.par.choices()) == friction
     # and it flies: a step from the first memory has a command
     n = vehicle.n
     rest = dict.fromkeys(("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0,) * n)
@@ -47,9 +48,7 @@ def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(pres
 
 
 def test_what_shall_not_be_learned_is_not():
-    par = make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par
-    assert not par.adapts_load
-    assert not par.adapts_friction
+    assert make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par.parts.adaptation is None
 
 
 @pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])
@@ -57,7 +56,9 @@ def test_a_vehicle_without_a_tip_refuses_what_needs_one(vehicle):
     for options in ({"mode": "tip"}, {"adaptation": 0.3}, {"mode": "tip", "adaptation": 0.0}):
         with pytest.raises(ControllerError, match="has no end_effector"):
             make_centroidal(Model(vehicle=vehicle), **options)
-    assert make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.adaptation == 0.0
+    assert (
+        make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.parts.adaptation is None or not vehicle.end_effector
+    )
 
 
 ROWS = [name for name, value in PRESETS["robust"].items() if isinstance(value, tuple)]

@@ -13,7 +13,7 @@ from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.catalogue.tuned_gains import rescale
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.pressing import Pressing
+from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.pressing.admittance_pd import yielded
 from skyarm.control.laws.pressing.hybrid_ct import freed, level_tip, pressed
 from skyarm.control.laws.pressing.tip_observer import Touch, listen, moved

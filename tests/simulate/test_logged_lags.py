@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.compare.suite import NOISE
-from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.simulate.loop import run_in_python
 

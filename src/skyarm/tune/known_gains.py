@@ -18,7 +18,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.laws.centroidal.gain_presets import without_preset
+from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.records.leaves import Place
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.law_by_name import loop_facts

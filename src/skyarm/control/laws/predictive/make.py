@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.actuation import make_mixer
 from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.laws.centroidal.interaction_records import interaction_gains
+from skyarm.control.laws.centroidal.interaction import interaction_gains
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths
 from skyarm.control.laws.predictive.law import PredictiveMemory, nmpc

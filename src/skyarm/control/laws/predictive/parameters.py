@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.actuation import Mixer
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths
 from skyarm.control.model import Model

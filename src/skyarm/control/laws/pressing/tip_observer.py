@@ -16,15 +16,15 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.common import make_parameters, no_command
 from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
 from skyarm.control.controller import Controller, ControllerError, Law
-from skyarm.control.laws.centroidal.interaction import interact
-from skyarm.control.laws.centroidal.interaction_records import (
+from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
+    Pressing,
     first_interaction,
+    interact,
     interaction_gains,
     wanted_of,
 )
-from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.model import Model, Parameters
 from skyarm.control.options import three, two
