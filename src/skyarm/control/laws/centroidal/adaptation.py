@@ -26,8 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import derivative, posture
@@ -136,7 +135,7 @@ def first_learned(joints: int) -> Learned:
     """Memory before the first measurement: nothing is known."""
     silent = Regressor(load=0.0, place=0.0, rate=0.0)
     joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
-    return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=nothing(joints))
+    return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
 
 def adapt(
@@ -164,7 +163,7 @@ def adapt(
     """
     places = [q.derivative(0) for q in planned.joints]
     wanted = [q.derivative(1) for q in planned.joints]
-    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else nothing(len(places))
+    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(places))
     share = _share(par, dt)
     seen = []
     for joint, load, place, rate, qd in zip(learned.joints, unit.efforts, places, wanted, rates, strict=True):
@@ -197,12 +196,6 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
         torque=r.cross(pull),
         efforts=tuple(column.linear.dot(pull) for column in columns),
     )
-
-
-def nothing(joints: int) -> Disturbance:
-    """No disturbance, as data."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
 
 def _share(par: CentroidalParameters, dt: Any) -> Any:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
@@ -26,7 +26,7 @@ from skyarm.control.laws.centroidal.interaction import SENSING
 from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.outside_force import Hearing, HearingMemory, first_hearing, hear
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_force, tip_wrench, without
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
 from skyarm.control.laws.centroidal.tip_rotation import (
     RotationGains,
     RotationMemory,
@@ -73,7 +73,7 @@ def give_way(
     """
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
-    force, torque = _wrench(gains, vehicle, at, observed.joints, without(d, memory.hearing.bias))
+    force, torque = _wrench(gains, vehicle, at, observed.joints, d - memory.hearing.bias)
     rotation, heard, pulls = memory.rotation, None, None
     felt, counted = _told(gains, vehicle, at, observed.joints, memory.felt, memory.hearing.felt, told, force, dt)
     if gains.rotation is not None and isinstance(rotation, RotationMemory):
@@ -104,10 +104,8 @@ def _wrench(
     gains: AdmittanceGains, vehicle: Vehicle, at: TipLevers, joints: Sequence[Any], rest: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Force and torque about the tip (N, N m, world axes) that the observer holds; no torque where none is heard."""
-    if gains.rotation is None:
-        return tip_force(vehicle, gains.errors, at, rest), ZERO3
-    turns = [column.angular for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
-    return tip_wrench(vehicle, gains.errors, at, turns, rest)
+    columns = () if gains.rotation is None else jacobian_columns(vehicle, vehicle.frame(), joints)
+    return tip_wrench(vehicle, gains.errors, at, [column.angular for column in columns], rest)
 
 
 def _told(

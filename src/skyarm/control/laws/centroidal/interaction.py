@@ -48,11 +48,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, tip_force, without
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, tip_force
 from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.files import shown
 from skyarm.records.units import Unit
@@ -60,9 +60,7 @@ from skyarm.reference.tip_push import STRONGEST, out_of_axis
 from skyarm.scalars import (
     Scalar,
     absolute,
-    add,
     clip,
-    data,
     divide,
     logical_and,
     logical_not,
@@ -71,7 +69,6 @@ from skyarm.scalars import (
     minimum,
     mul,
     sqrt,
-    sub,
     where,
 )
 from skyarm.scalars.taylor import Taylor
@@ -109,7 +106,7 @@ def interact(
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.asked
-    force = tip_force(vehicle, gains.errors, at, without(observed, memory.bias))
+    force = tip_force(vehicle, gains.errors, at, observed - memory.bias)
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
@@ -219,12 +216,8 @@ def learned(
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
-    unexplained = d.force - force * where(learns, 0.0, 1.0)
-    return Disturbance(
-        force=vector_data(bias.force + (unexplained - bias.force) * wind),
-        torque=vector_data(bias.torque + (d.torque - bias.torque) * share),
-        efforts=tuple(data(b + (e - b) * share) for b, e in zip(bias.efforts, d.efforts, strict=True)),
-    )
+    unexplained = dataclasses.replace(d, force=d.force - force * where(learns, 0.0, 1.0))
+    return bias.filtered(unexplained, share, wind)
 
 
 def rested(gains: InteractionGains, memory: InteractionMemory) -> Any:
@@ -268,14 +261,12 @@ class Pressing:
         across = self.force - self.n * self.n.dot(self.force)
         wanted = across * self.kept + self.n * self.order
         borne = wanted + self.n * self.beyond
-        held, given, base = then.disturbance(self.force), now.disturbance(wanted), now.disturbance(borne)
-        return Disturbance(
-            force=d.force + (base.force - held.force) * self.engaged,
-            torque=d.torque + (base.torque - held.torque) * self.engaged,
-            efforts=tuple(
-                add(e, mul(sub(g, h), self.engaged))
-                for e, g, h in zip(d.efforts, given.efforts, held.efforts, strict=True)
-            ),
+        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(wanted).efforts)
+        change = base - then.disturbance(self.force)
+        return d + Disturbance(
+            force=change.force * self.engaged,
+            torque=change.torque * self.engaged,
+            efforts=tuple(mul(each, self.engaged) for each in change.efforts),
         )
 
     def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
@@ -455,7 +446,6 @@ def interaction_gains(
 def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     """Free flight, nothing known."""
     zero = Vec3(0.0, 0.0, 0.0)
-    none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
     return InteractionMemory(
         touching=0.0,
         losing=0.0,
@@ -466,7 +456,7 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
         shift_rate=0.0,
         free=0.0,
         gap=0.0,
-        bias=none,
+        bias=no_disturbance(joints),
         force=zero,
         lean=zero,
         felt=zero if sensor else (),

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.saturation import all_follow
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.load_inertia import (
@@ -42,7 +42,7 @@ from skyarm.control.laws.centroidal.load_inertia import (
 )
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, NormalEquations, without
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, NormalEquations
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.files import shown
@@ -148,7 +148,7 @@ def learn_load(
             each of two stages of the observer, s; None of a law that learns no inertia.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
-    mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
+    mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)
     least = gains.light * gains.limit
     small = gains.noise_share * (memory.mass + least)
     large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
@@ -163,20 +163,14 @@ def learn_load(
     inertia = memory.inertia
     if gains.inertia is not None and isinstance(inertia, InertiaMemory) and turned is not None:
         unit, late = turned
-        left, calm = without(observed, memory.bias).efforts, learns * (1.0 - large)
+        left, calm = (observed - memory.bias).efforts, learns * (1.0 - large)
         inertia = learn_inertia(
             gains.inertia, inertia, m, gains.size, model.vehicle, R, joints, unit, left, holds, calm, late, dt
         )
     after = LoadMemory(
         mass=where(holds, m, 0.0),
         place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
-        bias=Disturbance(
-            force=vector_data(memory.bias.force + (observed.force - memory.bias.force) * share),
-            torque=vector_data(memory.bias.torque + (observed.torque - memory.bias.torque) * share),
-            efforts=tuple(
-                data(b + (e - b) * share) for b, e in zip(memory.bias.efforts, observed.efforts, strict=True)
-            ),
-        ),
+        bias=memory.bias.filtered(observed, share, share),
         inertia=inertia,
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
@@ -285,6 +279,5 @@ def load_gains(limit: float, vehicle: Vehicle, mode: str, inertia: bool) -> Load
 
 def first_load(joints: int, inertia: bool) -> LoadMemory:
     """Nothing is held and nothing is known."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    bias = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
-    return LoadMemory(mass=0.0, place=zero, bias=bias, inertia=first_inertia(joints) if inertia else ())
+    found = first_inertia(joints) if inertia else ()
+    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints), inertia=found)

@@ -40,8 +40,8 @@ class Step:
         free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and in contact.
         external: 1 while a force on the tip is part of what is observed.
         pressing: contact; None without one.
-        rate: N/s, world axes, of the observed force as far as it is trusted. trend: level of the tracked force (N, world
-            axes) and the share of it that is believed; None without a trend.
+        rate: N/s, world axes, of the observed force as far as it is trusted.
+        trend: level of the tracked force (N, world axes) and the share of it that is trusted; None without one.
         demand: of the step, once it is known.
     """
 

@@ -12,42 +12,51 @@ from typing import Any
 from skyarm.control.controller import ControllerError
 from skyarm.files import number, shown
 
-COMMON: Mapping[str, Any] = {
-    "pull": 5.0,
-    "tilt": 1.2,
-    "reach": 0.12,
-    "damping": 0.03,
-    "posture": 1e-4,
-    "shift_limit": 0.2,
-    "continuation": 1.0,
-    "trim_rate": 3.0,
-    "measured_rates": 0.0,
-    "adaptation": 0.6,
-    "friction_adaptation": 2.0,
-    "bandwidth": 1.0,
-    "shift_bandwidth": 0.0,
-    "gust_shift": 0.0,
-    "swing_rate": 0.0,
-    "path_rate": 0.0,
-    "low_thrust": 0.0,
-    "arm_turn": 0.0,
-    "sideways": 0.0,
-    "attitude": (0.0, 0.0),
-    "approach": 0.0,
-    "force_trend": 0.0,
-    "yaw_slack": 0.0,
-    "thrust_lead": False,
-    "joint_limits": False,
-    "lag": (0.0, 0.0),
-    "accelerometer": (0.0, 0.0),
-    "hull_drag": False,
-    "wind": (0.0, 0.0, 0.0),
-    "interaction": (0.0, 0.0),
-    "load": 0.0,
-    "load_inertia": False,
-    "force_sensor": False,
+OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+    "pull": (5.0, 1e-3, 1e3),
+    "tilt": (1.2, 1e-3, 10.0),
+    "reach": (0.12, 1e-3, 1e3),
+    "damping": (0.03, 1e-6, 1e3),
+    "posture": (1e-4, 1e-9, 1e3),
+    "shift_limit": (0.2, 1e-6, 1e3),
+    "continuation": (1.0, 0.0, 1.0),
+    "trim_rate": (3.0, 0.0, 50.0),
+    "measured_rates": (0.0, 0.0, 1.0),
+    "adaptation": (0.6, 0.0, 5.0),
+    "friction_adaptation": (2.0, 0.0, 5.0),
+    "bandwidth": (1.0, 0.01, 10.0),
+    "shift_bandwidth": (0.0, 0.0, 1e3),
+    "gust_shift": (0.0, 0.0, 2.0),
+    "swing_rate": (0.0, 0.0, 50.0),
+    "path_rate": (0.0, 0.0, 50.0),
+    "low_thrust": (0.0, 0.0, 1.0),
+    "arm_turn": (0.0, 0.0, 1e6),
+    "sideways": (0.0, 0.0, 1.0),
+    "attitude": ((0.0, 0.0), -1.0, 1.0),
+    "approach": (0.0, 0.0, 1e3),
+    "force_trend": (0.0, 0.0, 1e3),
+    "yaw_slack": (0.0, 0.0, 1e6),
+    "thrust_lead": (False, 0.0, 1.0),
+    "joint_limits": (False, 0.0, 1.0),
+    "lag": ((0.0, 0.0), 0.0, math.inf),
+    "accelerometer": ((0.0, 0.0), 0.0, 1e3),
+    "hull_drag": (False, 0.0, 1.0),
+    "wind": ((0.0, 0.0, 0.0), -100.0, 100.0),
+    "interaction": ((0.0, 0.0), 0.0, 1e3),
+    "load": (0.0, 0.0, 1e3),
+    "load_inertia": (False, 0.0, 1.0),
+    "force_sensor": (False, 0.0, 1.0),
+    "lag_inversion": (0.1, 0.0, 1.0),
+    "shift_rate": (3.0, 0.0, 1e3),
 }
-"""Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
+"""Options with the values of "robust", and the lowest and highest value; see :class:`CentroidalParameters`."""
+
+COMMON: Mapping[str, Any] = {name: value for name, (value, *_) in OPTIONS.items()}
+
+RANGES: Mapping[str, tuple[float, float]] = {
+    name: (low, high) for name, (value, low, high) in OPTIONS.items() if not isinstance(value, bool) and high < math.inf
+}
+"""Of entries that are numbers; the others are gains, at least 0."""
 
 ROBUST: Mapping[str, Any] = {
     **COMMON,
@@ -56,8 +65,6 @@ ROBUST: Mapping[str, Any] = {
     "arm": (900.0, 60.0),
     "tip": (700.0, 53.0),
     "observer": (27.0, 31.0, 34.0, 60.0),
-    "lag_inversion": 0.1,
-    "shift_rate": 3.0,
 }
 
 ADAPTIVE: Mapping[str, Any] = {
@@ -115,39 +122,6 @@ force; docs/tip_in_gusts.md has its numbers, also on seeds that it was not chose
 
 ENTRIES = tuple(PRESETS["robust"])
 """Entries of a preset: each may be replaced as an option of the law."""
-
-RANGES: Mapping[str, tuple[float, float]] = {
-    "pull": (1e-3, 1e3),
-    "tilt": (1e-3, 10.0),
-    "reach": (1e-3, 1e3),
-    "damping": (1e-6, 1e3),
-    "posture": (1e-9, 1e3),
-    "shift_limit": (1e-6, 1e3),
-    "continuation": (0.0, 1.0),
-    "trim_rate": (0.0, 50.0),
-    "measured_rates": (0.0, 1.0),
-    "lag_inversion": (0.0, 1.0),
-    "adaptation": (0.0, 5.0),
-    "friction_adaptation": (0.0, 5.0),
-    "shift_rate": (0.0, 1e3),
-    "bandwidth": (0.01, 10.0),
-    "shift_bandwidth": (0.0, 1e3),
-    "gust_shift": (0.0, 2.0),
-    "swing_rate": (0.0, 50.0),
-    "path_rate": (0.0, 50.0),
-    "low_thrust": (0.0, 1.0),
-    "arm_turn": (0.0, 1e6),
-    "sideways": (0.0, 1.0),
-    "attitude": (-1.0, 1.0),
-    "approach": (0.0, 1e3),
-    "force_trend": (0.0, 1e3),
-    "yaw_slack": (0.0, 1e6),
-    "accelerometer": (0.0, 1e3),
-    "wind": (-100.0, 100.0),
-    "interaction": (0.0, 1e3),
-    "load": (0.0, 1e3),
-}
-"""Lowest and highest value; entries that are not here are gains, at least 0."""
 
 REMOVED: Mapping[str, str] = {"arm_scaling": "joint_limits = true, which keeps joints off what the rotors cannot hold"}
 """Options of earlier versions, and what stands in their place."""

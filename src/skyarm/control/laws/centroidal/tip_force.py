@@ -25,11 +25,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, mul, sub
+from skyarm.scalars import Scalar, add, divide, mul
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
@@ -76,20 +76,7 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
 
 def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     """The tip's force (N, world axes) in ``rest``, the observed disturbance without its bias: least squares."""
-    push = at.R.apply_T(rest.force)
-    squares = NormalEquations([[1 if i == j else 0 for j in range(3)] for i in range(3)], list(push))
-    for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
-        squares.require(tuple(column), effort, errors.turning if link.joint.kind == "revolute" else errors.sliding)
-    turned = [tuple(at.tip.cross(axis)) for axis in AXES]
-    for k, torque in enumerate(rest.torque):
-        squares.require([each[k] for each in turned], torque, errors.base)
-    return at.R.apply(Vec3(*squares.solve()))
-
-
-def without(d: Disturbance, bias: Disturbance) -> Disturbance:
-    """What is left of a disturbance beside its bias."""
-    efforts = tuple(sub(a, b) for a, b in zip(d.efforts, bias.efforts, strict=True))
-    return Disturbance(force=d.force - bias.force, torque=d.torque - bias.torque, efforts=efforts)
+    return tip_wrench(vehicle, errors, at, (), rest)[0]
 
 
 def tip_wrench(
@@ -101,19 +88,20 @@ def tip_wrench(
         vehicle: model.
         errors: of the parts of the disturbance.
         at: levers of the force.
-        turns: angular columns of the tip's Jacobian, base axes.
+        turns: angular columns of the tip's Jacobian, base axes; empty without a torque.
         rest: the observed disturbance without its bias.
     """
-    A = [[1 if i == j and i < 3 else 0 for j in range(6)] for i in range(6)]
-    squares = NormalEquations(A, [*at.R.apply_T(rest.force), 0, 0, 0])
-    for link, column, turn, effort in zip(vehicle.links, at.columns, turns, rest.efforts, strict=True):
+    n = 6 if turns else 3
+    A = [[1 if i == j and i < 3 else 0 for j in range(n)] for i in range(n)]
+    squares = NormalEquations(A, [*at.R.apply_T(rest.force), *((0,) * (n - 3))])
+    for i, (link, column, effort) in enumerate(zip(vehicle.links, at.columns, rest.efforts, strict=True)):
         error = errors.turning if link.joint.kind == "revolute" else errors.sliding
-        squares.require((*column, *turn), effort, error)
+        squares.require((*column, *(turns[i] if turns else ())), effort, error)
     levers = [tuple(at.tip.cross(axis)) for axis in AXES]
     for k, torque in enumerate(rest.torque):
-        squares.require([*(each[k] for each in levers), *AXES[k]], torque, errors.base)
+        squares.require([*(each[k] for each in levers), *(AXES[k] if turns else ())], torque, errors.base)
     found = squares.solve()
-    return at.R.apply(Vec3(*found[:3])), at.R.apply(Vec3(*found[3:]))
+    return at.R.apply(Vec3(*found[:3])), at.R.apply(Vec3(*found[3:])) if turns else ZERO3
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,9 @@
-"""The tip gives way to a torque as an inertia, a damper and a spring of one's choice: the rotation of an admittance.
+"""Rotation of an admittance: the tip answers a torque as an inertia, a damper and a spring.
 
-A virtual body (:mod:`skyarm.control.laws.centroidal.virtual_body`) that the torque about the tip turns says by how much the tip
-is turned against its reference; the joints do it, and the base where they cannot keep the tip in its place meanwhile
-(:mod:`skyarm.control.laws.centroidal.tip_rotation`).
-
-The reference of an arm whose tip shall be turned: joints that turn it, and where the base goes meanwhile.
-
-Given is the rotation E(t) by which the tip shall be turned against its reference, about its own place. The joints that
-do it are not solved for: an offset dq of the joints is integrated whose acceleration is the least squares of
+A virtual body (:mod:`skyarm.control.laws.centroidal.virtual_body`) that the torque about the tip turns gives the
+rotation E(t) by which the tip is turned against its reference, about its own place; the joints do it, and the base
+moves where they cannot keep the tip in its place meanwhile. An offset dq of the joints is integrated whose acceleration
+is the least squares of
 
     |J_w qdd - (alpha* - J_w' qd + 2 k (w* - w) + k^2 e)|^2
     + (1 / length^2) |J_v qdd - (p*'' - J_v' qd + 2 k (p*' - p') + k^2 (p* - p))|^2
@@ -22,6 +18,7 @@ Wampler 1986 (damping).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -133,14 +130,8 @@ def listen(
         dt: control period, s.
     """
     heard, outside = hear_torque(*hearing, memory.hearing, gains.threshold, torque, force, dt, felt)
-    after = RotationMemory(
-        body=memory.body,
-        arm=memory.arm,
-        hearing=heard,
-        torque=vector_data(torque),
-        felt=memory.felt if felt is None else vector_data(felt),
-    )
-    return after, outside
+    kept = memory.felt if felt is None else vector_data(felt)
+    return dataclasses.replace(memory, hearing=heard, torque=vector_data(torque), felt=kept), outside
 
 
 def turn(
@@ -158,8 +149,7 @@ def turn(
     """
     body, vector = moved_turn(gains.body, memory.body, outside, dt)
     arm, moved = turned_reference(vehicle, gains, memory.arm, turned_by(vector), signals, dt)
-    after = RotationMemory(body=body, arm=arm, hearing=memory.hearing, torque=memory.torque, felt=memory.felt)
-    return after, moved
+    return dataclasses.replace(memory, body=body, arm=arm), moved
 
 
 PACE = 0.2
