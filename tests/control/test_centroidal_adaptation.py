@@ -248,7 +248,7 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     wanted = scenario.trajectory.at(20.0).dense()
     following, _ = scenario.controller.law(memory, pushed, wanted, 0.005, par=scenario.controller.par)
     assert np.abs(following.observed.efforts).min() > 1e-4
-    for joint, found in zip(following.learned.joints, following.observed.efforts, strict=True):
+    for joint, found in zip(following.parts.adaptation.joints, following.observed.efforts, strict=True):
         # all of it is taken for constant at first, but for what the joint's own error takes from its trust
         assert 0.5 < joint.level / (WEIGHT * 0.005 * found) <= 1.0
 

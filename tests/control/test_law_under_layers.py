@@ -57,7 +57,7 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
     assert lags_found(law.memory) == (0.0, 0.0)
     assert observed_push(law.memory) is None
     presses = layered(kind, interaction=(0.3, 0.1)).memory
-    pushed = dataclasses.replace(innermost(presses).interaction, force=Vec3(1.0, 2.0, 3.0))
+    pushed = dataclasses.replace(innermost(presses).parts.interaction, force=Vec3(1.0, 2.0, 3.0))
     told = with_innermost(presses, with_parts(innermost(presses), interaction=pushed))
     assert observed_push(told) == Vec3(1.0, 2.0, 3.0)
     assert finds_lag(law)

@@ -58,7 +58,7 @@ def test_numbers_of_a_sweep_that_a_table_refuses_are_refused(path, value, words)
     with pytest.raises(ValueError, match=words) as caught:
         with_numbers(scenario, {f"controller.parts.admittance.{path}": value})
     assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith("controller.admittance.")
+    assert str(caught.value).startswith("controller.parts.admittance.")
 
 
 def test_numbers_of_a_sweep_that_a_table_takes_are_taken_together():

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyarm.actuation import Mixer, make_mixer
-from skyarm.control.controller import innermost, learns_load
+from skyarm.control.controller import innermost, learns_load, part_of
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
@@ -80,7 +80,7 @@ def check_additions(scenario: Scenario) -> None:
     require_guard_sensors(scenario.trajectory, tuple(sensors.items()), scenario.world.vehicle)
     if learns_load(scenario.controller.par) and scenario.trajectory.load is None:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
-        most = shown(innermost(scenario.controller.par).load.limit)
+        most = shown(part_of(scenario.controller.par, "load").limit)
         raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
     if isinstance(scenario.estimator, ErrorStateFilter):

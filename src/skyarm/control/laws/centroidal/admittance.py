@@ -139,7 +139,7 @@ class AdmittanceGains(Part):
     rotation: RotationGains | None = None
 
     def __post_init__(self) -> None:
-        require_moderate("controller.admittance.tip", "mass", self.tip)
+        require_moderate("controller.parts.admittance.tip", "mass", self.tip)
 
     @property
     def senses(self) -> bool:

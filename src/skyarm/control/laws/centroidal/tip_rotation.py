@@ -95,7 +95,7 @@ class RotationGains:
     ends: Ends = ()
 
     def __post_init__(self) -> None:
-        require_moderate("controller.admittance.rotation.body", "inertia", self.body)
+        require_moderate("controller.parts.admittance.rotation.body", "inertia", self.body)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
