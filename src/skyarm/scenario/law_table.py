@@ -18,6 +18,7 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
+from skyarm.control.catalogue.law_entries import no_option
 from skyarm.control.controller import Controller
 from skyarm.control.laws.paper.make import ABLATIONS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
@@ -85,8 +86,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
-            there = ", ".join(words)
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: law {law!r} has no such option; it has {there}")
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, word, words)}")
     options = suitable_options(law, known)
     for option in LAWS[law].options():
         word = WORDS.get(option, option)

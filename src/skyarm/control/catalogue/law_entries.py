@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +66,11 @@ BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 """Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
 whose joints nothing drives (``tests/assess/test_hanging_joints.py`` flies them)."""
 
+
+GONE: Mapping[tuple[str, str], str] = {
+    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
+}
+"""Options of earlier versions, and what stands in their place."""
 
 SHIPPED_LAWS: Mapping[str, Entry] = {
     "rotors_sim_position": _paper("rotors_sim_position", "RotorS's geometric position controller, joints free"),
@@ -192,16 +197,19 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     entry = LAWS[name]
     for option, value in options.items():
         if option not in entry.options():
-            there = ", ".join(entry.options())
-            raise ControllerError(
-                f"controller.{option} = {shown(value)}: law '{name}' has no such option; it has {there}"
-            )
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
     maker = entry.function()
     check_maker(maker, name, options | dict(entry.fixed))
     made: Controller = made_by(maker, name, model, options | dict(entry.fixed))
     check_made(maker, name, made)
     # a maker of several laws may not know under which name it was asked
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
+
+
+def no_option(law: str, option: str, there: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have, or has no more."""
+    instead = GONE.get((law, option))
+    return f"is gone; {instead}" if instead else f"law {law!r} has no such option; it has {', '.join(there)}"
 
 
 def canonical_law(name: Any) -> Any:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag_along
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
@@ -18,7 +20,6 @@ from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
-from skyarm.control.laws.centroidal.reference_drag import reference_drag
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
@@ -26,6 +27,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.scalars import add, mul, sub
 from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -298,3 +300,48 @@ def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: 
     if center.low_thrust is not None:
         force = upright(force, par.model.vehicle.mass * par.model.gravity, center.low_thrust)
     return attitude(force, yaw.truncated(2))
+
+
+def pushes_across(vehicle: Vehicle) -> bool:
+    """Whether some rotor's axis is not body z."""
+    return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
+
+
+def reference_drag(
+    model: Model,
+    state: State,
+    base: Sequence[Vec3],
+    *,
+    sideways: bool,
+    moving: bool,
+    across: bool,
+    air: BelievedAir | None = None,
+) -> list[Vec3]:
+    """Force of the rotors beside their thrust along body z, at the reference's motion (N, world axes), and derivatives.
+
+    At the present motion it would feed noise and errors into the posture. Hub drag is linear in the velocity; what
+    tilted rotors push across body z is no drag and does not change with the motion, and the derivatives leave it out.
+
+    Args:
+        model: belief.
+        state: now, of which attitude and rotor speeds count.
+        base: position of the base on its reference and its derivatives, world axes.
+        sideways: thrust across body z is the law's own, and no disturbance.
+        moving: False takes the derivatives as zero.
+        across: rotors push across body z, and it is not the law's own.
+        air: wind and drag of the hull that are believed.
+    """
+    R = state.quaternion.rotation()
+
+    def side(motion: Vec3) -> Vec3:
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
+
+    hull = hull_drag_along(model, air, R, base[1:4])
+    value = side(against_air(air, base[1])) + hull[0]
+    if not moving:
+        return [value, ZERO3, ZERO3]
+    changes = [side(base[2]), side(base[3])]
+    if across:
+        still = side(ZERO3)
+        changes = [each - still for each in changes]
+    return [value, *(each + beside for each, beside in zip(changes, hull[1:], strict=True))]

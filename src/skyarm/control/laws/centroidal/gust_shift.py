@@ -35,10 +35,10 @@ from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.series_kinematics import Posture, derivative
-from skyarm.control.laws.centroidal.arm_length import SHORTEST, arm_length
 from skyarm.control.laws.centroidal.force_trend import AHEAD, lateness
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, GustGains
 from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.presets import SHORTEST, arm_length
 from skyarm.control.laws.centroidal.tip_tasks import level_turn
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.records.units import Unit

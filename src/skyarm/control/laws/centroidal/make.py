@@ -18,9 +18,8 @@ from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, AdaptationGains
 from skyarm.control.laws.centroidal.admittance import AdmittanceGains, admittance_gains
-from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
-from skyarm.control.laws.centroidal.demands import Following
+from skyarm.control.laws.centroidal.demands import Following, pushes_across
 from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction import interaction_gains
@@ -30,7 +29,6 @@ from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.load import load_gains
 from skyarm.control.laws.centroidal.memory import CentroidalMemory, PartMemories
 from skyarm.control.laws.centroidal.parameters import (
-    MODE_ALIASES,
     MODES,
     CenterGains,
     CentroidalParameters,
@@ -49,13 +47,13 @@ from skyarm.control.laws.centroidal.presets import (
     PRESETS,
     bounded,
     checked,
+    damping_share,
     must_act,
     name_of,
     one_of,
     periods_of,
 )
 from skyarm.control.laws.centroidal.pressing import PressingGains
-from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
@@ -86,7 +84,7 @@ def make_centroidal(
 
     Args:
         model: what it believes.
-        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference; also "ee").
+        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference).
         preset: a key of ``PRESETS``.
         delay: known age of the measurement, s, a whole number of control periods.
         control_period: s.
@@ -102,7 +100,6 @@ def make_centroidal(
             rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
-    mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
     one_of("mode", mode, MODES)
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
@@ -123,6 +120,7 @@ def make_centroidal(
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     (stiffness, damping), sensor = gains["arm"], gains["force_sensor"]
+    (force, velocity), late = gains["accelerometer"], gains["lag"]
     moves = gains["shift_bandwidth"] > 0.0 and mode == "tip"
     swings = moves and vehicle.n > 0
     par = CentroidalParameters(
@@ -160,7 +158,9 @@ def make_centroidal(
         ),
         observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
         observation=Observation(
-            accelerometer=_accelerometer(gains["accelerometer"]),
+            accelerometer=AccelerometerGains(force=force, velocity=velocity)
+            if _both("accelerometer", (force, velocity), "bandwidths")
+            else None,
             air=_air(vehicle, gains["hull_drag"], gains["wind"]),
             measured_rates=gains["measured_rates"],
         ),
@@ -174,7 +174,9 @@ def make_centroidal(
         reference_period=bounded("reference_period", reference_period, *PERIODS),
         continuation=gains["continuation"],
         parts=Parts(
-            lag=_lag(gains["lag"], control_period),
+            lag=LagGains(base=late[0], joints=late[1], stride=stride_of(control_period))
+            if _both("lag", late, "lengths")
+            else None,
             interaction=_pressing(gains["interaction"], mode, vehicle, sensor and admittance is None),
             admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
             load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
@@ -247,21 +249,12 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> M
         return make_mixer(vehicle)
 
 
-def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
-    """Constants of the lag's estimate; None where it is left out."""
-    base, joints = halves
-    if (base > 0.0) != (joints > 0.0):
-        raise ControllerError(f"controller.lag = {shown(halves)}: must be two lengths above 0, or twice 0")
-    return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
-
-
-def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None:
-    """Bandwidths of force and velocity; None where the law does without the accelerometer."""
-    force, velocity = bandwidths
-    if (force > 0.0) != (velocity > 0.0):
-        allowed = "must be two bandwidths above 0, or twice 0"
-        raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
-    return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+def _both(name: str, pair: tuple[float, float], what: str) -> bool:
+    """Whether an option of two numbers is used: both are above 0."""
+    first, second = pair
+    if (first > 0.0) != (second > 0.0):
+        raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {what} above 0, or twice 0")
+    return first > 0.0
 
 
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:

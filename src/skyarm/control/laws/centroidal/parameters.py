@@ -17,7 +17,6 @@ from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
 MODES = ("joint", "tip")
-MODE_ALIASES = {"ee": "tip"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
