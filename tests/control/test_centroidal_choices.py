@@ -119,6 +119,11 @@ def test_an_option_that_is_gone_names_what_to_use_instead():
     gone = r"controller\.arm_scaling = 0\.1: is gone; joint_limits = true"
     with pytest.raises(ControllerError, match=gone):
         make_controller("centroidal", MODEL, arm_scaling=0.1)
-    document = {"name": "gone", "plant": {"vehicle": "hummingbird_arm2"}, "reference": {"base": {"kind": "signals", "z": 1.0}}}
+    document = {
+        "name": "gone",
+        "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2"},
+        "reference": {"base": {"kind": "signals", "z": 1.0}},
+    }
     with pytest.raises(ValueError, match=gone):
         skyarm.scenario_from({**document, "controller": {"law": "centroidal", "arm_scaling": 0.1}})
