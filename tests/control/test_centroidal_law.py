@@ -384,11 +384,11 @@ def test_the_exported_c_file_names_every_gain():
         assert word in text
 
 
-def test_members_in_c_keep_the_names_of_the_last_version():
+def test_members_in_c_are_named_after_the_memory():
     text = export_c(make_centroidal(MODEL), name="law", period=0.005).text
     for member in (
         "double obeyed[3];",
-        "double parts_adaptation_feedforward_force[3];",
+        "double parts_adaptation_fed_force[3];",
         "double parts_adaptation_joints_0_once_load;",
     ):
         assert member in text
