@@ -21,7 +21,7 @@ from skyarm.control.catalogue import (
     preset,
     tuned_factors,
 )
-from skyarm.control.laws.centroidal.gain_presets import without_preset
+from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.control.model import Model
 from skyarm.simulate import Log
 

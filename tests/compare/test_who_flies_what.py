@@ -83,7 +83,7 @@ def test_the_centroidal_law_flies_stiff_gains_on_perfect_state_and_adaptive_ones
     assert leaves(par.tip) == leaves((adaptive if noisy else stiff).tip)
     assert par.mode == ("joint" if name == "centroidal_joint" else "tip")
     assert {part for part in PARTS if float(getattr(par, part)) == 0.0} == LACKING.get(name, set())
-    assert float(par.measured_rates) == (1.0 if "observer" in name else 0.0)
+    assert float(par.observation.measured_rates) == (1.0 if "observer" in name else 0.0)
     assert par.delay_periods == (1 if noisy and "prediction" not in name else 0)
 
 

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 
 import skyarm
+from law_parts import with_parts
 from skyarm.actuation import Command
 from skyarm.actuation.servo import PositionServo
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
-from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import innermost, with_innermost
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
@@ -166,16 +167,16 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
     assert lags_found(law.memory) == (0.0, 0.0)
     assert observed_push(law.memory) is None
     presses = layered(kind, interaction=(0.3, 0.1)).memory
-    pushed = dataclasses.replace(innermost(presses).interaction, force=Vec3(1.0, 2.0, 3.0))
-    told = with_innermost(presses, dataclasses.replace(innermost(presses), interaction=pushed))
+    pushed = dataclasses.replace(innermost(presses).parts.interaction, force=Vec3(1.0, 2.0, 3.0))
+    told = with_innermost(presses, with_parts(innermost(presses), interaction=pushed))
     assert observed_push(told) == Vec3(1.0, 2.0, 3.0)
     assert finds_lag(law)
     flown = planned(law)
     assert believed_delay(flown) == pytest.approx(0.01)
     assert hover_of(law).delays.measurement == pytest.approx(0.01)
     still = innermost(without_adaptation(flown).controller.par)
-    assert own.adapts_load
-    assert not still.adapts_load
+    assert own.parts.adaptation.load is not None
+    assert still.parts.adaptation.load is None
     assert _structure(law)[1:] == own.choices()
 
 

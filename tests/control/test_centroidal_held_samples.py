@@ -122,7 +122,7 @@ def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(ban
         joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
         weight = Vec3(0.0, 0.0, 9.8)
         plan = Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=weight, joints=joints)
-        learned = adapt(par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
+        learned = adapt(par.parts.adaptation, par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
     for joint, slope in zip(learned.joints, (0.2, -0.1), strict=True):
         lag = 239 * DT - joint.twice.place / slope
         assert lag == pytest.approx(observers_lag(bandwidth) + DT * periods, abs=DT**2 * bandwidth / 6.0)

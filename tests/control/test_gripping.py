@@ -14,7 +14,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.laws.centroidal import interaction as law
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, wanted_of
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.environment.component import Force, Wrench

@@ -19,7 +19,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.observed_push import PushAlone, observed_push
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Contact, input_residuals, state_residuals, under_contact
 from skyarm.control.laws.predictive.engine import WEIGHTS

@@ -14,6 +14,7 @@ import pytest
 import skyarm
 from flown import ARM2, cases, controller, vec
 from law_flights import PAPER
+from law_parts import with_parts
 from shared_programs import fly
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
@@ -111,8 +112,8 @@ def estimated(memory):
     if kind == "CentroidalMemory":
         found += [
             ([v / 838.0**2 for v in memory.trim], 0.03),
-            ((memory.learned.tip_mass,), 1e-3),
-            ([joint.damping for joint in memory.learned.joints], 3e-3),
+            ((memory.parts.adaptation.tip_mass,), 1e-3),
+            ([joint.damping for joint in memory.parts.adaptation.joints], 3e-3),
         ]
     return found
 
@@ -153,8 +154,8 @@ def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_s
     reading = reading_of(run(dataclasses.replace(scenario, trajectory=MOVED)))
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)
-    learned = dataclasses.replace(memory.learned, tip_mass=0.01)
-    memory = dataclasses.replace(memory, learned=learned)
+    learned = dataclasses.replace(memory.parts.adaptation, tip_mass=0.01)
+    memory = with_parts(memory, adaptation=learned)
     turned, pulled = list(command.rotor_speeds), list(command.efforts)
     if changed == "rotor":
         turned[2] -= 1e-9
@@ -165,8 +166,9 @@ def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_s
         law.law(with_applied_command(memory, each), reading, wanted, 0.005, par=law.par)[0] for each in (command, sent)
     )
     assert free.applied == held.applied == all_applied(2)
-    assert free.learned.tip_mass != memory.learned.tip_mass == held.learned.tip_mass
-    assert free.learned.joints[0].level != memory.learned.joints[0].level == held.learned.joints[0].level
+    adapted, before, still = (each.parts.adaptation for each in (free, memory, held))
+    assert adapted.tip_mass != before.tip_mass == still.tip_mass
+    assert adapted.joints[0].level != before.joints[0].level == still.joints[0].level
     # the trim is of the rotors alone
     assert free.trim != memory.trim
     assert held.trim == memory.trim if changed == "rotor" else held.trim != memory.trim

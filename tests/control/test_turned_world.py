@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from law_flights import STEPS, make_law
+from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
@@ -74,9 +75,8 @@ def commanded(name, yaw, seed):
     if hasattr(getattr(memory, "observed", None), "force"):
         memory = dataclasses.replace(memory, observed=dataclasses.replace(memory.observed, force=push))
     if hasattr(memory, "slow_force"):
-        memory = dataclasses.replace(
-            memory, slow_force=push, learned=dataclasses.replace(memory.learned, tip_mass=0.03)
-        )
+        adapted = dataclasses.replace(memory.parts.adaptation, tip_mass=0.03)
+        memory = with_parts(dataclasses.replace(memory, slow_force=push), adaptation=adapted)
     commands = []
     for measurement, reference in seen(yaw, rng):
         memory, command = controller.law(memory, measurement, reference, DT, par=controller.par)

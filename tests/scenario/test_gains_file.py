@@ -142,7 +142,7 @@ def test_a_file_of_gains_is_a_controller_in_python(tmp_path):
     path = Path(write(tmp_path, adaptive + '"base.position" = 20.0\n'))
     found = skyarm.load_controller(path, model, delay=0.01, control_period=0.0025).par
     assert (tuple(found.base.position), found.delay_periods) == ((20.0, 20.0, 20.0), 4)
-    assert found.lag.stride == 2, "the period reaches the law"
+    assert found.parts.lag.stride == 2, "the period reaches the law"
     for wrong, words in (({"delay": -1.0}, "delay = -1.0: must be"), ({"control_period": 0.0}, "control_period = 0.0")):
         with pytest.raises(ValueError, match=words):
             skyarm.load_controller(path, model, **wrong)

@@ -12,7 +12,7 @@ import inspect
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -142,10 +142,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     entry = LAWS[name]
     for option, value in options.items():
         if option not in entry.options():
-            there = ", ".join(entry.options())
-            raise ControllerError(
-                f"controller.{option} = {shown(value)}: law '{name}' has no such option; it has {there}"
-            )
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
     maker = entry.function()
     check_maker(maker, name, options)
     made: Controller = made_by(maker, name, model, options)
@@ -382,6 +379,18 @@ def meant(name: Any) -> str:
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
     return present_name(name) or did_you_mean(name, _every_name())
+
+
+GONE_OPTIONS: Mapping[tuple[str, str], str] = {
+    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
+}
+"""Options of earlier versions, and what stands in their place."""
+
+
+def no_option(law: str, option: str, there: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have, or has no more."""
+    instead = GONE_OPTIONS.get((law, option))
+    return f"is gone; {instead}" if instead else f"law {law!r} has no such option; it has {', '.join(there)}"
 
 
 def present_name(name: Any) -> str:

@@ -111,25 +111,30 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     return dataclasses.replace(updated, applied=_applied(desired, sent)) if hasattr(memory, "applied") else updated
 
 
+def part_of(record: Any, name: str) -> Any:
+    """A part of a law's constants or memory by its name, inside whatever layers; None of a law without it."""
+    own = innermost(record)
+    return getattr(getattr(own, "parts", own), name, None)
+
+
 def presses(par: Any) -> bool:
     """Whether a law, inside any layers, controls the contact that a reference requests."""
-    return getattr(innermost(par), "interaction", None) is not None
+    return part_of(par, "interaction") is not None
 
 
 def senses_force(par: Any) -> bool:
     """Whether a law, inside any layers, uses a force sensor at the tip."""
-    own = innermost(par)
-    return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
+    return any(getattr(part_of(par, part), "senses", False) for part in ("interaction", "admittance"))
 
 
 def senses_torque(par: Any) -> bool:
     """Whether the law also uses the sensor's torque about the tip."""
-    return bool(getattr(getattr(innermost(par), "admittance", None), "senses_torque", False))
+    return bool(getattr(part_of(par, "admittance"), "senses_torque", False))
 
 
 def learns_load(par: Any) -> bool:
     """Whether a law, inside any layers, estimates the load that a reference announces."""
-    return hasattr(getattr(innermost(par), "load", None), "limit")
+    return hasattr(part_of(par, "load"), "limit")
 
 
 def all_applied(joints: int) -> tuple[float, ...]:

@@ -80,8 +80,8 @@ class Log:
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
-        lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
-            found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
+        lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
+            (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found, load_inertia_found: (N,) kg, (N, 3) m and kg m^2, of the load that the law
             learned: mass, centre, moments about it in the axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty

@@ -28,6 +28,7 @@ from skyarm.control.catalogue import (
     make_controller,
     make_named,
     make_tuned,
+    no_option,
     present_name,
     preset,
     suitable_options,
@@ -172,8 +173,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
-            there = ", ".join(words)
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: law {law!r} has no such option; it has {there}")
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, word, words)}")
     options = suitable_options(law, known)
     for option in LAWS[law].options():
         word = WORDS.get(option, option)

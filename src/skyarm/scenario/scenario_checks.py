@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Mixer, make_mixer
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.controller import innermost, learns_load, senses_force
+from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
@@ -192,7 +192,7 @@ def _check_sensors(scenario: Scenario) -> None:
     _check_guards(scenario.trajectory, held, vehicle)
     if learns_load(par) and scenario.trajectory.load is None:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
-        most = shown(innermost(par).load.limit)
+        most = shown(part_of(scenario.controller.par, "load").limit)
         raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
     scenario.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
     # the scenario's own drives, too, of which the model need not know

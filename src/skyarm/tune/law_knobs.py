@@ -28,7 +28,7 @@ from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import KNOBS, LAWS, PRESETS, TUNED, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.laws.centroidal.gain_presets import without_preset
+from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.files import did_you_mean, shown
 from skyarm.records.leaves import Place, is_record, parts, replaced, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields

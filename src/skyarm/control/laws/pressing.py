@@ -42,15 +42,15 @@ from skyarm.control.blocks.default_gains import default_joint_gains
 from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError, Law
-from skyarm.control.laws.centroidal.interaction import interact
-from skyarm.control.laws.centroidal.interaction_records import (
+from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
+    Pressing,
     first_interaction,
+    interact,
     interaction_gains,
     wanted_of,
 )
-from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters

@@ -14,7 +14,7 @@ from skyarm.actuation import Command, Mixer
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, worst_cost
 from skyarm.control.laws.predictive.linearise import Bounds, Rollouts, Stages, examples

@@ -33,7 +33,7 @@ from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.laws.centroidal.interaction_records import interaction_gains
+from skyarm.control.laws.centroidal.interaction import interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.engine import BANDWIDTHS, WEIGHTS, Engine, PredictiveParameters, Purpose, engine_for

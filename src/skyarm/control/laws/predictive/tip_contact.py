@@ -20,11 +20,11 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.centroidal.interaction import interact
-from skyarm.control.laws.centroidal.interaction_records import (
+from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
     first_interaction,
+    interact,
     wanted_of,
 )
 from skyarm.control.laws.centroidal.tip_force import levers

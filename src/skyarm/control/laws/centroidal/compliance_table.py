@@ -12,10 +12,9 @@ import math
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.outside_force import Hearing
-from skyarm.control.blocks.virtual_tip import Compliance
-from skyarm.control.blocks.virtual_turn import RotationalCompliance
 from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.outside_force import Hearing
+from skyarm.control.laws.centroidal.virtual_body import Compliance, RotationalCompliance
 from skyarm.files import Fields, shown
 from skyarm.records.coerce import concrete
 

@@ -22,19 +22,32 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.normal_equations import NormalEquations
-from skyarm.control.blocks.select import data, vector_data
-from skyarm.control.laws.centroidal.load_inertia import learn_inertia
-from skyarm.control.laws.centroidal.load_records import InertiaMemory, LoadGains, LoadMemory
-from skyarm.control.laws.centroidal.tip_force import without
+from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.blocks.select import data
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.interaction import rested
+from skyarm.control.laws.centroidal.load_inertia import (
+    InertiaGains,
+    InertiaMemory,
+    first_inertia,
+    learn_inertia,
+    stout,
+    unit_torques,
+)
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, NormalEquations
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.scalars import add, clip, divide, maximum, mul, where
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, clip, divide, logical_or, maximum, minimum, mul, where
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -135,7 +148,7 @@ def learn_load(
             each of two stages of the observer, s; None of a law that learns no inertia.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
-    mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
+    mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)
     least = gains.light * gains.limit
     small = gains.noise_share * (memory.mass + least)
     large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
@@ -150,20 +163,14 @@ def learn_load(
     inertia = memory.inertia
     if gains.inertia is not None and isinstance(inertia, InertiaMemory) and turned is not None:
         unit, late = turned
-        left, calm = without(observed, memory.bias).efforts, learns * (1.0 - large)
+        left, calm = (observed - memory.bias).efforts, learns * (1.0 - large)
         inertia = learn_inertia(
             gains.inertia, inertia, m, gains.size, model.vehicle, R, joints, unit, left, holds, calm, late, dt
         )
     after = LoadMemory(
         mass=where(holds, m, 0.0),
         place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
-        bias=Disturbance(
-            force=vector_data(memory.bias.force + (observed.force - memory.bias.force) * share),
-            torque=vector_data(memory.bias.torque + (observed.torque - memory.bias.torque) * share),
-            efforts=tuple(
-                data(b + (e - b) * share) for b, e in zip(memory.bias.efforts, observed.efforts, strict=True)
-            ),
-        ),
+        bias=memory.bias.filtered(observed, share, share),
         inertia=inertia,
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
@@ -177,3 +184,100 @@ def learn_load(
 def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:
     """The share of an error that is learned in one period."""
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadGains(Part):
+    """Constants of the learned load; ``limit`` is the law's option, the others are in no unit of the vehicle's size.
+
+    Attributes:
+        twist: N m, of a torque at the tip that counts as much against it as 1 N of the base's force does: a load's
+            weight times how far its centre of mass lies from the tip.
+        pace, place_pace: rates over the bandwidth of the slower of the observers of the base's force and of the joints.
+            The mass and the observer find the same weight at once, and from 2 on they would swing.
+        size: small, because a load that has less inertia than is believed of it makes the joints that turn it too
+            stiff, and one that has ten times as much does not.
+    """
+
+    limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
+    errors: ForceErrors = ForceErrors()
+    twist: Annotated[Scalar, Unit("N m", "at the tip, as much as 1 N of the base's force")] = 0.03
+    pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
+    noise_share: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
+    settled_rate: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
+    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.1
+    light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
+    furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
+    size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
+    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
+    inertia: InertiaGains | None = None
+
+    def start(self, joints: int) -> LoadMemory:
+        """Nothing is held and nothing is known."""
+        return first_load(joints, self.inertia is not None)
+
+    def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+        """The load belongs to the model of all that follows."""
+        return dataclasses.replace(par, model=with_learned(par.model, self, memory))
+
+    def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
+        """Learn the load; what holds it up from below is not answered."""
+        if not step.reference.load:
+            return memory
+        par, before, dt, observed = step.par, step.memory, step.dt, step.observed
+        holds = step.reference.load[0] > 0.5
+        learns: Any = where(all_follow(before.applied), 1.0, 0.0)
+        for each in before.free:
+            learns = mul(learns, each)
+        if step.pressing is not None:
+            contact: Any = par.parts.interaction
+            learns = where(logical_or(step.pressing.engaged > 0.5, step.pressing.asked), 0.0, learns)
+            # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
+            learns = mul(learns, where(holds, 1.0, rested(contact, before.parts.interaction)))
+        R, turned = observed.quaternion.rotation(), None
+        if self.inertia is not None:
+            late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
+            turned = (unit_torques(par.model.vehicle, step.signals), late)
+        bandwidth = minimum(par.observer.force, par.observer.joints)
+        load, resting = learn_load(
+            self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt, turned
+        )
+        step.unknown, step.force = step.unknown + resting, step.force + resting.force
+        return load
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadMemory:
+    """Memory of the learned load.
+
+    Attributes:
+        bias: observed without a load.
+    """
+
+    mass: Annotated[Scalar, Unit("kg", "learned")]
+    place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
+    bias: Disturbance
+    inertia: InertiaMemory | tuple[()] = ()
+
+
+def load_gains(limit: float, vehicle: Vehicle, mode: str, inertia: bool) -> LoadGains | None:
+    """Constants of the learned load for its largest mass, kg; None where it is left out.
+
+    Raises:
+        ControllerError: a vehicle without a tip that joints move; ``inertia`` without a mass or a tip that is kept.
+    """
+    if inertia and (limit == 0.0 or mode != "tip"):
+        raise ControllerError("controller.load_inertia = true: must be false without load, and but in mode 'tip'")
+    if limit == 0.0:
+        return None
+    if not vehicle.end_effector or not vehicle.n:
+        raise ControllerError(
+            f"controller.load = {shown(limit)}: must be 0: {vehicle.name!r} has no joints that move an end_effector"
+        )
+    return LoadGains(limit=limit, inertia=InertiaGains(stout=stout(vehicle)) if inertia else None)
+
+
+def first_load(joints: int, inertia: bool) -> LoadMemory:
+    """Nothing is held and nothing is known."""
+    found = first_inertia(joints) if inertia else ()
+    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints), inertia=found)

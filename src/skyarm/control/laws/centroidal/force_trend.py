@@ -11,14 +11,17 @@ Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, exp, maximum, minimum
+from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul
 
 STAGES = 3
 """Of the chain that delays."""
@@ -29,12 +32,15 @@ HORIZON, FORGET = 0.25, 0.7
 CHANCE = 0.5
 """Slope up to which a rate is not believed: turbulence reaches it by chance."""
 
+AHEAD = 1.0
+"""rad/s; no force is predicted further ahead than filters of this bandwidth are late."""
+
 SLOWEST, STEEPEST = 0.1, 5.0
 """m/s^3: changes of the force per mass that are too slow to tell, and too quick to go on."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TrendGains:
+class TrendGains(Part):
     """Constants.
 
     Attributes:
@@ -48,6 +54,21 @@ class TrendGains:
     forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
     noise: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
     steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
+
+    def start(self, joints: int) -> ForceTrend:
+        """Memory before the first measurement."""
+        return first_trend(self)
+
+    def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
+        """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
+        trend = followed(self, memory, step.observed.force, step.dt)
+        rate, free = trusted_rate(self, trend), 1.0
+        if type(step.external) is not int:
+            free = 1.0 - step.external
+            rate = rate * free
+        step.rate, step.trend = rate, (trend.level, mul(believed_share(self, trend), free))
+        step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
+        return trend
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -128,6 +149,14 @@ def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """N/s, world axes: what is believed of the rate."""
     rate: Vec3 = memory.rate * believed_share(gains, memory)
     return rate
+
+
+def lateness(par: CentroidalParameters) -> Any:
+    """By how long the observed force is late where it changes steadily, s."""
+    accelerometer = par.observation.accelerometer
+    if accelerometer is None:
+        return divide(2.0, maximum(par.observer.force, AHEAD))
+    return divide(1.0, maximum(accelerometer.force, AHEAD))
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Any:

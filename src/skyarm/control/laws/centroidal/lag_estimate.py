@@ -27,7 +27,9 @@ from typing import Annotated, Any
 from skyarm.control.blocks.disturbance_observer import Told
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
-from skyarm.control.controller import innermost
+from skyarm.control.controller import part_of
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
+from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
@@ -61,8 +63,8 @@ IGNORED = 0.002
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LagGains:
-    """How the loop answers a lag.
+class LagGains(Part):
+    """Bandwidth by the estimated actuator lag.
 
     Attributes:
         base, joints: s; lags beyond 2 ms at which half of the bandwidth is left, of position, attitude and their
@@ -73,6 +75,19 @@ class LagGains:
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
     stride: int
+
+    def start(self, joints: int) -> LagMemory:
+        """Memory before the first measurement."""
+        return first_lag(joints, self.stride)
+
+    def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+        """Gains at the shares of the bandwidth that the lags leave."""
+        return at_shares(par, *shares(self, memory, dt))
+
+    def learn(self, memory: LagMemory, step: Step) -> LagMemory:
+        """The estimate one period later."""
+        before = step.memory
+        return learn(self, memory, step.told, step.measurement, before.started, before.free, step.isolated, step.dt)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -127,7 +142,7 @@ def first_lag(joints: int, stride: int) -> LagMemory:
 
 def lags_found(memory: Any) -> tuple[Any, ...]:
     """Lags of the rotors' and the joints' loops in the memory of a law, also of one under layers; () without them."""
-    lag = getattr(innermost(memory), "lag", ())
+    lag = part_of(memory, "lag")
     return lag.found if isinstance(lag, LagMemory) else ()
 
 

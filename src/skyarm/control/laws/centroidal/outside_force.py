@@ -9,13 +9,14 @@ about the tip is heard likewise, above a threshold of its own; the bias is that 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, logical_and, logical_or, where
 
@@ -54,9 +55,8 @@ class TorqueHearing:
 
 def first_hearing(joints: int, sensor: bool = False) -> HearingMemory:
     """Nothing is known."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    bias = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
-    return HearingMemory(age=0.0, heard=0.0, quiet=0.0, bias=bias, felt=zero if sensor else ())
+    felt = Vec3(0.0, 0.0, 0.0) if sensor else ()
+    return HearingMemory(age=0.0, heard=0.0, quiet=0.0, bias=no_disturbance(joints), felt=felt)
 
 
 def hear(
@@ -90,16 +90,12 @@ def hear(
         calm = logical_and(calm, turned < 0.5)
     share = where(calm, _bias_share(gains, settled, dt), 0.0)
     wind = where(calm, share, low_pass_share(gains.wind_rate, dt))
-    bias, beside = memory.bias, observed.force - force * heard
+    beside = dataclasses.replace(observed, force=observed.force - force * heard)
     after = HearingMemory(
         age=where(settled, memory.age, memory.age + dt),
         heard=heard,
         quiet=quiet,
-        bias=Disturbance(
-            force=vector_data(bias.force + (beside - bias.force) * wind),
-            torque=vector_data(bias.torque + (observed.torque - bias.torque) * share),
-            efforts=tuple(data(b + (e - b) * share) for b, e in zip(bias.efforts, observed.efforts, strict=True)),
-        ),
+        bias=memory.bias.filtered(beside, share, wind),
         felt=_moved(memory.felt, felt, share),
     )
     return after, told * heard
