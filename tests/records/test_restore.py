@@ -21,7 +21,6 @@ from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.scenario.scenario_record import Change, Rates
 from thorough import sampled
 
 
@@ -122,9 +121,3 @@ def test_reading_a_record_runs_nothing_that_it_names(monkeypatch: pytest.MonkeyP
         with pytest.raises(ValueError, match=r"must be|registered|any more"):
             restore(of("function", name=name))
     assert not called
-
-
-def test_records_that_have_moved_since_the_last_version_are_read_back() -> None:
-    for record, module in ((Rates(control=100), "scenario_parts"), (Change(at=0.1, path="x", value=2.0), "changes")):
-        before = plain(record) | {"type": f"skyarm.scenario.{module}:{type(record).__name__}"}
-        assert restore(before) == record

@@ -15,7 +15,7 @@ from typing import Any
 from skyarm.files import shown
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted, plain, written_if_any
-from skyarm.registry.plugins import code_of, present_name, require_plugins
+from skyarm.registry.plugins import code_of, require_plugins
 
 FUNCTIONS = ("skyarm.control.",)
 """Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""
@@ -110,7 +110,7 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
 def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
     """Class of a frozen dataclass, and plain data of the fields that it is made with."""
     kind = code_of(data["type"], plugins)
-    names = field_names(kind) if isinstance(kind, type) and dotted(kind) == present_name(data["type"]) else None
+    names = field_names(kind) if isinstance(kind, type) and dotted(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
     table = {key: value for key, value in data.items() if key != "type"}

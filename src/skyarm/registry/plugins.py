@@ -327,19 +327,6 @@ def load_again(plugins: Iterable[Plugin]) -> None:
             raise RegistryError(f"plugin {plugin.name}: must be installed here as {plugin.identity}")
 
 
-MOVED: Mapping[str, str] = {
-    "skyarm.scenario.changes": "skyarm.scenario.scenario_record",
-    "skyarm.scenario.scenario_parts": "skyarm.scenario.scenario_record",
-}
-"""Modules of the last version whose records logs hold -> where these are now."""
-
-
-def present_name(name: str) -> str:
-    """The name ``module:qualified.name`` that a class of the last version has now."""
-    module, colon, path = name.partition(":")
-    return f"{MOVED.get(module, module)}{colon}{path}"
-
-
 def code_of(name: str, plugins: Mapping[str, str]) -> Any:
     """The class or function of a name ``module:qualified.name``.
 
@@ -350,7 +337,7 @@ def code_of(name: str, plugins: Mapping[str, str]) -> Any:
     Raises:
         RegistryError: one line: the plugin that is not loaded or has changed, or a name that is not there.
     """
-    module, _, path = present_name(name).partition(":")
+    module, _, path = name.partition(":")
     found: Any = _module(module, name, plugins)
     for part in path.split("."):
         found = getattr(found, part, None)
