@@ -24,8 +24,7 @@ from skyarm.assess.joint_torques import joint_torques
 from skyarm.assess.mass_balance import crowded, disc_radius
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.servo_stiffness import servo_stiffness
-from skyarm.cli.vehicle_facts import vehicle_facts
-from skyarm.cli.vehicle_tables import tables
+from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_drives import no_load_speed
 from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
@@ -224,4 +223,4 @@ def test_show_has_drives_and_battery():
     assert facts["battery"]["open_circuit"]["voltage"] == list(arm().battery.open_circuit.voltage)
     bare = dataclasses.replace(arm(), drives=(), battery=None)
     assert vehicle_facts(bare, 9.81)["battery"] is None
-    assert len(tables(arm())) == len(tables(bare)) + 2
+    assert len(_sheet(arm(), facts)) == len(_sheet(bare, vehicle_facts(bare, 9.81))) + 2

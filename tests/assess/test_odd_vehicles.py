@@ -23,7 +23,7 @@ from skyarm.assess.likely_units import _finding
 from skyarm.assess.mass_balance import field_of_mass
 from skyarm.assess.servo_stiffness import frequency, servo_stiffness
 from skyarm.assess.torque_authority import locked_inertia, torque_authority
-from skyarm.cli.check_command import sheet
+from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.vehicle.linkage import Joint
 
@@ -216,7 +216,7 @@ def test_an_alarm_without_a_number_shows_none(capsys):
     from rich.console import Console
 
     console = Console(width=300)
-    console.print(sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
+    console.print(*sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
     assert "(-," not in (said := capsys.readouterr().out)
     assert "limit -" not in said
 

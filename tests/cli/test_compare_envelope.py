@@ -24,8 +24,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
         found.append((envelope, folder, threads))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.envelope_command.fly_envelope", fly)
-    monkeypatch.setattr("skyarm.cli.envelope_command.planned", lambda _envelope: ([], {}))
+    monkeypatch.setattr("skyarm.compare.envelope_suite.fly_envelope", fly)
+    monkeypatch.setattr("skyarm.compare.envelope_suite.planned", lambda _envelope: ([], {}))
     return found
 
 

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
+from commanded import skyarm
 from skyarm.actuation import make_mixer
-from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
 from skyarm.compare.comparison import Comparison
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, PRESETS, aliases, full_name, make_controller, make_named, make_tuned, preset
@@ -119,14 +118,14 @@ def test_the_command_line_says_the_new_name_in_one_line_and_nothing_of_an_alias(
     assert line.startswith("skyarm: law 'li_feedforward_style' is an old name: use 'li2024'")
     for command in (
         ("run", "case1", "--duration", "0.1", "--controller", "exact_ee", "--out", "run"),
-        ("export-c", "exact_joint", "--vehicle", "hummingbird_arm2", "--out", "x.c"),
+        ("export", "exact_joint", "--to", "c", "--vehicle", "hummingbird_arm2", "--out", "x.c"),
     ):
         ended = skyarm(*command)
         assert (ended.code, "old name" in ended.err) == (0, False), ended.err
 
 
 def test_the_list_shows_aliases(folder: Path) -> None:
-    ended = skyarm("list", "--out", "l.json")
+    ended = skyarm("show", "--out", "l.json")
     found = {each["name"]: each for each in json.loads((folder / "l.json").read_text())["presets"]}
     assert found["centroidal_tip_stiff"]["aliases"] == ["exact_ee_stiff"]
     assert found["paper_ct"]["aliases"] == []
@@ -174,30 +173,6 @@ def test_the_old_name_of_bit_exact_batches_makes_them_bit_exact() -> None:
     assert leaves(before) != leaves(library.Batch(scenario, effort=0).fly({}).state)
 
 
-@pytest.mark.parametrize(("command", "options"), OLD_OPTIONS.items())
-def test_every_old_option_stands_for_one_that_its_command_has(command: str, options: dict[str, str]) -> None:
-    shown = skyarm(command, "--help").out
-    for before, new in options.items():
-        assert new in shown
-        assert before not in shown.split()
-        with pytest.warns(OldNameWarning) as caught:
-            assert with_new_options([command, f"{before}=3", "x"]) == [command, f"{new}=3", "x"]
-        old(caught, new)
-    assert with_new_options([command, "own"]) == [command, "own"]
-
-
-def test_an_old_option_works_with_one_line_and_a_wrong_value_stays_one_line(folder: Path) -> None:
-    ended = skyarm("export-c", "paper_pd", "--vehicle", "hummingbird_arm2", "--single", "--out", "x.c")
-    assert ended.code == 0
-    assert "float" in ended.out
-    assert ended.err.count("old name") == 1
-    assert ended.err.endswith(
-        "skyarm: skyarm export-c --single is an old name: use --float32; "
-        "the old one works in 0.2 and goes with the next minor version\n"
-    )
-    refused(skyarm("sweep", "robustness", "--threads", "-1"), "--workers = -1")
-
-
 def test_reproduce_takes_the_old_name_of_a_comparison() -> None:
     with pytest.warns(OldNameWarning) as caught, pytest.raises(ValueError, match="plants"):
         library.reproduce(plants=("none",), bench=Comparison())
@@ -205,19 +180,18 @@ def test_reproduce_takes_the_old_name_of_a_comparison() -> None:
 
 
 def test_a_comparison_takes_other_names_as_the_same_law() -> None:
-    from skyarm.cli.compare_command import _chosen
-    from skyarm.compare.entrants import ENTRANTS
+    from skyarm.cli.compare_command import _entrants
 
     for words in ("exact_ee, exact_ee without observer", "centroidal_tip,centroidal_tip without observer"):
-        assert list(_chosen("--laws", words, ENTRANTS)) == ["centroidal_tip", "centroidal_tip without observer"]
+        assert list(_entrants(words)) == ["centroidal_tip", "centroidal_tip without observer"]
 
 
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
-    from skyarm.cli.compare_command import _chosen
+    from skyarm.cli.compare_command import _entrants
     from skyarm.compare.entrants import ENTRANTS
 
     with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
-        _chosen("--laws", "xyzzy", ENTRANTS)
+        _entrants("xyzzy")
 
 
 def old(value: object, name: str) -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from skyarm import _OLD
 from skyarm.actuation.mixer import OLD_POLICIES
-from skyarm.cli.old_options import OLD_OPTIONS
 from skyarm.control.catalogue.presets import ALIASES as PRESET_ALIASES
 from skyarm.control.catalogue.presets import OLD_NAMES as OLD_PRESETS
 from skyarm.environment.environment_tables import OLD_MODES
@@ -27,7 +26,6 @@ FILES += sorted(
 TAKEN = {
     "src/skyarm/__init__.py",
     "src/skyarm/actuation/mixer.py",
-    "src/skyarm/cli/old_options.py",
     "src/skyarm/control/catalogue/presets.py",
     "src/skyarm/control/controller.py",
     "src/skyarm/environment/environment_tables.py",
@@ -50,7 +48,6 @@ AMBIGUOUS = {"airspeed", "World"}
 """Words of physics, too."""
 
 WORDS = {*LAWS, *OLD_PRESETS, *PRESET_ALIASES, *OLD_MODES, *OLD_POLICIES, *_OLD, *FUNCTIONS} - AMBIGUOUS
-OPTIONS = {(command, old) for command, names in OLD_OPTIONS.items() for old in names}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -63,13 +60,6 @@ def test_no_old_name_is_used(path: Path) -> None:
     assert used <= DOCUMENTED.get(name, set())
 
 
-@pytest.mark.parametrize(("command", "option"), sorted(OPTIONS))
-def test_no_old_option_is_shown(command: str, option: str) -> None:
-    shown = re.compile(rf"skyarm {command}\b[^\n`]*{option}(?![\w-])")
-    assert [path.name for path in FILES if shown.search(path.read_text(encoding="utf-8"))] == []
-
-
 def test_the_old_names_are_old_enough_to_go_with_the_next_version() -> None:
     """What this file looks for is what the tables hold: an empty table would look for nothing."""
     assert len(WORDS) > 15
-    assert len(OPTIONS) == 7

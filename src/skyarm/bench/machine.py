@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compile.llvm.kernel import host_width
-from skyarm.files.versions import ABSENT, versions
+from skyarm.files.packages import ABSENT, versions
 
 
 def cores() -> int:

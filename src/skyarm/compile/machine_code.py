@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from skyarm.files.floors import FLOORS, below_floor, installed
+from skyarm.files.packages import FLOORS, below_floor, installed
 
 NAME = "llvmlite"
 

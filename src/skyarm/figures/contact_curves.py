@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.contact_periods import contact_pairs, contact_periods
 from skyarm.log.flight_log import Log
+from skyarm.log.periods import contact_pairs, contact_periods
 
 Array = npt.NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from skyarm.figures.quantities import end_time
 from skyarm.figures.style import limits
 from skyarm.figures.touch_marks import TOUCH_WORDS, mark_touches
 from skyarm.files import number
-from skyarm.files.picture_names import require_suffix
+from skyarm.files.names import require_suffix
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]

@@ -15,8 +15,8 @@ from skyarm.figures import picture_styles
 from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
 from skyarm.figures.style import Look, limits
-from skyarm.files.picture_names import require_suffix
-from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.files.names import require_suffix
+from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.scenario.units_of_numbers import labelled
 from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
 from skyarm.sweep.stats import Rows

@@ -7,7 +7,7 @@ from pathlib import Path
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.picture_styles import DPI, Picture
 from skyarm.files import write_atomically
-from skyarm.files.picture_names import require_suffix
+from skyarm.files.names import require_suffix
 
 
 def save_picture(figure: Picture, path: Path, style: str) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.files.write_toml import toml_key
+from skyarm.files.toml import toml_key
 from skyarm.identify.lag_records import Estimated, LoopLags
 
 STEP = 0.001

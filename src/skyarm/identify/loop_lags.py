@@ -25,7 +25,7 @@ from skyarm.identify.lagged_inputs import Followed, believed_lags, pushes_of, wr
 from skyarm.identify.needed_forces import Needed, needed
 from skyarm.identify.whitened_fit import Fit, blocks_of, fit
 from skyarm.log.flight_log import Log
-from skyarm.log.joint_setpoints import setpoints_of
+from skyarm.log.log_columns import setpoints_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]

@@ -24,7 +24,7 @@ from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.files import Fields, all_wrong_words, did_you_mean, number, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.replace_parts import replaced
 from skyarm.registry.plugins import is_law_of_file, register_loaded_law

@@ -61,7 +61,7 @@ from skyarm.files import (
     shown,
     unreadable,
 )
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import require_kind
 from skyarm.metrics.windows import Windows, windows_from
 from skyarm.plant.interface import Truth
 from skyarm.reference.tip_tables import reference_from

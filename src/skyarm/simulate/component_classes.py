@@ -7,7 +7,7 @@ from typing import Any
 
 from skyarm.control.law_checks import kind_of
 from skyarm.files import shown
-from skyarm.files.code_place import own_code, place_of
+from skyarm.files.user_code import own_code, place_of
 from skyarm.records.leaves import named_parts
 from skyarm.registry.class_signatures import class_mistake
 from skyarm.scenario.scenario_record import Scenario, ScenarioError

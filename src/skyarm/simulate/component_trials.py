@@ -20,7 +20,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Wrench
 from skyarm.estimate.estimator import FULL_STATE
-from skyarm.files.code_place import own_code, place_of, place_of_error
+from skyarm.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import data, where
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state

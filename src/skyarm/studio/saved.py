@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import require_writable, write_atomically
-from skyarm.files.write_toml import toml_text
+from skyarm.files.toml import toml_text
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.documents import flown_document
 from skyarm.studio.fleet import Fleet

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from typing import Any
 
-from skyarm.files.optional_extras import needs_extra
+from skyarm.files.packages import needs_extra
 from skyarm.studio.guard import MOST_BYTES, Guard
 
 QUIET = "websockets.server"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skyarm.files import require_writable, taken_back
-from skyarm.files.one_writer import one_writer
+from skyarm.files.writing import one_writer
 from skyarm.sweep.manifest import MANIFEST
 from skyarm.sweep.plan import Plan, prepare
 from skyarm.sweep.rows import arrow, fly_chunk

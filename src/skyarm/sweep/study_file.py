@@ -45,7 +45,7 @@ from skyarm.files import (
     shown,
     unreadable,
 )
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import require_kind
 from skyarm.files.old_names import renamed
 from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.metrics.windows import windows_from

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED, full_name
-from skyarm.files.write_toml import toml_key, toml_value
+from skyarm.files.toml import toml_key, toml_value
 from skyarm.records.identity import identity
 from skyarm.records.leaves import walk
 from skyarm.records.replace_parts import part

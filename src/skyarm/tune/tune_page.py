@@ -10,7 +10,7 @@ from collections.abc import Callable
 from html import escape
 from importlib import resources
 
-from skyarm.files.write_toml import toml_key, toml_value
+from skyarm.files.toml import toml_key, toml_value
 from skyarm.pages import page as plain_page
 from skyarm.pages import section, table
 from skyarm.tune.front import RULE, LoopMargins, Point

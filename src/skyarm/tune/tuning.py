@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skyarm.files.one_writer import one_writer
+from skyarm.files.writing import one_writer
 from skyarm.tune.archive import Archive
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.conductor import SEMIFINALISTS, Conductor, Progress

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import file_name, must_be_one_of, one_line, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import require_kind
 from skyarm.vehicle import sources
 from skyarm.vehicle.assemble import assemble
 from skyarm.vehicle.check import VehicleError
