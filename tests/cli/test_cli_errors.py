@@ -413,7 +413,7 @@ def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch
     def broken(*_: Any) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("skyarm.vehicle.vehicle_files.load_vehicle", broken)
+    monkeypatch.setattr("skyarm.cli.show_command.load_vehicle", broken)
     monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
     with pytest.raises(ZeroDivisionError):
         main()

@@ -172,7 +172,7 @@ def test_a_file_never_names_a_file(folder):
     (folder / "mine.toml").write_text(f'{case[:start]}[controller]\nlaw = "{LAW}"\n\n{case[end:]}')
     words = ("controller.law = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)
     refused(skyarm("run", "mine.toml"), *words)
-    refused(skyarm("margins", "mine.toml", "--plugin", "own_law.py", "--controller", "own"), *words)
+    refused(skyarm("margins", "mine.toml", "--plugin", "own_law.py"), *words)
     refused(skyarm("basin", "mine.toml", "--out", LAW), *words)
     (folder / "file.toml").write_text(STUDY.replace('"paper_ct"', f'"{LAW}"'))
     words = ("controllers = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)

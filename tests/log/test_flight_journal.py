@@ -62,7 +62,7 @@ def test_parts_of_a_flight_are_those_of_its_log(engine):
         assert begins(part, rows_of(whole, slice(begun, stop)))
         assert part.scenario == scenario
         begun = stop
-    assert begun > 0.7 * whole.time.size
+    assert begun > 0.4 * whole.time.size  # stretches of 1, 8, 64 periods, then the rest at once
     assert begins(whole, fly(scenario))
 
 
