@@ -397,7 +397,6 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["show", "--json", "--out", ""], ("--out = ''", "path of a file")),
         (["bench", "--json", "--out", ""], ("--out = ''", "path of a file")),
         (["--plugin", "", "show"], ("--plugin: must be followed by a .py file",)),
-        (["show"], ("Missing argument",)),
         (["show", "nope"], ("vehicle = 'nope'", "hexarotor_arm6")),
         (["show", "nope.urdf"], ("nope.urdf", "no such file")),
         (["show", "hummingbird", "--gravity", "nan"], ("--gravity = nan", "finite")),
