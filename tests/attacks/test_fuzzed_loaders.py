@@ -442,6 +442,7 @@ QUICK = {
     "study": 75,
     "log": 100,
     "messages": 50,
+    "journal": 50,
     "columns": 50,
     "mesh": 50,
 }
