@@ -21,8 +21,7 @@ from skyarm.assess.endurance import aloft_for, speed_share
 from skyarm.assess.endurance import time_aloft as assessed_time
 from skyarm.assess.joints import joint_torques, servo_stiffness
 from skyarm.assess.layout import crowded, disc_radius, rotor_layout
-from skyarm.cli.vehicle_facts import vehicle_facts
-from skyarm.cli.vehicle_tables import tables
+from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_numbers import no_load_speed, unlikely_in_vehicle
 from skyarm.vehicle.battery import Battery, CellCurve
@@ -220,4 +219,4 @@ def test_show_has_drives_and_battery():
     assert facts["battery"]["open_circuit"]["voltage"] == list(arm().battery.open_circuit.voltage)
     bare = dataclasses.replace(arm(), drives=(), battery=None)
     assert vehicle_facts(bare, 9.81)["battery"] is None
-    assert len(tables(arm())) == len(tables(bare)) + 2
+    assert len(_sheet(arm(), facts)) == len(_sheet(bare, vehicle_facts(bare, 9.81))) + 2

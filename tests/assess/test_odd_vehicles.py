@@ -20,7 +20,7 @@ from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joints import frequency, joint_torques, servo_stiffness
 from skyarm.assess.layout import field_of_mass
 from skyarm.assess.thrust import locked_inertia, torque_authority
-from skyarm.cli.check_command import sheet
+from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.vehicle.linkage import Joint
 
@@ -213,7 +213,7 @@ def test_an_alarm_without_a_number_shows_none(capsys):
     from rich.console import Console
 
     console = Console(width=300)
-    console.print(sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
+    console.print(*sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
     assert "(-," not in (said := capsys.readouterr().out)
     assert "limit -" not in said
 

@@ -392,12 +392,11 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["compare", ""], ("suite = ''", "paper-suite")),
         (["run", ""], ("scenario = ''", "shipped scenarios are")),
         (["show", ""], ("vehicle = ''", "hexarotor_arm6")),
-        (["export-c", "", "-o", "x.c"], ("controller = ''", "paper_ct")),
-        (["export-c", "paper_ct", "-o", ""], ("--out = ''", "path of a file")),
-        (["list", "--json", "--out", ""], ("--out = ''", "path of a file")),
+        (["export", "--to", "c", "", "-o", "x.c"], ("controller = ''", "paper_ct")),
+        (["export", "--to", "c", "paper_ct", "-o", ""], ("--out = ''", "path of a file")),
+        (["show", "--json", "--out", ""], ("--out = ''", "path of a file")),
         (["bench", "--json", "--out", ""], ("--out = ''", "path of a file")),
-        (["--plugin", "", "list"], ("--plugin: must be followed by a .py file",)),
-        (["show"], ("Missing argument",)),
+        (["--plugin", "", "show"], ("--plugin: must be followed by a .py file",)),
         (["show", "nope"], ("vehicle = 'nope'", "hexarotor_arm6")),
         (["show", "nope.urdf"], ("nope.urdf", "no such file")),
         (["show", "hummingbird", "--gravity", "nan"], ("--gravity = nan", "finite")),
@@ -413,7 +412,7 @@ def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch
     def broken(*_: Any) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("skyarm.vehicle.vehicle_files.load_vehicle", broken)
+    monkeypatch.setattr("skyarm.cli.show_command.load_vehicle", broken)
     monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
     with pytest.raises(ZeroDivisionError):
         main()

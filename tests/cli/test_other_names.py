@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
-from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
 from skyarm.environment.environment_tables import wind_from
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import find
@@ -46,36 +44,12 @@ def test_the_old_name_of_a_precision_is_the_same_study() -> None:
     assert before.document == study("paper_ct", precision="bit_exact").document
 
 
-@pytest.mark.parametrize(("command", "options"), OLD_OPTIONS.items())
-def test_every_old_option_stands_for_one_that_its_command_has(command: str, options: dict[str, str]) -> None:
-    shown = skyarm(command, "--help").out
-    for before, new in options.items():
-        assert new in shown
-        assert before not in shown.split()
-        with pytest.warns(OldNameWarning) as caught:
-            assert with_new_options([command, f"{before}=3", "x"]) == [command, f"{new}=3", "x"]
-        old(caught, new)
-    assert with_new_options([command, "own"]) == [command, "own"]
-
-
-def test_an_old_option_works_with_one_line_and_a_wrong_value_stays_one_line(folder: Path) -> None:
-    ended = skyarm("export-c", "paper_pd", "--vehicle", "hummingbird_arm2", "--single", "--out", "x.c")
-    assert ended.code == 0
-    assert "float" in ended.out
-    assert ended.err.count("old name") == 1
-    assert ended.err.endswith(
-        "skyarm: skyarm export-c --single is an old name: use --float32; "
-        "the old one works in 0.2 and goes with the next minor version\n"
-    )
-    refused(skyarm("sweep", "robustness", "--threads", "-1"), "--workers = -1")
-
-
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
-    from skyarm.cli.compare_command import _chosen
+    from skyarm.cli.compare_command import _entrants
     from skyarm.compare.entrants import ENTRANTS
 
     with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
-        _chosen("--laws", "xyzzy", ENTRANTS)
+        _entrants("xyzzy")
 
 
 def old(value: object, name: str) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from added_components import registry_kept
-from skyarm.cli.compare_command import _chosen
-from skyarm.compare.entrants import ENTRANTS
+from skyarm.cli.compare_command import _entrants
 from skyarm.compare.own_scenario import LAWS, OwnScenario
 from skyarm.compare.run_suite import fly_suite
 from skyarm.control.catalogue import ControllerError, require_different
@@ -48,7 +47,7 @@ def test_two_names_of_one_law_are_refused_everywhere(pair, tmp_path, monkeypatch
         with pytest.raises(ControllerError, match=line):
             flights(list(pair))
         with pytest.raises(ControllerError, match=line):
-            _chosen("--laws", ",".join(pair), ENTRANTS)
+            _entrants(",".join(pair))
         with pytest.raises(StudyError, match=f"controllers = {line}"):
             small_study(controllers=list(pair))
 

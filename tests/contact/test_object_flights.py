@@ -123,18 +123,18 @@ def test_columns_are_named_after_objects_and_grippers_and_files_keep_them(lifted
 
 
 def test_what_a_gripper_held_is_said(lifted):
-    from skyarm.cli.flight_summary import facts, grasp_lines
+    from skyarm.cli.run_command import facts, sentences
 
-    (line,) = grasp_lines(lifted)
+    (line,) = [line for line in sentences(facts(lifted)) if " took " in line]
     assert line.startswith("magnet took box at 0.1 s: let go at 0.5 s, largest force ")
     (told,) = json.loads(json.dumps(facts(lifted)["grasps"]))
     assert (told["gripper"], told["held"], told["end"]) == ("magnet", "box", 0.5)
     lost = dataclasses.replace(lifted, gripper_lost=lifted.gripper_lost + (lifted.time >= 0.5)[:, None])
-    assert "gave way at 0.5 s" in grasp_lines(lost)[0]
+    assert "gave way at 0.5 s" in "".join(sentences(facts(lost)))
     short = {
         name: getattr(lifted, name)[:60] for name in ("time", "gripper_taken", "gripper_lost", "gripper_force")
     }  # fmt: skip
-    assert "holds it to the end" in grasp_lines(dataclasses.replace(lifted, **short))[0]
+    assert "holds it to the end" in "".join(sentences(facts(dataclasses.replace(lifted, **short))))
 
 
 @pytest.mark.thorough

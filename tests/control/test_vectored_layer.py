@@ -21,7 +21,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, turns_rotors, with_tilting
 from skyarm.environment import ForceWind
 from skyarm.log.log_columns import columns
-from skyarm.log.ros.instants import Part
+from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory

@@ -13,7 +13,7 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.control.laws.paper import decoupled_pd
 from skyarm.environment import ForceWind, MovingAir
-from skyarm.files.code_place import failure, own_code, place_of, place_of_error
+from skyarm.files.user_code import failure, own_code, place_of, place_of_error
 from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
 from skyarm.sensors.measurement import SensorNoise
@@ -67,7 +67,7 @@ def test_what_stands_elsewhere_is_someones_own(thing):
 AT_ONCE = """
 from dataclasses import dataclass
 import functools
-from skyarm.files.code_place import own_code, place_of
+from skyarm.files.user_code import own_code, place_of
 
 def law(x):
     return x

@@ -7,7 +7,7 @@ from importlib import metadata
 
 import skyarm
 from skyarm.bench.timing import describe
-from skyarm.files.versions import ABSENT, versions
+from skyarm.files.packages import ABSENT, versions
 
 
 def test_skyarm_s_version_is_that_of_the_source_that_runs(monkeypatch) -> None:

@@ -18,8 +18,7 @@ import skyarm
 from added_components import registry_kept
 from skyarm.compare.cells import key
 from skyarm.compare.own_scenario import OwnScenario
-from skyarm.files.code_digests import source_of
-from skyarm.files.code_place import PACKAGE, is_beside
+from skyarm.files.user_code import PACKAGE, is_beside, source_of
 from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.registry import RegistryError

@@ -89,7 +89,7 @@ WRONG: list[tuple[Any, str]] = [
     (of("skyarm.control.controller:Command"), "is no frozen dataclass"),
     (of("skyarm.scenario.scenario_record:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
     (of("function", name="os:system"), "nothing of this module is registered here"),
-    (of("function", name="skyarm.files.atomic:write_atomically"), "must be a function of a law"),
+    (of("function", name="skyarm.files.writing:write_atomically"), "must be a function of a law"),
     (of("function", name="skyarm.control.controller:os.system"), "is not there any more"),
     (of("function", name="skyarm.control.controller:dataclasses.replace"), "is another function than was written"),
     (of("partial", function=of("function", name="os:system"), arguments=["true"], keywords={}), "nothing of this"),

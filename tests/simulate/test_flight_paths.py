@@ -22,7 +22,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.compile.machine_code import NoMachineCodeError, SlowFlightWarning
-from skyarm.log import csv_file
+from skyarm.log import formats
 from skyarm.scalars import where
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
@@ -320,9 +320,9 @@ def test_a_csv_is_what_a_csv_writer_writes(tmp_path: Any) -> None:
 
 
 def test_a_column_of_equal_numbers_is_not_one_of_zeros_of_both_signs() -> None:
-    assert csv_file._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
-    assert csv_file._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
-    assert csv_file._texts(np.array([]), {}) == []
+    assert formats._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
+    assert formats._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
+    assert formats._texts(np.array([]), {}) == []
 
 
 @pytest.mark.parametrize(

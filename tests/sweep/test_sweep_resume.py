@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from skyarm.files.one_writer import LOCK, TakenError
+from skyarm.files.writing import LOCK, TakenError
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.study_folder import MANIFEST
 from sweeps import MASS, document, files_of, read, small_study

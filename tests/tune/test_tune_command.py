@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from skyarm.cli.commands import app
+from skyarm.cli.commands import program
 from skyarm.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
@@ -23,7 +23,7 @@ SMALL = ("hummingbird", "--controller", "decoupled_pd", "--candidates", "100", "
 
 
 def tune(*words, folder):
-    return CliRunner().invoke(app, ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
+    return CliRunner().invoke(program(["tune"]), ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
 
 
 DRAWN = []
@@ -159,10 +159,9 @@ def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, mon
         raise ValueError("enough")
 
     monkeypatch.setattr(tuning, "tune", seen)
+    words = ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)]
     with pytest.raises(ValueError, match="enough"):
-        CliRunner().invoke(
-            app, ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)], catch_exceptions=False
-        )
+        CliRunner().invoke(program(words), words, catch_exceptions=False)
     (plan,) = plans
     assert (plan.own and plan.own.duration) == own
     path = load_scenario("case3").trajectory

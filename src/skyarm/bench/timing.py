@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compile.llvm.kernel import host_width
-from skyarm.files.versions import ABSENT, versions
+from skyarm.files.packages import ABSENT, versions
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from skyarm.files import needs_extra
-from skyarm.files.floors import FLOORS, below_floor, installed
+from skyarm.files.packages import FLOORS, below_floor, installed
 
 NAME = "llvmlite"
 

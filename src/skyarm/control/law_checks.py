@@ -22,7 +22,7 @@ from skyarm.compile.tracing.float_trial import OUTSIDE
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
 from skyarm.files import shown
-from skyarm.files.code_place import own_code, place_of, place_of_error
+from skyarm.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import is_record, named_parts, pairs
 from skyarm.scalars import data

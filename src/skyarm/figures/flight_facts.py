@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.environment import Gust
-from skyarm.log.contact_periods import contact_pairs, contact_periods
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
+from skyarm.log.periods import contact_pairs, contact_periods
 from skyarm.records.leaves import parts
 from skyarm.scenario.in_flight import Overrides, stretches
 from skyarm.scenario.scenario_record import Change, Scenario

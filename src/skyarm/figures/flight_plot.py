@@ -16,7 +16,7 @@ from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, 
 from skyarm.figures.path_views import TOUCH_WORDS, mark_touches, path_figure
 from skyarm.figures.style import Picture, PictureStyle, limits, picture_style, save_picture
 from skyarm.files import number
-from skyarm.files.picture_names import require_suffix
+from skyarm.files.names import require_suffix
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]

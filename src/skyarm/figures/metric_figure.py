@@ -15,8 +15,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.figures.style import PAPER, Look, Picture, PictureStyle, limits, logarithmic, picture_style, save_picture
-from skyarm.files.picture_names import require_suffix
-from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.files.names import require_suffix
+from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.scenario.numbers import labelled
 from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
 from skyarm.sweep.stats import Rows

@@ -26,7 +26,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from skyarm.files import must_be_one_of, shown, write_atomically
-from skyarm.files.picture_names import require_suffix
+from skyarm.files.names import require_suffix
 
 Array = npt.NDArray[np.float64]
 

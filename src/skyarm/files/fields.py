@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from skyarm.files.one_line import listed, shown
-from skyarm.files.suggestions import did_you_mean, must_be_one_of
+from skyarm.files.messages import did_you_mean, listed, must_be_one_of, shown
 
 _REQUIRED: Any = object()
 

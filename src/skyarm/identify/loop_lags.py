@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files.write_toml import toml_key
+from skyarm.files.toml import toml_key
 from skyarm.identify.lagged_inputs import (
     Followed,
     Needed,
@@ -33,7 +33,7 @@ from skyarm.identify.lagged_inputs import (
 )
 from skyarm.identify.whitened_fit import Fit, blocks_of, fit, hermite
 from skyarm.log.flight_log import Log
-from skyarm.log.joint_setpoints import setpoints_of
+from skyarm.log.log_columns import setpoints_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

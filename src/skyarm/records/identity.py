@@ -10,8 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from skyarm.files.code_digests import file_of, identity_of_file, numbered, source_of
-from skyarm.files.code_place import is_own, is_own_file
+from skyarm.files.user_code import file_of, identity_of_file, is_own, is_own_file, numbered, source_of
 from skyarm.records.plain import digest, fields_of, plain
 from skyarm.registry.plugins import loaded, plugin_of
 from skyarm.registry.registrations import registrations

@@ -21,8 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from skyarm.files import shown, unreadable
-from skyarm.files.code_digests import file_of, identity_of, identity_of_file, numbered
-from skyarm.files.code_place import is_beside
+from skyarm.files.user_code import file_of, identity_of, identity_of_file, is_beside, numbered
 from skyarm.registry.class_signatures import thing_mistake
 from skyarm.registry.registrations import (
     API,

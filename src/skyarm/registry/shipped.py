@@ -121,6 +121,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
         "parquet": ("skyarm.log.formats:PARQUET", "columns with units in their metadata; read back by skyarm"),
         "bag": ("skyarm.log.formats:BAG", "messages of ROS 1, as in an MCAP file"),
+        "partial": ("skyarm.log.formats:PARTIAL", "the journal that a killed run leaves; read back by skyarm"),
     },
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
@@ -146,7 +147,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
             *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
-            *("check", "new", "doctor", "completion", "attach", "export-mjcf", "tune", "identify"),
+            *("check", "new", "doctor", "attach", "export-mjcf", "tune", "identify"),
         ),
     },
     "law": {

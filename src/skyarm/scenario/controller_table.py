@@ -38,7 +38,7 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.files import Fields, all_wrong_words, did_you_mean, must_be_one_of, number, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, replaced, walk
 from skyarm.records.read_table import record_from
 from skyarm.registry.plugins import is_law_of_file, register_loaded_law

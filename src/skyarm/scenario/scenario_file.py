@@ -57,7 +57,7 @@ from skyarm.files import (
     one_line,
     shown,
 )
-from skyarm.files.kinds_of_files import names_in, read_named
+from skyarm.files.names import names_in, read_named
 from skyarm.metrics.windows import windows_from
 from skyarm.plant.interface import Truth
 from skyarm.records.read_table import record_from

@@ -18,7 +18,7 @@ from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
 from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.files import number, shown
-from skyarm.files.result_name import ALLOWED, is_result_name
+from skyarm.files.names import ALLOWED, is_result_name
 from skyarm.metrics.windows import Windows
 from skyarm.plant.interface import Truth
 from skyarm.records import coerce, leaves

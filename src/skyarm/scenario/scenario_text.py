@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.files import Fields, number, read_toml, shown
-from skyarm.files.write_toml import toml_text, toml_value
+from skyarm.files.toml import toml_text, toml_value
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario.paths import ROOTS
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios

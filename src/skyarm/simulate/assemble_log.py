@@ -14,7 +14,7 @@ from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.log_columns import CONTACT_ARRAYS, GRIPPER_ARRAYS, MECHANISM_ARRAYS, OBJECT_ARRAYS
-from skyarm.log.phase_timeouts import waits_of
+from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows

@@ -37,7 +37,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Wrench
 from skyarm.estimate.estimator import FULL_STATE
 from skyarm.files import shown
-from skyarm.files.code_place import own_code, place_of, place_of_error
+from skyarm.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import leaves, named_parts, rebuild
 from skyarm.reference import Publisher

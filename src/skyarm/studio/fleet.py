@@ -12,7 +12,7 @@ from typing import Any
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
 from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
-from skyarm.files.write_toml import toml_text
+from skyarm.files.toml import toml_text
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.live_session import LiveSession

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.files import require_writable, taken_back
-from skyarm.files.one_writer import one_writer
+from skyarm.files.writing import one_writer
 from skyarm.simulate.batch import Batch
 from skyarm.sweep.chunk_file import arrow, chunk_file
 from skyarm.sweep.design import values

@@ -43,7 +43,7 @@ from skyarm.files import (
     one_line,
     shown,
 )
-from skyarm.files.kinds_of_files import names_in, read_named
+from skyarm.files.names import names_in, read_named
 from skyarm.files.old_names import renamed
 from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.metrics.windows import windows_from

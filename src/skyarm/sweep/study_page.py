@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
 from skyarm.scenario.numbers import labelled, words_of

@@ -12,7 +12,7 @@ from importlib import resources
 from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED
-from skyarm.files.write_toml import toml_key, toml_value
+from skyarm.files.toml import toml_key, toml_value
 from skyarm.pages import page as plain_page
 from skyarm.pages import section, table
 from skyarm.records.identity import identity

@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import shown, versions, write_atomically
-from skyarm.files.one_writer import one_writer
 from skyarm.files.unpacked import npz_arrays
+from skyarm.files.writing import one_writer
 from skyarm.records.identity import identity
 from skyarm.records.leaves import field_names, parts
 from skyarm.scenario.scenario_record import Scenario

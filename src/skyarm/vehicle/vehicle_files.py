@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import did_you_mean, file_name, must_be_one_of, needs_extra, one_line, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import names_in, require_kind
+from skyarm.files.names import names_in, require_kind
 from skyarm.vehicle.assemble import SOURCES, Referred, assemble
 from skyarm.vehicle.attach import RigidBodies, bodies_of
 from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
