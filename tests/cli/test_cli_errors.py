@@ -84,7 +84,7 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
         small('law = "decoupled_pd"\nwithout = ["coriolis"]'),
         ("controller.without", "no such option"),
     ),
-    ("no controller", small(""), ("controller: must have a preset", "'skyarm list' shows all")),
+    ("no controller", small(""), ("controller: must have a preset", "'skyarm show' shows all")),
     ("a law as preset", small('preset = "centroidal"'), ("controller.preset = 'centroidal'", "law = 'centroidal'")),
     (
         "a preset as law",

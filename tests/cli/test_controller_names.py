@@ -108,7 +108,7 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
 def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
     folder: Path, command: tuple[str, ...], name: str
 ) -> None:
-    words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm list' shows all)")
+    words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm show' shows all)")
     outcome = skyarm(*(each.format(name) for each in command))
     refused(outcome, f"controller = {name!r}: ", *words)
     assert outcome.err.partition(" ...;")[0].count(", ") < 6

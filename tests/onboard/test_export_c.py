@@ -487,7 +487,7 @@ def test_a_scenario_is_exported_as_it_flies(tmp_path, monkeypatch, capsys):
 ERRORS = [
     (
         ("nope", "--vehicle", "hummingbird_arm2"),
-        ("controller = 'nope'", "paper_ct", "'skyarm list' shows all", "case3"),
+        ("controller = 'nope'", "paper_ct", "'skyarm show' shows all", "case3"),
     ),
     (("nope",), ("controller = 'nope'", "paper_ct")),
     (("gone.toml",), ("gone.toml",)),

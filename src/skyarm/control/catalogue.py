@@ -135,7 +135,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not isinstance(name, str) or name not in LAWS:
-        allowed = must_be_one_of(LAWS, name, "skyarm list")
+        allowed = must_be_one_of(LAWS, name, "skyarm show")
         raise ControllerError(f"controller.law = {shown(name)}: {present_name(name)}{allowed}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
@@ -229,7 +229,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
         ControllerError: unknown name, or gains for another number of joints.
     """
     if not isinstance(name, str) or name not in PRESETS:
-        allowed = must_be_one_of(PRESETS, name, "skyarm list")
+        allowed = must_be_one_of(PRESETS, name, "skyarm show")
         raise ControllerError(f"controller.preset = {shown(name)}: {present_name(name)}{allowed}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
@@ -357,7 +357,7 @@ def require_different(names: Sequence[str], field: str) -> None:
         seen[key] = name
 
 
-SEE = "skyarm list"
+SEE = "skyarm show"
 """Shows the names of all presets and laws."""
 
 FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")

@@ -136,7 +136,7 @@ def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Contr
     """The preset of a table, which takes no options."""
     name = fields.take("preset", None)
     if name is None:
-        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm list' shows all")
+        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
     if isinstance(name, str) and name not in PRESETS and name in LAWS:
         raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
     for word, value in fields.table.items():
@@ -168,7 +168,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
         raise ValueError(
-            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm list')}{hint}"
+            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm show')}{hint}"
         )
     words = law_words(law)
     for word, value in fields.table.items():
