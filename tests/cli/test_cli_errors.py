@@ -138,7 +138,7 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
         small(
             LAW + "\n[controller.gains]\nposition = [4,4,-4]\nvelocity = [2,2,2]\nattitude = [1,1,1]\nrate = [1,1,1]"
         ),
-        ("controller.gains.position.z = -4.0", "at least 0"),
+        ("controller.gains.position[2] = -4.0", "at least 0"),
     ),
     ("reference kind", changed(CASE1, '"hover"', '"figure8"'), ("reference.base.kind = 'figure8'", "hover, circle")),
     ("signal kind", changed(CASE1, '"sequence"', '"chirp"'), ("reference.joints[0].kind = 'chirp'", "sine")),

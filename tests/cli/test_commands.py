@@ -81,7 +81,7 @@ def test_show_prints_the_paper_s_vehicle() -> None:
 
 def test_show_prints_the_servos_that_turn_rotors() -> None:
     text = succeeded(typed("show", "voliro_like"))
-    assert re.search(r"^rotor4 +-0\.5 -0\.866 0 +-1\.571 \.\.\. 1\.571 rad +0\.05 +6 *$", text, re.MULTILINE)
+    assert re.search(r"^rotor4 +-0\.5 -0\.866025 0 *$", text, re.MULTILINE)
     assert "servos" not in succeeded(typed("show", "tilted_hexarotor"))
     facts = json.loads(succeeded(typed("show", "voliro_like", "--json")))["tilts"]
     assert facts["rotor3"]["axis"] == [-1.0, 0.0, 0.0]

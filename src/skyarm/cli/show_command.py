@@ -255,19 +255,32 @@ def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
     return sheet
 
 
+APART = ("name", "tilt")
+"""Fields that head a row, or have a table of their own."""
+
+
 def _tables(title: str, records: Mapping[str, Any]) -> list[RenderableType]:
-    """Records side by side, a table for each class: a row for each field, with its declared unit."""
+    """Records of a class as rows, a column for each field in which they differ; then the fields that all share."""
     tables: list[RenderableType] = []
     kinds: list[type] = list(dict.fromkeys(type(each) for each in records.values()))
     for kind in kinds:
         chosen = {name: each for name, each in records.items() if type(each) is kind}
-        rows = []
+        differ: dict[str, list[str]] = {}
+        shared = []
         for field in field_names(kind) or ():
             unit = units(kind)[field].unit if field in units(kind) else ""
             cells = [_cell(getattr(each, field)) for each in chosen.values()]
-            if field != "name" and any(cells):
-                rows.append((f"{field}, {unit}".removesuffix(", "), *cells))
-        tables.append(table_of(("", *chosen), rows, title=f"{title}: {kind.__name__}" if len(kinds) > 1 else title))
+            if field in APART or not any(cells):
+                continue
+            words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
+            if len(chosen) > 1 and len(set(cells)) == 1:
+                shared.append((words, cells[0]))
+            else:
+                differ[words] = cells
+        heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
+        tables.append(table_of(("", *differ), zip(chosen, *differ.values(), strict=True), title=heading))
+        if shared:
+            tables.append(table_of(("", ""), shared, left=2, title="all of them"))
     return tables
 
 

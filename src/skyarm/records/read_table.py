@@ -95,10 +95,12 @@ def _value(wanted: Any, unit: Unit, fields: Fields, name: str) -> Any:
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if wanted is int:
-        number = fields.number(name)
-        if number != int(number):
+        number = fields.take(name)
+        if isinstance(number, float) and number.is_integer():
+            return int(number)
+        if isinstance(number, bool) or not isinstance(number, int):
             raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
-        return int(number)
+        return number
     if wanted is Vec3:
         return Vec3(*fields.vector(name))
     if wanted is str:
