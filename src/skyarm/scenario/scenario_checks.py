@@ -83,11 +83,11 @@ def check_scenario(scenario: Scenario) -> None:
         raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle)
+    _check_vehicles(scenario)
     _check_times(scenario)
     _check_reference(scenario)
     _check_sensors(scenario)
     _check_drives(scenario)
-    _check_vehicles(scenario)
     _check_surroundings(scenario)
     if scenario.plant == MUJOCO_CONTACTS:
         _check_mujoco_contacts(scenario)
