@@ -81,13 +81,18 @@ def check_scenario(scenario: Scenario) -> None:
     """
     if not isinstance(getattr(scenario.controller.par, "model", None), Model):
         raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
+    truth = scenario.world.vehicle
+    if truth.n > MOST_JOINTS:
+        raise ValueError(
+            f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
+        )
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle)
-    _check_vehicles(scenario)
     _check_times(scenario)
     _check_reference(scenario)
     _check_sensors(scenario)
     _check_drives(scenario)
+    _check_vehicles(scenario)
     _check_surroundings(scenario)
     if scenario.plant == MUJOCO_CONTACTS:
         _check_mujoco_contacts(scenario)
@@ -229,8 +234,6 @@ def _check_vehicles(scenario: Scenario) -> None:
     check_controller(scenario.controller)
     truth, model = scenario.world.vehicle, scenario.controller.par.model.vehicle
     try:
-        if truth.n > MOST_JOINTS:
-            raise ValueError(f"has {truth.n} joints, must have at most {MOST_JOINTS} to fly")
         require_plant(truth)
         make_mixer(truth)
         joint_rate(truth)

@@ -13,6 +13,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
+from skyarm.records.leaves import is_record, parts
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -154,8 +155,7 @@ class Parts:
 
     def present(self) -> list[tuple[str, Part]]:
         """Name and constants of each part that there is."""
-        named = [(field.name, getattr(self, field.name)) for field in dataclasses.fields(self)]
-        return [(name, part) for name, part in named if part is not None]
+        return [(name, part) for name, part in parts(self).items() if part is not None]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -195,12 +195,12 @@ class CentroidalParameters:
 def _options(record: Any) -> list[str]:
     """Paths of the fields that may be left out and are not."""
     found = []
-    for field in dataclasses.fields(record):
-        value = getattr(record, field.name)
-        if value is True or ("None" in str(field.type) and value is not None):
-            found.append(field.name)
-        if dataclasses.is_dataclass(value) and not isinstance(value, (Model, Mixer)):
-            found += [f"{field.name}.{each}" for each in _options(value)]
+    kinds = type(record).__annotations__
+    for name, value in parts(record).items():
+        if value is True or ("None" in str(kinds[name]) and value is not None):
+            found.append(name)
+        if is_record(value) and not isinstance(value, (Model, Mixer)):
+            found += [f"{name}.{each}" for each in _options(value)]
     return found
 
 
