@@ -35,7 +35,8 @@ def test_the_commands_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch, t
         words = shlex.split(line)
         if words[0] == "skyarm":
             # a recording is drawn where it is watched: it has no size
-            short = SHORT[words[1]] if words[-1].endswith(DRAWN) or words[1] != "film" else ["--stop", "0.2"]
+            drawn = words[1] != "film" or any(word.endswith(DRAWN) for word in words)
+            short = SHORT[words[1]] if drawn else ["--stop", "0.2"]
             monkeypatch.setattr(sys, "argv", [*words, *short])
             assert perform() == 0, line
             ran += words[1] == "film"
