@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from skyarm.cli.app import console
 from skyarm.cli.main import main
+from skyarm.cli.output import console
 
 
 @dataclass(frozen=True)

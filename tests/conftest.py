@@ -27,7 +27,11 @@ gc.set_threshold(50_000, 20, 100)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Write byte code where it is told not to: some hundred processes would each compile what they import."""
+    """Keep machine code in one folder for all processes of the tests, and for the next run of them.
+
+    Write byte code where it is told not to: some hundred processes would each compile what they import.
+    """
+    os.environ.setdefault("SKYARM_CACHE", str(config.rootpath / ".pytest_cache" / "machine_code"))
     if sys.dont_write_bytecode:
         sys.dont_write_bytecode = False
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -7,6 +7,7 @@ delays and noise: to the bit in bit-exact machine code, by the numbers of their 
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import sys
@@ -20,8 +21,10 @@ import numpy as np
 
 import skyarm
 from skyarm.compile import leaves
-from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
+from skyarm.control.catalogue import LAWS, PRESETS, make_controller, suitable_options, tuned_factors
+from skyarm.control.model import Terms
 from skyarm.metrics.windows import Window, Windows
+from skyarm.scenario.controller_table import loop_facts
 from skyarm.simulate.batch import Batch
 
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
@@ -45,6 +48,7 @@ AS_TAKEN = {
     "centroidal_tip_robust": "exact_ee",
     "centroidal_tip_stiff": "exact_ee_stiff",
     "centroidal": "exact",
+    "ct_ladder": "ct_lag_inversion",
     "rotors_sim_position": "rotors_position",
     "rotors_sim_hummingbird": "rotors_hummingbird",
     "bulut2019": "bulut_computed_torque_style",
@@ -66,9 +70,21 @@ YOUNGER = ("hybrid_ct", "admittance_pd", "centroidal_joint_gusts", "centroidal_t
 """Laws and presets that there were not yet when the digests were taken; the two laws, without a push, fly as others."""
 
 
+OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
+    "ct_level_gravity": ("hybrid_computed_torque", {"terms": Terms(full_gravity=False)}),
+    "ct_coupled_thrust": ("ct_ladder", {"steps": 1}),
+    "ct_consistent": ("ct_ladder", {"steps": 2}),
+    "ct_observer": ("ct_ladder", {"steps": 3}),
+    "ct_feedforward": ("ct_ladder", {"steps": 4}),
+    "ct_extrapolation": ("ct_ladder", {"steps": 5}),
+    "l1_adaptive_lateral": ("l1_adaptive", {"lateral": True}),
+}
+"""Options of a law under the names that they had when the digests were taken."""
+
+
 def controllers() -> tuple[str, ...]:
-    """Every preset, every law, and every law with its tuned gains, as far as there were any."""
-    there = (*PRESETS, *LAWS, *(f"{law}_tuned" for law in tuned_factors()))
+    """Every preset, every law with some of its options, and every law with tuned gains, as far as there were any."""
+    there = (*PRESETS, *LAWS, *OPTIONS, *(f"{law}_tuned" for law in tuned_factors()))
     return tuple(name for name in there if name.removesuffix("_tuned") not in YOUNGER)
 
 
@@ -103,8 +119,13 @@ def linear_algebra() -> str:
 
 def fly(case: str, controller: str, plant: str, duration: float | None = None) -> str:
     """Digest of a flight's log."""
-    log = skyarm.run(skyarm.load_scenario(case, controller=controller, plant=plant, duration=duration))
-    return _digest(log)
+    if controller not in OPTIONS:
+        return _digest(skyarm.run(skyarm.load_scenario(case, controller=controller, plant=plant, duration=duration)))
+    law, options = OPTIONS[controller]
+    scenario = skyarm.load_scenario(case, plant=plant, duration=duration)
+    known = suitable_options(law, loop_facts(scenario.rates, scenario.delays))
+    made = make_controller(law, scenario.controller.par.model, **known, **options)
+    return _digest(skyarm.run(dataclasses.replace(scenario, controller=made)))
 
 
 def _digest(log: Any) -> str:

@@ -21,7 +21,7 @@ G = 9.81
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 MODEL = Model(vehicle=ARM2, gravity=G)
 
-LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque", "hybrid_computed_torque_euler")
+LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
 JOINT_GAINS = {name: TORQUE if name == "decoupled_pd" else ACCELERATION for name in LAWS}
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.coupled_memory import places_in
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Surroundings, places_in
 from standing_vehicles import GRAVITY, at_rest, limp
 
 BIRD = limp()

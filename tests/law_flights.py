@@ -10,7 +10,7 @@ import numpy as np
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import LAWS, Controller, make_controller
-from skyarm.control.laws.paper.make import PAPER_LAWS
+from skyarm.control.laws.paper import PAPER_LAWS
 from skyarm.control.model import Model
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
@@ -24,31 +24,28 @@ RIVALS = (
     "guo2023",
     "li2024",
     "kim2013",
-    "l1_adaptive_lateral",
+    "l1_adaptive lateral",
     "indi",
 )
 
-STEPS = (
-    "ct_coupled_thrust",
-    "ct_consistent",
-    "ct_observer",
-    "ct_feedforward",
-    "ct_extrapolation",
-    "ct_lag_inversion",
-)
+STEPS = tuple(f"ct_ladder {steps}" for steps in range(1, 7))
 
-TOP = "ct_lag_inversion"
-"""The rung that has every step: what covers it covers the ones below."""
-
-LOWER_RUNGS = {*STEPS, "ct_level_gravity", "l1_adaptive"} - {TOP}
-"""Laws whose every line another law runs."""
+TOP = "ct_ladder"
+"""The law with every step: what covers it covers those with fewer."""
 
 PAPER = tuple(PAPER_LAWS)
 
 
 def covering(names: Any = LAWS) -> list[str]:
-    """Laws without those whose every line another one runs."""
-    return sorted(set(names) - LOWER_RUNGS)
+    """Laws, without any whose every line another one runs."""
+    return sorted(names)
+
+
+def make_law(name: str, model: Model, **options: Any) -> Controller:
+    """A law by its name; "ct_ladder 3" has three steps, "l1_adaptive lateral" its lateral part."""
+    law, _, word = name.partition(" ")
+    more: dict[str, Any] = {"lateral": True} if word == "lateral" else {"steps": int(word)} if word else {}
+    return make_controller(law, model, **more, **options)
 
 
 def hover(joints: tuple[float, ...], height: float = 2.0) -> Trajectory:
@@ -66,7 +63,7 @@ def hovering_scenario(law: str, vehicle: str, *, seconds: float, offset: float =
         name="hover",
         duration=seconds,
         world=world,
-        controller=make_controller(law, Model(vehicle=flown, gravity=9.81), **options),
+        controller=make_law(law, Model(vehicle=flown, gravity=9.81), **options),
         trajectory=hover(joints),
         initial=start if offset else None,
     )

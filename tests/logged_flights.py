@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import skyarm
-from skyarm.log.log_columns import TILT_ARRAYS
+from skyarm.log.log_columns import COLUMNS
 from skyarm.records.plain import plain
 from skyarm.records.units import units
 from skyarm.simulate import Log, run
@@ -31,7 +31,13 @@ def drawn(vehicle: Vehicle, count: int = 37, rate: float = 200, seed: int = 1) -
     arrays: dict[str, Any] = {}
     for name in units(Log):
         width = (vehicle.n,) if name in JOINTS else (len(vehicle.rotors),) if name in ROTORS else (3,)
-        width = (2,) if name == "lag_found" else (len(vehicle.tilts),) if name in TILT_ARRAYS else width
+        width = (
+            (2,)
+            if name == "lag_found"
+            else (len(vehicle.tilts),)
+            if COLUMNS.get(name, ("", ""))[1] == "tilting"
+            else width
+        )
         arrays[name] = rng.normal(size=(count,) if name in SCALARS else (count, *width))
     q = rng.normal(size=(count, 4))
     arrays["quaternion"], arrays["time"] = q / np.linalg.norm(q, axis=1, keepdims=True), np.arange(count) / rate

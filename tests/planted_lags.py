@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from skyarm.actuation.lagged_torque import LaggedTorque
+from skyarm.actuation.drive import LaggedTorque
 from skyarm.scenario.scenario_record import JointDrive
 
 

@@ -10,11 +10,16 @@ import zstandard
 
 
 def unpacked(content: bytes) -> dict[str, Any]:
-    """The messages of a recording: the length of what is packed, then zstd of a length and msgpack."""
+    """Messages and arrays of a recording: zstd of a length, msgpack and aligned arrays, after the packed length."""
     inner = zstandard.ZstdDecompressor().decompress(content[8:])
     length = int.from_bytes(inner[:8], "little")
     found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
-    return found
+    at, buffers = 8 + length, []
+    for size in found["binaryBufferLengths"]:
+        at = -(-at // 8) * 8
+        buffers.append(inner[at : at + size])
+        at += size
+    return {**found, "buffers": buffers}
 
 
 def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:

@@ -32,7 +32,7 @@ def one_program_a_task(cache: object) -> Iterator[None]:
             made[text] = program(task)  # which keeps the task, so that no other takes the address of a function in it
         return made[text]
 
-    with hurried(cache), pytest.MonkeyPatch.context() as patch:
+    with hurried(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(env_lanes, "EnvProgram", once)
         yield
 

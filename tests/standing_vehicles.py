@@ -10,9 +10,8 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Contact, ContactPoint, Material, Surface
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.coupled_memory import places_in
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from skyarm.contact import Detent, Mechanism
 from skyarm.contact.contact_point import Ring
-from skyarm.contact.hole import SIZES
-from skyarm.contact.mechanism_kinds import KINDS
+from skyarm.contact.mechanism import KINDS
+from skyarm.contact.surface import SIZES
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")

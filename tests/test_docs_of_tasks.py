@@ -9,11 +9,11 @@ import pytest
 import skyarm
 from skyarm.files import Fields
 from skyarm.reference.phases import phases_table
-from skyarm.reference.setting import Setting
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_plan import TipChoices
-from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.waypoints import LIMITS, FlightLimits
-from skyarm.scenario.reference_setting import feasibility_of
+from skyarm.scenario.scenario_tables import feasibility_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tip_and_tasks.md").read_text("utf-8")
 FLIGHT, *TABLES = re.findall(r"```toml[^\n]*\n(.*?)```", PAGE, re.DOTALL)

@@ -8,8 +8,8 @@ import pytest
 
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.centroidal.gain_presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
-from skyarm.scenario.law_table import PYTHON_ONLY, WORDS, law_words
+from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.scenario.controller_table import PYTHON_ONLY, WORDS, law_words
 from skyarm.scenario.scenario_file import scenario_from
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -66,8 +66,8 @@ def test_a_default_on_the_page_changes_nothing_when_it_is_written_out(law):
         assert option in NO_LIMITS or other_or_refused(law, {option: made_other(value)}, plain), option
 
 
-NO_LIMITS = ("joint_limits",)
-"""What the vehicle of these tests has none of; tests/control/test_joint_room.py tells that it is read."""
+NO_LIMITS = ("joint_limits", "shift_bandwidth")
+"""Options without an effect on a vehicle without limits of its joints, and in mode "joint"."""
 
 
 def made_other(value):

@@ -60,8 +60,8 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_every_kind_and_style_stands_on_the_page() -> None:
     from skyarm.figures.flight_panels import ALL, KINDS, PATH
-    from skyarm.figures.picture_styles import STYLES
-    from skyarm.files.picture_names import SUFFIXES
+    from skyarm.figures.style import STYLES
+    from skyarm.files.names import SUFFIXES
 
     assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
     for style in STYLES:

@@ -11,8 +11,16 @@ import skyarm
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.catalogue import LAWS, make_controller
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, TipGains
-from skyarm.control.laws.predictive.kalman_observer import Bandwidths
+from skyarm.control.laws.centroidal.parameters import (
+    CenterGains,
+    CentroidalParameters,
+    Observation,
+    RotorGains,
+    ShiftGains,
+    SidewaysGains,
+    TipGains,
+)
+from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.records.units import units
@@ -75,10 +83,11 @@ def test_units_of_a_law_s_options_are_those_of_its_constants(law: str) -> None:
 
 
 def test_units_of_the_centroidal_law_s_options_are_those_of_its_constants() -> None:
-    own = {**units(TipGains), **units(CentroidalParameters)}
+    records = (TipGains, CenterGains, RotorGains, Observation, ShiftGains, SidewaysGains, CentroidalParameters)
+    own = {name: unit for record in records for name, unit in units(record).items() if name != "bandwidth"}
     seen = {option: row[1] for option, row in EXACT_ROWS.items() if option in own}
     assert {option: own[option].unit or "-" for option in seen} == seen
-    assert len(seen) > 12
+    assert len(seen) > 12, seen
     assert EXACT_ROWS["base"][1] == ", ".join(words_of(BaseGains)[:4])
     assert EXACT_ROWS["arm"][1] == ", ".join(words_of(JointGains))
     assert EXACT_ROWS["tip"][1] == ", ".join(words_of(TipGains)[:2])

@@ -54,24 +54,23 @@ if TYPE_CHECKING:
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
     from skyarm.registry import load_plugin, register
     from skyarm.scalars.philox import normals
-    from skyarm.scenario.changes import Change
+    from skyarm.scenario.controller_table import load_controller
     from skyarm.scenario.endings import Ending
-    from skyarm.scenario.gains_file import load_controller
     from skyarm.scenario.numbers import with_numbers
     from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
-    from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
-    from skyarm.sensors.measurement import Measurement
-    from skyarm.sensors.noise import SensorNoise
+    from skyarm.scenario.scenario_record import Change, Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
+    from skyarm.sensors.measurement import Measurement, SensorNoise
     from skyarm.sensors.sensor import Sensor
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
     from skyarm.simulate.loop import run
     from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
+    from skyarm.simulate.user_code import check_components, check_law
     from skyarm.stability.along import margins
     from skyarm.stability.hover_delay import hover_delay
-    from skyarm.sweep.fly_sweep import fly_sweep
+    from skyarm.sweep.runner import fly_sweep
     from skyarm.sweep.study import StudyError
     from skyarm.sweep.study_file import list_studies, load_study
     from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
@@ -122,24 +121,31 @@ _ROOMS = {
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
     "skyarm.registry": ("load_plugin", "register"),
     "skyarm.scalars.philox": ("normals",),
-    "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
-    "skyarm.scenario.gains_file": ("load_controller",),
+    "skyarm.scenario.controller_table": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
     "skyarm.scenario.path_governor": ("govern",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
-    "skyarm.scenario.scenario_record": ("Delays", "JointDrive", "NamedSensor", "Rates", "Scenario", "ScenarioError"),
-    "skyarm.sensors.measurement": ("Measurement",),
-    "skyarm.sensors.noise": ("SensorNoise",),
+    "skyarm.scenario.scenario_record": (
+        "Change",
+        "Delays",
+        "JointDrive",
+        "NamedSensor",
+        "Rates",
+        "Scenario",
+        "ScenarioError",
+    ),
+    "skyarm.sensors.measurement": ("Measurement", "SensorNoise"),
     "skyarm.sensors.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("run",),
     "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
+    "skyarm.simulate.user_code": ("check_components", "check_law"),
     "skyarm.stability.along": ("margins",),
     "skyarm.stability.hover_delay": ("hover_delay",),
-    "skyarm.sweep.fly_sweep": ("fly_sweep",),
+    "skyarm.sweep.runner": ("fly_sweep",),
     "skyarm.sweep.study": ("StudyError",),
     "skyarm.sweep.study_file": ("list_studies", "load_study"),
     "skyarm.vehicle": ("Body", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"),
@@ -208,6 +214,8 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
+    "check_components",
+    "check_law",
     "circle",
     "energy",
     "euler_lagrange",

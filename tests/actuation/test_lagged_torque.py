@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from skyarm.actuation.drive import TorqueDrive
-from skyarm.actuation.lagged_torque import LaggedTorque
+from skyarm.actuation.drive import LaggedTorque, TorqueDrive
 from skyarm.registry import find
 
 LAG = 0.04

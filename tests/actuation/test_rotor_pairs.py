@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.actuation import make_mixer, mix
-from skyarm.actuation.rotor_pairs import WIDEST, as_pairs, ends, forces_of_pairs, speeds_of_pairs
+from skyarm.actuation.tilting import WIDEST, as_pairs, ends, forces_of_pairs, speeds_of_pairs
 from skyarm.algebra import Vec3
 
 VOLIRO = skyarm.load_vehicle("voliro_like")

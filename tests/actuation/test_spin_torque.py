@@ -17,7 +17,7 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle

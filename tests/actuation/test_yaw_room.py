@@ -7,7 +7,8 @@ import pytest
 from rotor_layouts import HIGHEST, K_F, K_M, LAYOUTS
 from scipy.optimize import linprog
 
-from skyarm.actuation import allocation_matrix, make_mixer, mix, yaw_room
+from skyarm.actuation import allocation_matrix, make_mixer, mix
+from skyarm.actuation import mixer as yaw_room
 from skyarm.algebra import Vec3
 
 TOP = HIGHEST**2
@@ -85,6 +86,6 @@ def test_within_the_limits_nothing_is_touched():
 
 def test_a_rotor_that_gives_no_yaw_torque_bounds_the_thrust_alone():
     """Its bound of the thrust stands, 0 <= 0.2 + 0.1 f <= 1, whatever the other rotor's yaw torque makes room for."""
-    bounds = yaw_room.bounds([0.2, 0.5], [0.1, 0.1], [0.0, 5.0], [1.0, 1.0], 0.0, 1.0)
+    bounds = yaw_room.yaw_bounds([0.2, 0.5], [0.1, 0.1], [0.0, 5.0], [1.0, 1.0], 0.0, 1.0)
     for wanted, nearest in ((20.0, 8.0), (-7.0, -2.0), (3.0, 3.0)):
         assert yaw_room.nearest_thrust(bounds, wanted) == pytest.approx(nearest, rel=1e-6)

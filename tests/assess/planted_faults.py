@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skyarm.files.write_toml import toml_text
+from skyarm.files.toml import toml_text
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 

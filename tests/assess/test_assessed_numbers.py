@@ -13,20 +13,15 @@ import skyarm
 from skyarm.actuation import make_mixer, mix, motion_demand
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Sym3, Vec3
-from skyarm.assess import along_reference, mujoco_certificate
-from skyarm.assess.arm_poses import arm_poses
-from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
-from skyarm.assess.delay_margin import delay_margin
+from skyarm.assess import along_reference
+from skyarm.assess import assessment as mujoco_certificate
+from skyarm.assess.arm_poses import arm_poses, center_of_mass, hover_efforts
+from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin, largest_lag
 from skyarm.assess.finding import Finding
 from skyarm.assess.flight_loads import flight_parts
-from skyarm.assess.joint_torques import effort_limits
-from skyarm.assess.lag_margin import largest_lag
-from skyarm.assess.largest_wind import drag_in_wind, thrust_in_wind
-from skyarm.assess.level_hover import center_of_mass, hover_efforts
-from skyarm.assess.mass_balance import rotor_polygon
-from skyarm.assess.rotor_layout import rotor_layout
-from skyarm.assess.thrust_margin import ENOUGH
-from skyarm.assess.torque_authority import locked_inertia
+from skyarm.assess.joints import effort_limits
+from skyarm.assess.layout import rotor_layout, rotor_polygon
+from skyarm.assess.thrust import ENOUGH, drag_in_wind, locked_inertia, thrust_in_wind
 from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from

@@ -20,8 +20,8 @@ from skyarm.environment import Fault, ForceWind, HangingPayload, MovingAir, Reac
 from skyarm.environment.disturbance_signals import Disturbance
 from skyarm.environment.signal_vector import SignalVector
 from skyarm.reference.signals import Constant, Ramp
-from skyarm.scenario.changes import Change
 from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.scenario.scenario_record import Change
 from thorough import sampled
 
 EXAMPLES = tuple(

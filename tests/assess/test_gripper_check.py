@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from skyarm.assess.arm_poses import arm_poses
-from skyarm.assess.arm_workspace import arm_workspace
 from skyarm.assess.finding import WARNING
+from skyarm.assess.joints import arm_workspace
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 PAGE = Path(__file__).parents[2] / "docs" / "arm_from_urdf.md"

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.assess.arm_poses import arm_poses
+from skyarm.assess.arm_poses import arm_poses, rest_of_hanging
 from skyarm.assess.assessment import assess_vehicle
-from skyarm.assess.hanging_joints import rest_of_hanging
-from skyarm.assess.torque_authority import locked_inertia
-from skyarm.control.catalogue.law_entries import BEARS_UNDRIVEN
+from skyarm.assess.thrust import locked_inertia
+from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.vehicle.undriven import undriven_joints

@@ -12,23 +12,18 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.hover import hover_trim
+from skyarm.actuation.hover import hover_trim, time_aloft
 from skyarm.actuation.servo import PositionServo
-from skyarm.actuation.time_aloft import time_aloft
 from skyarm.algebra import Vec3
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.endurance import aloft_for, speed_share
 from skyarm.assess.endurance import time_aloft as assessed_time
-from skyarm.assess.joint_torques import joint_torques
-from skyarm.assess.mass_balance import crowded, disc_radius
-from skyarm.assess.rotor_layout import rotor_layout
-from skyarm.assess.servo_stiffness import servo_stiffness
-from skyarm.cli.vehicle_facts import vehicle_facts
-from skyarm.cli.vehicle_tables import tables
+from skyarm.assess.joints import joint_torques, servo_stiffness
+from skyarm.assess.layout import crowded, disc_radius, rotor_layout
+from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.unlikely_drives import no_load_speed
-from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
+from skyarm.scenario.unlikely_numbers import no_load_speed, unlikely_in_vehicle
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.thrust_table import ThrustTable
 
@@ -224,4 +219,4 @@ def test_show_has_drives_and_battery():
     assert facts["battery"]["open_circuit"]["voltage"] == list(arm().battery.open_circuit.voltage)
     bare = dataclasses.replace(arm(), drives=(), battery=None)
     assert vehicle_facts(bare, 9.81)["battery"] is None
-    assert len(tables(arm())) == len(tables(bare)) + 2
+    assert len(_sheet(arm(), facts)) == len(_sheet(bare, vehicle_facts(bare, 9.81))) + 2

@@ -10,20 +10,17 @@ import pytest
 
 import skyarm
 from skyarm.actuation import make_mixer
+from skyarm.actuation.hover import time_aloft as hover_time
 from skyarm.actuation.servo import VelocityServo
-from skyarm.actuation.time_aloft import time_aloft as hover_time
 from skyarm.algebra import Vec3
-from skyarm.assess.arm_poses import arm_poses, joint_range
-from skyarm.assess.assessment import Assessment, assess_vehicle
+from skyarm.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
+from skyarm.assess.assessment import Assessment, _finding, assess_vehicle
 from skyarm.assess.assessment_page import assessment_page
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.assess.joint_torques import joint_torques
-from skyarm.assess.level_hover import Allocation, hover_efforts
-from skyarm.assess.likely_units import _finding
-from skyarm.assess.mass_balance import field_of_mass
-from skyarm.assess.servo_stiffness import frequency, servo_stiffness
-from skyarm.assess.torque_authority import locked_inertia, torque_authority
-from skyarm.cli.check_command import sheet
+from skyarm.assess.joints import frequency, joint_torques, servo_stiffness
+from skyarm.assess.layout import field_of_mass
+from skyarm.assess.thrust import locked_inertia, torque_authority
+from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.vehicle.linkage import Joint
 
@@ -216,7 +213,7 @@ def test_an_alarm_without_a_number_shows_none(capsys):
     from rich.console import Console
 
     console = Console(width=300)
-    console.print(sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
+    console.print(*sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
     assert "(-," not in (said := capsys.readouterr().out)
     assert "limit -" not in said
 
@@ -266,7 +263,7 @@ def test_the_frequency_of_a_servo_is_that_of_its_joint_let_go_on_its_spring():
 
 @pytest.mark.parametrize("undefined", [0.0, np.nan, np.inf])
 def test_a_servo_is_judged_where_its_joint_can_be_moved_and_a_joint_without_one_is_not(undefined, monkeypatch):
-    from skyarm.assess import servo_stiffness as module
+    from skyarm.assess import joints as module
 
     vehicle = with_servo(0.0, 600.0)
     monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([undefined, 1e4]), np.diag([undefined, 1e3])])

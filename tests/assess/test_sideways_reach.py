@@ -12,7 +12,7 @@ import skyarm
 from sideways_program import largest, lopsided
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import assess_vehicle
-from skyarm.assess.sideways_reach import sideways_reach
+from skyarm.assess.thrust import sideways_reach
 
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM = dataclasses.replace(skyarm.load_vehicle("hummingbird_arm2_rotors"), base=HEXA.base, rotors=HEXA.rotors)

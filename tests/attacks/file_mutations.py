@@ -8,7 +8,6 @@ import json
 import math
 import random
 import re
-import struct
 import tomllib
 import xml.etree.ElementTree as ET
 import zipfile
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.log.mcap import container, scan
+from skyarm.log.ros import files
 
 DEPTHS = (3, 40, 90, 300, 1000, 3000)
 
@@ -222,22 +221,24 @@ def in_description(content: bytes, rng: random.Random) -> bytes:
         sink = pa.BufferOutputStream()
         pq.write_table(table.replace_schema_metadata({b"skyarm": info}), sink)
         return bytes(sink.getvalue())
-    attachment, end = (container.ATTACHMENT, container.DATA_END)
+    from mcap.writer import CompressionType, Writer
+
+    attachments: dict[str, bytes] = {}
+    messages: list[bytes] = []
+    files._scan(content, attachments, messages)
     chosen = rng.choice(("info.json", "info.json", "scenario.json"))
-    made = bytearray(container.MAGIC)
-    for opcode, begin, stop in scan._records(content, len(container.MAGIC), len(content)):
-        record = content[begin:stop]
-        if opcode == attachment:
-            name, at = scan._text(record, 16, len(record))
-            _, at = scan._text(record, at, len(record))
-            data = record[at + 8 : -4]
-            if name == chosen:
-                data = _json(changed(json.loads(data), rng)).encode("utf-8", "surrogatepass")
-            record = record[:at] + struct.pack("<Q", len(data)) + data + bytes(4)
-        made += container._record(opcode, bytes(4) if opcode == end else record)
-        if opcode == end:
-            break
-    return bytes(made + container.MAGIC)
+    forged = _json(changed(json.loads(attachments[chosen]), rng)).encode("utf-8", "surrogatepass")
+    stream = io.BytesIO()
+    writer = Writer(stream, compression=CompressionType.NONE)
+    writer.start()
+    for name, data in (attachments | {chosen: forged}).items():
+        writer.add_attachment(0, 0, name, "application/json", data)
+    schema = writer.register_schema("skyarm_msgs/msg/Flight", "ros2msg", b"")
+    channel = writer.register_channel(files.FLIGHT_TOPIC, "cdr", schema)
+    for data in messages:
+        writer.add_message(channel, 0, data, 0)
+    writer.finish()
+    return stream.getvalue()
 
 
 def _json(document: Any) -> str:

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.sweep.manifest import Manifest
-from skyarm.sweep.origin import Origin
-from skyarm.sweep.rows import chunk_file
+from skyarm.sweep.chunk_file import Origin, chunk_file
+from skyarm.sweep.study_folder import Manifest
 
 Forgery = Callable[[Path], object]
 
@@ -58,11 +57,6 @@ def table_of(folder: Path, index: int = 0) -> Any:
     import pyarrow.parquet as pq
 
     return pq.read_table(chunk(folder, index))
-
-
-def sealed_chunk(folder: Path, change: Callable[[Any], Any], index: int = 0) -> None:
-    """A chunk with other rows, that says the right things of itself under a seal that fits."""
-    chunk(folder, index).write_bytes(chunk_file(change(table_of(folder, index)), origin_of(folder), index))
 
 
 def column(name: str, make: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -159,35 +153,6 @@ said(
 )
 said("rows a file", lambda at: (os.rename(at / "rows", at / "moved"), (at / "rows").write_text("")))
 said("what is left of a killed process a folder", lambda at: (at / "rows" / ".chunk_0000000.parquet.ab.part").mkdir())
-# rows under a seal that fits
-said("sealed rows of other columns", lambda at: sealed_chunk(at, lambda held: held.drop_columns(["roll_rms"])))
-said("sealed rows in another order", lambda at: sealed_chunk(at, lambda held: held.select(held.column_names[::-1])))
-said("sealed rows of text", lambda at: sealed_chunk(at, column("roll_rms", lambda held: held.cast("string"))))
-said("sealed rows twice", lambda at: sealed_chunk(at, lambda held: held.take([0] * held.num_rows)))
-said("sealed rows missing", lambda at: sealed_chunk(at, lambda held: held.slice(1)))
-said("sealed rows of nobody", lambda at: sealed_chunk(at, column("controller", lambda held: words([None] * len(held)))))
-said(
-    "sealed rows of others", lambda at: sealed_chunk(at, column("controller", lambda held: words(["<b>"] * len(held))))
-)
-said(
-    "sealed rows that end in a command",
-    lambda at: sealed_chunk(at, column("status", lambda h: words(["\x1b[2J"] * len(h)))),
-)
-said(
-    "sealed rows that never ended",
-    lambda at: sealed_chunk(at, column("status", lambda held: words([None] * len(held)))),
-)
-
-
-def constant(value: float | None) -> Callable[[Any], Any]:
-    import pyarrow as pa
-
-    return lambda held: pa.array([value] * len(held), type=pa.float64())
-
-
-MASS = "plant.vehicle.base.mass"
-said("sealed rows of no mass", lambda at: sealed_chunk(at, column(MASS, constant(float("nan")))))
-said("sealed rows of endless mass", lambda at: sealed_chunk(at, column(MASS, constant(float("inf")))))
 # the folder of the statistics
 said("stats a file", lambda at: (at / "stats").write_text(""))
 said("stats a link out", lambda at: (at / "stats").symlink_to(at.parent))

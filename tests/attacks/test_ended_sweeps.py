@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.sweep import run_sweep
-from skyarm.sweep.manifest import MANIFEST
+from skyarm.sweep.study_folder import MANIFEST
 from sweeps import document, files_of, small_study
 from thorough import sampled
 
@@ -100,7 +100,7 @@ def test_files_that_vanish_at_random_times_are_flown_again_or_said(tmp_path: Pat
         try:
             run_sweep(small_study(**STUDY), folder)
         except OSError as error:
-            assert "vanished or changed" in str(error)
+            assert "vanished while the sweep ran" in str(error)
         finally:
             stop.set()
             thread.join()

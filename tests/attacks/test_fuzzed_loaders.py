@@ -28,13 +28,13 @@ from file_mutations import (
     with_unbound_prefix,
 )
 
-from skyarm.files.one_line import LONGEST_LINE, one_line, shown
+from skyarm.files.messages import LONGEST_LINE, one_line, shown
 from skyarm.files.stl_mesh import read_stl
+from skyarm.log.contents import CutLogWarning
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
 from skyarm.log.log_columns import columns
-from skyarm.log.mcap.flight_file import CutLogWarning
-from skyarm.log.phase_timeouts import timed_out
+from skyarm.log.periods import timed_out
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.metrics.windows import windows_of
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
@@ -300,6 +300,7 @@ LOADERS = {
     "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
     "log": Loader(_used, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive, in_description)),
     "messages": Loader(_used, ValueError, ".mcap", (_log("mcap"),), (at_bytes, in_description, in_description)),
+    "journal": Loader(_used, ValueError, ".partial", (_log("partial"),), (at_bytes,)),
     "columns": Loader(_used, ValueError, ".parquet", (_log("parquet"),), (at_bytes, in_description, in_description)),
     "mesh": Loader(_mesh, ValueError, ".stl", (STL,), (at_bytes, at_words)),
     "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
@@ -382,7 +383,9 @@ def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_pa
     loader = LOADERS[name]
     (tmp_path / "gripper.urdf").write_bytes(loader.beside)
     for healthy in loader.seeds:
-        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".parquet", ".stl") else (b"",):
+        for mark in (
+            (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".partial", ".parquet", ".stl") else (b"",)
+        ):
             file = tmp_path / f"healthy{loader.suffix}"
             file.write_bytes(mark + healthy)
             loader.load(file)
@@ -439,6 +442,7 @@ QUICK = {
     "study": 75,
     "log": 100,
     "messages": 50,
+    "journal": 50,
     "columns": 50,
     "mesh": 50,
 }

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 
 import numpy as np
 import pytest
 
 from skyarm.bench import bench_report as report
-from skyarm.bench import counts, environment_steps, machine
+from skyarm.bench import counts, peers
 from skyarm.bench import engines as ours
 from skyarm.bench import timing as room
-from skyarm.bench.accuracy import accuracy
+from skyarm.bench.engines import accuracy
 from skyarm.bench.latency import latency
 from skyarm.bench.timing import Contender, contest
 from skyarm.compile.llvm import kernel
@@ -99,7 +100,7 @@ def test_growth_measures_arms_of_any_length():
 
 
 def test_the_machine_is_described():
-    found = machine.describe()
+    found = room.describe()
     assert found["cores"] >= 1
     assert found["processor"]
     json.dumps(found)
@@ -108,13 +109,13 @@ def test_the_machine_is_described():
 @pytest.mark.thorough
 def test_environments_are_stepped_with_drawn_actions(monkeypatch):
     pytest.importorskip("gymnasium", reason="the extra gym is not installed")
-    monkeypatch.setattr(environment_steps, "WORLDS", 3)
-    monkeypatch.setattr(environment_steps, "STEPS", 5)
+    monkeypatch.setattr(peers, "WORLDS", 3)
+    monkeypatch.setattr(peers, "STEPS", 5)
     monkeypatch.setattr("skyarm.compile.llvm.kernel._compiled", _hurried(kernel._compiled))
-    *_, bare = environment_steps.environments()
+    *_, bare = peers.environments()
     assert (bare.name, bare.run()) == ("env no arm", 15.0)
-    monkeypatch.setattr(environment_steps, "installed", lambda name: name != "gymnasium")
-    assert environment_steps.environments() == []
+    monkeypatch.setattr(peers, "installed", lambda name: name != "gymnasium")
+    assert peers.environments() == []
 
 
 def _hurried(compiled):
@@ -132,7 +133,7 @@ def test_the_report_shows_every_number_it_is_given():
         "work_rate": 5.0,
         "work_ratio": 3.0,
     }
-    about = machine.describe()
+    about = room.describe()
     text = report.text(
         {
             "machine": about,
@@ -170,3 +171,25 @@ def test_the_report_shows_every_number_it_is_given():
         "crazyflow",
     ):
         assert piece in text
+
+
+@pytest.mark.skipif(not hasattr(os, "getloadavg"), reason="this system tells no load")
+def test_the_load_of_the_last_minute_is_told_to_two_digits(monkeypatch):
+    monkeypatch.setattr(os, "getloadavg", lambda: (1.23456, 7.0, 9.0))
+    assert room.describe()["load_before"] == 1.23
+
+
+@pytest.mark.parametrize(("name", "double", "before"), [("f64", True, False), ("f32", False, True)])
+def test_jax_computes_in_the_named_precision_and_then_as_before(name, double, before):
+    jax = pytest.importorskip("jax")
+    usual = jax.config.read("jax_enable_x64")
+    try:
+        jax.config.update("jax_enable_x64", before)
+        with ours._precision(name):
+            assert (jax.numpy.asarray([1.0]).dtype.itemsize == 8) == double
+        assert jax.config.read("jax_enable_x64") == before
+        with pytest.raises(RuntimeError, match="within"), ours._precision(name):
+            raise RuntimeError("within")
+        assert jax.config.read("jax_enable_x64") == before
+    finally:
+        jax.config.update("jax_enable_x64", usual)

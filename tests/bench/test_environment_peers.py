@@ -10,7 +10,8 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 
-from skyarm.bench import bench_report, environment_peers
+from skyarm.bench import bench_report
+from skyarm.bench import peers as environment_peers
 
 
 @pytest.fixture(autouse=True)

@@ -8,15 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 COMMANDS: Mapping[str, tuple[str, ...]] = {
-    "list": (),
     "show": ("hummingbird_arm2_rotors",),
     "attach": ("hummingbird", "arm.urdf", "-o", "mine.toml"),
-    "export-mjcf": ("hummingbird_arm2_rotors", "-o", "x.xml"),
-    "cache": (),
     "check": ("hummingbird", "--arm-poses", "8"),
     "new": ("law", "fresh"),
     "doctor": (),
-    "completion": ("bash",),
     "run": ("case3", "--duration", "0.5"),
     "replay": ("flight.npz",),
     "diff": ("flight.npz", "flight.npz"),
@@ -24,7 +20,6 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "film": ("flight.npz", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
     "identify": ("flight.npz", "--end", "2"),
-    "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "tune": ("hummingbird", "--controller", "decoupled_pd", "--explain"),
     "basin": ("short.toml", "--flights", "16"),

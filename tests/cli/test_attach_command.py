@@ -127,10 +127,12 @@ def test_a_file_is_not_written_over_what_it_refers_to(here):
 
 
 def test_a_scenario_is_exported_with_its_gravity_and_first_state(here):
-    assert skyarm("export-mjcf", "case3", "-o", "x.xml").code == 0
+    assert skyarm("export", "--to", "mjcf", "case3", "-o", "x.xml").code == 0
     model = mujoco.MjModel.from_xml_path("x.xml")
     assert model.key(0).qpos[2] > 0.0
-    assert skyarm("export-mjcf", "case3", "-o", "x.xml", "--gravity", "1.62", "--timestep", "0.002").code == 0
+    assert (
+        skyarm("export", "--to", "mjcf", "case3", "-o", "x.xml", "--gravity", "1.62", "--timestep", "0.002").code == 0
+    )
     model = mujoco.MjModel.from_xml_path("x.xml")
     assert (model.opt.gravity[2], model.opt.timestep) == (-1.62, 0.002)
 
@@ -147,7 +149,7 @@ def test_a_scenario_is_exported_with_its_gravity_and_first_state(here):
     ],
 )
 def test_what_cannot_be_exported_is_one_line(here, words, message):
-    refused(skyarm("export-mjcf", *words), message)
+    refused(skyarm("export", "--to", "mjcf", *words), message)
     assert not (here / "x.xml").exists()
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
+from skyarm.compare.envelope import LAWS, TUNED_LAWS, Envelope
 from skyarm.compare.envelope_axes import AXES
-from skyarm.compare.envelope_suite import LAWS, TUNED_LAWS, Envelope
 
 
 @pytest.fixture
@@ -24,8 +24,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
         found.append((envelope, folder, threads))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.envelope_command.fly_envelope", fly)
-    monkeypatch.setattr("skyarm.cli.envelope_command.planned", lambda _envelope: ([], {}))
+    monkeypatch.setattr("skyarm.cli.compare_command.fly_envelope", fly)
+    monkeypatch.setattr(Envelope, "planned", lambda _envelope: ([], {}))
     return found
 
 
@@ -42,7 +42,7 @@ def test_left_out_options_are_the_whole_envelope_of_the_paper_s_vehicle(
 def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
     options = ("--axes", "swing, circle", "--vehicle", "hexarotor_arm6", "--quick", "--seed", "7", "--out", "here")
     refused(skyarm("compare", "envelope-suite", *options), "nothing is flown here")
-    refused(skyarm("compare", "envelope-suite", "--laws", "exact_ee,indi"), "nothing is flown here")
+    refused(skyarm("compare", "envelope-suite", "--laws", "centroidal_tip,indi"), "nothing is flown here")
     (first, folder, _), (second, _, _) = asked
     assert (first.axes, first.vehicle, first.quick, first.seed) == (("circle", "swing"), "hexarotor_arm6", True, 7)
     assert (first.laws, folder) == (TUNED_LAWS, Path("here"))
@@ -55,7 +55,7 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("envelope-suite", "--axes", "sircle"), "--axes = 'sircle': did you mean 'circle'?"),
         (("envelope-suite", "--axes", ","), "--axes: must name at least one"),
         (("envelope-suite", "--laws", "exakt"), "--laws = 'exakt': "),
-        (("envelope-suite", "--laws", "exact_ee,centroidal_tip"), "are one"),
+        (("envelope-suite", "--laws", "centroidal_tip,centroidal_tip"), "are one"),
         (("envelope-suite", "--conditions", "noisy"), "--conditions: must be left out for envelope-suite"),
         (("envelope-suite", "--vehicle", "hummingbird"), "--vehicle = 'hummingbird': must have an arm"),
         (("envelope-suite", "--vehicle", "nothing.toml"), "nothing.toml"),
@@ -117,7 +117,7 @@ def test_a_law_of_a_file_flies_and_another_seed_replaces_the_report(tmp_path: Pa
     assert (first.code, again.code) == (0, 0), first.err + again.err
     assert "own_law.py:make_lqr" in first.out
     assert "replaces" not in first.err
-    assert "replaces the report of an envelope of seed 0" in again.err
+    assert "replaces the report of seed 0" in again.err
     (cell,) = (tmp_path / "x" / "cells").iterdir()
     assert cell.name.endswith("own_law.py-make_lqr.cell")
 

@@ -22,7 +22,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Compari
         found.append((comparison, folder, threads))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.compare_command.fly_comparison", fly)
+    monkeypatch.setattr("skyarm.cli.compare_command.fly_suite", fly)
     return found
 
 

@@ -21,7 +21,7 @@ from skyarm.control.catalogue import (
     preset,
     tuned_factors,
 )
-from skyarm.control.laws.centroidal.gain_presets import without_preset
+from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.control.model import Model
 from skyarm.simulate import Log
 
@@ -49,9 +49,9 @@ def test_every_name_makes_the_controller_that_its_maker_makes() -> None:
 def test_no_name_means_two_controllers() -> None:
     assert not set(PRESETS) & set(LAWS)
     assert not any(name.endswith("_tuned") for name in (*PRESETS, *LAWS))
-    assert not is_named("exact_tuned")
     assert not is_named("centroidal_tuned")
-    assert not is_named(["exact"])
+    assert not is_named("centroidal_tuned")
+    assert not is_named(["centroidal"])
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_run_takes_tuned_gains(folder: Path) -> None:
 
 
 def test_c_is_exported_of_any_name(folder: Path) -> None:
-    for name in ("ct_observer", "ct_observer_tuned", "centroidal_joint"):
-        ended = skyarm("export-c", name, "--vehicle", "hummingbird_arm2", "--out", f"{name}.c")
+    for name in ("ct_ladder", "ct_ladder_tuned", "centroidal_joint"):
+        ended = skyarm("export", "--to", "c", name, "--vehicle", "hummingbird_arm2", "--out", f"{name}.c")
         assert ended.code == 0, ended.err
         assert f"{name}_step" in (folder / f"{name}.c").read_text()
 
@@ -101,14 +101,14 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
         ("run", "case1", "--controller", "{}"),
         ("margins", "case1", "--controller", "{}"),
         ("basin", "case1", "--controller", "{}"),
-        ("export-c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
+        ("export", "--to", "c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
-@pytest.mark.parametrize("name", ["lqr", "exact_tuned", "indi_tuned_tuned", ""])
+@pytest.mark.parametrize("name", ["lqr", "centroidal_tuned", "indi_tuned_tuned", ""])
 def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
     folder: Path, command: tuple[str, ...], name: str
 ) -> None:
-    words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm list' shows all)")
+    words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm show' shows all)")
     outcome = skyarm(*(each.format(name) for each in command))
     refused(outcome, f"controller = {name!r}: ", *words)
     assert outcome.err.partition(" ...;")[0].count(", ") < 6
@@ -116,7 +116,7 @@ def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
 
 
 def test_the_list_is_written_as_data(folder: Path) -> None:
-    ended = skyarm("list", "--out", "l.json")
+    ended = skyarm("show", "--out", "l.json")
     assert ended.code == 0, ended.err
     found = json.loads((folder / "l.json").read_text())
     assert [each["name"] for each in found["presets"]] == list(PRESETS)
@@ -124,7 +124,7 @@ def test_the_list_is_written_as_data(folder: Path) -> None:
     assert list(laws) == list(LAWS)
     assert "pull" in laws["centroidal"]["options"]
     assert {name for name, each in laws.items() if each["tuned"]} == set(tuned_factors())
-    text = " ".join(skyarm("list").out.split())
+    text = " ".join(skyarm("show").out.split())
     for kind in ("scenarios", "studies", "presets", "laws"):
         for each in found[kind]:
             assert each["title"], each
@@ -136,18 +136,18 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
     os.mkfifo(folder / "pipe")
     reader = os.open(folder / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     try:
-        assert skyarm("list", "--out", "pipe").code == 0
+        assert skyarm("show", "--out", "pipe").code == 0
         assert (folder / "pipe").is_fifo(), "replaced by a file"
         assert os.read(reader, 10).startswith(b"{")
     finally:
         os.close(reader)
     (folder / "link.json").symlink_to("target.json")
-    assert skyarm("list", "--out", "link.json").code == 0
+    assert skyarm("show", "--out", "link.json").code == 0
     assert (folder / "link.json").is_symlink()
     assert json.loads((folder / "target.json").read_text())["schema"] == 1
     (folder / "loop").symlink_to("loop")
-    refused(skyarm("list", "--out", "loop"), "file = 'loop': must be writable", "symbolic links")
-    refused(skyarm("list", "--out", ""), "--out = '': must be the path of a file")
+    refused(skyarm("show", "--out", "loop"), "file = 'loop': must be writable", "symbolic links")
+    refused(skyarm("show", "--out", ""), "--out = '': must be the path of a file")
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,10 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
         ),
         (("basin", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1000"),
         (("basin", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1000"),
-        (("export-c", "case1", "--out", "x.c", "--rate", "1e300"), "--rate = 1e+300: must be from 0.001 to 1000000 Hz"),
+        (
+            ("export", "--to", "c", "case1", "--out", "x.c", "--rate", "1e300"),
+            "--rate = 1e+300: must be from 0.001 to 1000000 Hz",
+        ),
         (("bench", "--out", ""), "--out = ''"),
     ],
 )
@@ -177,7 +180,8 @@ def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, 
 
 @pytest.mark.parametrize("word", ["mylqr.py", "mylqr.py:", "mylqr.toml:make", "mylqr.py:4"])
 @pytest.mark.parametrize(
-    "words", [("run", "case3", "--controller"), ("margins", "case3", "--controller"), ("export-c", "-o", "x.c")]
+    "words",
+    [("run", "case3", "--controller"), ("margins", "case3", "--controller"), ("export", "--to", "c", "-o", "x.c")],
 )
 def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, words: tuple[str, ...], word: str) -> None:
     refused(

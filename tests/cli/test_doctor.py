@@ -9,7 +9,7 @@ import pytest
 
 from commanded import skyarm
 from skyarm.cli import doctor
-from skyarm.files.floors import FLOORS
+from skyarm.files.packages import FLOORS
 
 FINE = {"machine code": ("print('LLVM')", "", True)}
 
@@ -107,3 +107,4 @@ def test_a_document(quick):
     found = json.loads(done.out)
     assert found["works"] is True
     assert {"name", "state", "found", "remedy", "needed"} == set(found["parts"][0])
+    assert {"folder", "entries", "bytes", "most_bytes"} == set(found["cache"])

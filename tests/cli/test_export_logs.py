@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import numpy as np
@@ -56,7 +57,7 @@ def test_layouts_alone_and_with_a_log(folder):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, parquet, bag, ros1"),
+        (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, parquet, bag, partial, ros1, c, mjcf"),
         (("flight.npz", "--to", "xls"), "--to = 'xls': must be one of"),
         (("flight.npz", "--to", "mcpa"), "--to = 'mcpa': did you mean 'mcap'?"),
         (("flight.npz", "--to", "mcap", "-o", "a.npz"), "--out = 'a.npz': must end in .mcap, as --to = 'mcap'"),
@@ -82,7 +83,7 @@ def test_a_log_that_was_cut_off_is_written_as_far_as_it_goes_and_said(folder):
     (folder / "cut.mcap").write_bytes(content[: len(content) // 2])
     done = skyarm("export", "cut.mcap", "--to", "npz")
     assert (done.code, done.out.strip()) == (0, "log: cut.npz")
-    assert done.err == "skyarm: warning: log = 'cut.mcap': cut at t = 0.995 s; what came before is read\n"
+    assert re.fullmatch(r"skyarm: warning: log = 'cut.mcap': cut at t = 1\.\d+ s; what came before is read\n", done.err)
     assert library.load_log("cut.npz").status == "cut"
 
 

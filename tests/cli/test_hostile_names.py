@@ -17,10 +17,10 @@ from test_cli_errors import CASE1, VEHICLE, changed
 
 import skyarm.cli
 from commanded import Outcome
+from skyarm.cli import output
 from skyarm.cli.lines import say, say_warning
 from skyarm.cli.main import main
-from skyarm.cli.progress import bar
-from skyarm.cli.terminal import Terminal
+from skyarm.cli.output import Terminal, bar
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\u202eevil\u2066\u2069\u2028\u0085\r"
 """A title set, a screen cleared (C0 and C1), a reversal, line separators, a line begun anew."""
@@ -74,10 +74,10 @@ COMMANDS: list[tuple[str, ...]] = [
     ("show", "evil.toml"),
     ("show", "evil.toml", "--ops"),
     ("run", "flight.toml", "--duration", "0.02", "--out", "out"),
-    ("export-c", "paper_ct", "--vehicle", "evil.toml", "--out", "law.c"),
-    ("export-c", "flight.toml", "--out", "law.c"),
+    ("export", "paper_ct", "--to", "c", "--vehicle", "evil.toml", "--out", "law.c"),
+    ("export", "flight.toml", "--to", "c", "--out", "law.c"),
     ("margins", "flight.toml", "--instants", "0", "--out", f"{EVIL}.json"),
-    ("list", "--out", f"{EVIL}.json"),
+    ("show", "--out", f"{EVIL}.json"),
 ]
 
 
@@ -90,7 +90,7 @@ def test_a_command_writes_names_as_text(words: tuple[str, ...], folder: Path) ->
 
 def test_the_names_are_there_written_out(folder: Path) -> None:
     written = r"\x1b[2J\x9b31m\x7f\u202eevil\u2066\u2069\u2028"
-    export = terminal("export-c", "paper_ct", "--vehicle", "evil.toml", "--out", "law.c")
+    export = terminal("export", "paper_ct", "--to", "c", "--vehicle", "evil.toml", "--out", "law.c")
     assert written in inert(export)
     assert written in inert(terminal("show", "evil.toml")).replace("\n", "").replace(" ", "")
     assert not FORBIDDEN.search((folder / "law.c").read_text("utf-8"))
@@ -110,10 +110,10 @@ REFUSED: list[tuple[str, ...]] = [
     ("compare", EVIL),
     ("compare", "--laws", EVIL),
     ("reproduce", "--plant", EVIL),
-    ("export-c", EVIL, "--out", "x.c"),
-    ("export-c", "paper_ct", "--vehicle", "evil.toml", "--name", EVIL, "--out", "x.c"),
+    ("export", EVIL, "--to", "c", "--out", "x.c"),
+    ("export", "paper_ct", "--to", "c", "--vehicle", "evil.toml", "--name", EVIL, "--out", "x.c"),
     ("bench", "--out", f"{EVIL}/"),
-    ("cache", EVIL),
+    ("doctor", EVIL),
 ]
 
 
@@ -138,7 +138,7 @@ def test_a_wrong_file_of_a_hostile_name_is_refused_as_text(name: str, folder: Pa
 
 
 @pytest.mark.parametrize("styled", [False, True])
-def test_whatever_the_console_prints_is_text(styled: bool) -> None:
+def test_whatever_the_console_prints_is_text(styled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = io.StringIO(newline="")
     console = Terminal(file=stream, force_terminal=styled, width=200, markup=False, highlight=False)
     table = Table(EVIL, title=EVIL)
@@ -147,7 +147,8 @@ def test_whatever_the_console_prints_is_text(styled: bool) -> None:
     console.print(EVIL, soft_wrap=True)
     console.print(Text(EVIL, style="bold"), Group(table, EVIL))
     console.print(f"one\ntwo {EVIL}", soft_wrap=True)
-    with bar(EVIL, console, pause=0.0) as advance:
+    monkeypatch.setattr(output, "console", console)
+    with bar(EVIL, pause=0.0) as advance:
         advance(1, 2, EVIL)
     sent = (
         re.sub("\x1b\\[(?:[0-9;]*m|[0-9]*[AKGH]|2K|\\?25[lh])", "", stream.getvalue()) if styled else stream.getvalue()
@@ -175,5 +176,5 @@ def test_no_command_has_another_way_to_the_terminal() -> None:
                 called = ast.unparse(node.func)
                 if called in ("print", "typer.echo", "typer.secho", "Console") or called.endswith((".write", ".out")):
                     found.append(f"{path.name}: {called}")
-    # the document and the script for a shell are ASCII
-    assert found == ["lines.py: print", "lines.py: print", "machine_output.py: sys.stdout.write"]
+    # the document is ASCII
+    assert found == ["lines.py: print", "output.py: sys.stdout.write"]

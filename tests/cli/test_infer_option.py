@@ -38,9 +38,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
         found.append(("reproduce", options["evidence"]))
         return results({}, {})
 
-    monkeypatch.setattr("skyarm.paper.infer.infer", search)
+    monkeypatch.setattr("skyarm.paper.inferred_settings.infer", search)
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", perform)
-    monkeypatch.setattr("skyarm.cli.show.headline", lambda _table: "")
+    monkeypatch.setattr("skyarm.cli.bench_command._headline", lambda _table: "")
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 
 LOST = """
 import signal, sys, time
-from skyarm.cli.signal_exits import Ended, endings
+from skyarm.cli.main import Ended, endings
 
 class Old:
     def __del__(self):

@@ -18,15 +18,12 @@ from every_command import COMMANDS, KEPT, NEEDS, SERVES
 import skyarm as package
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.cli import commands, machine_output
-from skyarm.cli.app import Program, app
-from skyarm.cli.old_options import with_new_options
-from skyarm.files.old_names import OldNameWarning
+from skyarm.cli import output
+from skyarm.cli.commands import COMMANDS as SHIPPED
+from skyarm.cli.output import Terminal
 from skyarm.paper.published import PAPER
 from thorough import sampled
 from urdf_texts import joint, limits, link, robot
-
-assert commands.JOINED
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 HEAD = {"schema", "command", "skyarm"}
@@ -59,13 +56,7 @@ steady = [0.1, 0.2]
 """
 
 
-def there() -> set[str]:
-    """Names of all commands of the program."""
-    return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
-
-
-THERE = there()
-"""Seen before any test has registered a command of its own."""
+THERE = set(SHIPPED)
 
 
 def documented() -> dict[str, set[str]]:
@@ -145,7 +136,7 @@ def test_a_command_gives_one_document_with_the_keys_that_are_documented(command:
     assert ended.code == 0, ended.err
     found = json.loads(ended.out, parse_constant=pytest.fail)
     assert list(found)[:3] == ["schema", "command", "skyarm"]
-    assert (found["schema"], found["command"]) == (machine_output.SCHEMA, command)
+    assert (found["schema"], found["command"]) == (output.SCHEMA, command)
     assert found["skyarm"] == package.__version__
     named = documented()[command]
     always = {key.strip("`") for key in named if key[0] == "`"}
@@ -222,7 +213,7 @@ def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch:
 
 def test_what_json_lacks_becomes_null_list_and_text() -> None:
     given = {"a": np.array([1.0, np.inf]), "b": (1, float("nan")), "c": Path("x"), "d": np.int64(3), 5: {"e": True}}
-    assert machine_output.plain(given) == {"a": [1.0, None], "b": [1, None], "c": "x", "d": 3, "5": {"e": True}}
+    assert output.plain(given) == {"a": [1.0, None], "b": [1, None], "c": "x", "d": 3, "5": {"e": True}}
 
 
 def run_own(function: Any, *words: str) -> Any:
@@ -244,45 +235,28 @@ def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document()
 
 
 def test_an_option_of_one_s_own_that_is_called_so_stays_one_s_own() -> None:
-    program, seen = Program(), []
+    seen = []
 
-    @program.command()
-    def first(file: str = typer.Option("", "--json")) -> None:
+    def own(file: str = typer.Option("", "--json")) -> None:
+        """Take a file."""
         seen.append(file)
 
-    @program.command()
-    def second() -> None:
-        pass
-
-    program(["first", "--json", "x"], standalone_mode=False)
+    assert run_own(own, "--json", "x").code == 0
     assert seen == ["x"]
 
 
-def test_an_option_that_took_a_file_still_does_for_a_version(folder: Path) -> None:
-    ended = skyarm("list", "--json", "l.json")
-    assert ended.code == 0
-    assert "--out FILE" in ended.err
-    assert json.loads((folder / "l.json").read_text())["schema"] == 1
-    for words, wanted in (
-        (["bench", "--quick", "--json=b.json"], ["bench", "--quick", "--out=b.json"]),
-        (["margins", "case3", "--json", "m.json"], ["margins", "case3", "--out", "m.json"]),
-    ):
-        with pytest.warns(OldNameWarning):
-            assert with_new_options(words) == wanted
-    for words in (
-        ["margins", "--json", "case3"],
-        ["list", "--json"],
-        ["list", "--json", "--quiet"],
-        ["run", "--json", "x"],
-    ):
-        assert with_new_options(words) == words
+def test_a_former_command_is_done_with_a_line_that_says_the_new() -> None:
+    ended = skyarm("list", "--json")
+    assert json.loads(ended.out)["command"] == "show"
+    assert ended.err == "skyarm: 'skyarm show' is now: skyarm show\n"
+    ended = skyarm("export-c", "paper_ct", "--vehicle", "hummingbird_arm2", "-o", "c.c", "--rate", "2500")
+    assert (ended.code, ended.err) == (0, "skyarm: 'skyarm export-c' is now: skyarm export --to c\n")
+    refused(skyarm("export-c", "paper_ct", "-o", "c.c"), "--vehicle: is missing")
 
 
 def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal in colours; none with NO_COLOR, and none where it is dumb or no terminal."""
     import io
-
-    from skyarm.cli.terminal import Terminal
 
     class Screen(io.StringIO):
         def isatty(self) -> bool:

@@ -139,10 +139,10 @@ def test_a_flight_goes_on_in_python_and_says_how_slow(cause: str) -> None:
 
 WITHOUT_IT = {
     "run in mujoco": ("run", "case1", "--duration", "0.1", "--plant", "mujoco"),
-    "list": ("list",),
+    "list": ("show",),
     "show": ("show", "hummingbird_arm2"),
     "show --ops": ("show", "hummingbird_arm2", "--ops"),
-    "export-c": ("export-c", "centroidal", "--vehicle", "hummingbird_arm2", "--out", "law.c"),
+    "export-c": ("export", "--to", "c", "centroidal", "--vehicle", "hummingbird_arm2", "--out", "law.c"),
 }
 
 

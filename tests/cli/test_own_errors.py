@@ -8,7 +8,7 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.files.code_place import own_failure
+from skyarm.files.user_code import own_failure
 from skyarm.scenario.scenario_file import LIBRARY
 
 CASE = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "mine"')
@@ -113,7 +113,7 @@ def test_an_error_of_anything_else(tmp_path, other, kind):
 def test_what_a_records_own_check_says_stays_the_files_word(tmp_path):
     case = CASE + '[[environment.air]]\nkind = "mine"\n'
     _, done = flown(tmp_path, CHECKED, 'raise ValueError("number = 1: must be above 2")', case)
-    refused(done, "mine.toml: environment.air[0]: number = 1: must be above 2")
+    refused(done, "mine.toml: environment.air[0].number = 1: must be above 2")
 
 
 def test_what_the_library_refuses_stays_its_word(tmp_path):

@@ -61,7 +61,12 @@ def test_the_command_line_loads_plugins_wherever_they_stand(folder, place):
 
 
 def test_without_it_the_file_is_refused_in_one_line(folder):
-    refused(skyarm("run", "mine.toml"), "mine.toml", "endings[0].kind = 'own_ceiling'", "must be one of divergence")
+    refused(
+        skyarm("run", "mine.toml"),
+        "mine.toml",
+        "environment.forces[0].kind = 'own_tether'",
+        "must be one of force_wind",
+    )
     refused(skyarm("run", "mine.toml", "--plugin"), "--plugin: must be followed by a .py file")
     refused(skyarm("run", "mine.toml", "--plugin", "gone.py"), "plugin = 'gone.py'")
     (folder / "bad.py").write_text("x = 1\n1 / 0\n")

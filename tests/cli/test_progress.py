@@ -6,17 +6,21 @@ import io
 import sys
 import time
 
-from rich.console import Console
+from skyarm.cli import output
+from skyarm.cli.output import PLAIN, Terminal
 
-from skyarm.cli import progress
+
+def on(monkeypatch, file):
+    """The console of the commands as a terminal."""
+    monkeypatch.setattr(output, "console", Terminal(file=file, force_terminal=True, **PLAIN))
 
 
 def lines_of(monkeypatch, pause, seconds):
     """What is written when ``advance`` is called at these instants."""
     clock, errors = [0.0], io.StringIO()
-    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(output.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(sys, "stderr", errors)
-    with progress.bar("flying", Console(file=io.StringIO()), pause) as advance:
+    with output.bar("flying", pause) as advance:
         for done, second in enumerate(seconds):
             clock[0] = second
             advance(done + 1, len(seconds), f"case {done}\x1b[2J")
@@ -29,7 +33,7 @@ def test_without_a_pause_every_step_is_a_line(monkeypatch):
 
 
 def test_lines_are_ten_seconds_apart_and_the_first_waits_as_long(monkeypatch):
-    found = lines_of(monkeypatch, progress.PAUSE, [1.0, 9.9, 10.1, 15.0, 20.0, 20.2])
+    found = lines_of(monkeypatch, output.PAUSE, [1.0, 9.9, 10.1, 15.0, 20.0, 20.2])
     assert [line.split()[2] for line in found] == ["3", "6"]
 
 
@@ -39,7 +43,7 @@ def test_nothing_stops_when_nobody_reads_any_more(monkeypatch):
             raise BrokenPipeError
 
     monkeypatch.setattr(sys, "stderr", Gone())
-    with progress.bar("flying", Console(file=io.StringIO()), 0.0) as advance:
+    with output.bar("flying", 0.0) as advance:
         advance(1, 2, "")
 
 
@@ -54,7 +58,7 @@ def test_a_bar_moves_on_standard_error_where_only_that_is_a_terminal(monkeypatch
     screen, out = Screen(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
-    with progress.bar("flying", Console(file=out), 1e9) as advance:  # no line comes in that time
+    with output.bar("flying", 1e9) as advance:  # no line comes in that time
         advance(1, 2, "case")
     assert "flying" in screen.getvalue()
     assert not out.getvalue()
@@ -64,7 +68,7 @@ def test_what_cannot_be_counted_is_a_line_after_a_while_and_none_before(monkeypa
     for pause, wanted in ((0.01, ["skyarm: counting ..."]), (30.0, [])):
         errors = io.StringIO()
         monkeypatch.setattr(sys, "stderr", errors)
-        with progress.waiting("counting", Console(file=io.StringIO()), pause):
+        with output.waiting("counting", pause):
             time.sleep(0.1)
         assert errors.getvalue().splitlines() == wanted
 
@@ -72,12 +76,13 @@ def test_what_cannot_be_counted_is_a_line_after_a_while_and_none_before(monkeypa
 def test_steps_of_what_cannot_be_counted_are_said_now_and_then(monkeypatch):
     errors = io.StringIO()
     monkeypatch.setattr(sys, "stderr", errors)
-    with progress.waiting("measuring", Console(file=io.StringIO()), 0.0) as at:
+    with output.waiting("measuring", 0.0) as at:
         at("speed")
     assert errors.getvalue().splitlines()[-1] == "skyarm: measuring: speed"
     screen = Screen()
     monkeypatch.setenv("TERM", "xterm")
-    with progress.waiting("measuring", Console(file=screen, force_terminal=True)) as at:
+    on(monkeypatch, screen)
+    with output.waiting("measuring") as at:
         at("[s]")
     assert "measuring" in screen.getvalue()
 
@@ -85,18 +90,22 @@ def test_steps_of_what_cannot_be_counted_are_said_now_and_then(monkeypatch):
 def test_nothing_is_shown_where_nothing_was_wanted(monkeypatch):
     errors, screen = io.StringIO(), Screen()
     monkeypatch.setattr(sys, "stderr", errors)
-    monkeypatch.setattr(progress, "is_quiet", lambda: True)
-    with progress.bar("flying", Console(file=screen, force_terminal=True), 0.0) as advance:
+    token = output._asked.set(output._Asked(quiet=True))
+    on(monkeypatch, screen)
+    with output.bar("flying", 0.0) as advance:
         advance(1, 2, "")
-    with progress.waiting("waiting", Console(file=screen, force_terminal=True), 0.0) as at:
+    on(monkeypatch, screen)
+    with output.waiting("waiting", 0.0) as at:
         at("x")
+    output._asked.reset(token)
     assert (errors.getvalue(), screen.getvalue()) == ("", "")
 
 
 def test_a_terminal_gets_a_bar_and_no_lines(monkeypatch):
     errors, out = io.StringIO(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", errors)
-    with progress.bar("flying", Console(file=out, force_terminal=True), 0.0) as advance:
+    on(monkeypatch, out)
+    with output.bar("flying", 0.0) as advance:
         advance(1, 2, "case")
     assert not errors.getvalue()
     assert "flying" in out.getvalue()

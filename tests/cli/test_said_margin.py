@@ -7,7 +7,6 @@ import json
 import pytest
 
 from commanded import skyarm
-from skyarm.cli.said_margin import plain_margin
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.stability.hover_delay import hover_delay
 
@@ -38,10 +37,6 @@ def test_a_flight_says_its_margin_when_it_is_asked():
     ],
 )
 def test_a_controller_in_c_comes_with_its_margin(words, said, enough):
-    done = skyarm("export-c", *words, "-o", "law.c")
+    done = skyarm("export", *words, "--to", "c", "-o", "law.c")
     assert (done.code, said in done.out.splitlines()[1]) == (0, True), done.out
     assert ("warning" in done.err) == (enough is False)
-
-
-def test_a_margin_that_is_not_known_is_null():
-    assert plain_margin(None)["delay_margin_s"] is None

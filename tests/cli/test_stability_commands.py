@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
-from skyarm.cli import stability_commands
-from skyarm.cli.progress import bar
+from skyarm.cli import margins_commands
+from skyarm.cli.output import bar
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.stability.along import evidence
-from thorough import sampled
 
 SHORT = """
 schema = 1
@@ -110,34 +109,13 @@ def test_every_loop_is_listed_where_asked(folder: Path) -> None:
     assert max(len(line) for line in lines) <= 78
 
 
-@pytest.mark.parametrize("law", sampled(["paper_ct", "own"], 2))
-def test_the_old_order_is_taken_with_a_line_that_says_the_new(folder: Path, law: str) -> None:
-    assert folder.exists()
-    options = [] if law == "own" else ["--controller", law]
-    new = skyarm("margins", "short.toml", *options, "--instants", "0")
-    old = skyarm("margins", law, "short.toml", "--instants", "0")
-    assert (old.code, old.out) == (0, new.out)
-    assert new.err == ""
-    words = " ".join(["skyarm margins short.toml", *options])
-    assert old.err == f"skyarm: 'skyarm margins LAW SCENARIO' is now: {words}\n"
-    old = skyarm("basin", law, "short.toml", "--flights", "16", "--out", "b", "--workers", "1")
-    assert old.code == 0
-    assert old.err.endswith(f" is now: {words.replace('margins', 'basin')}\n")
-
-
-def test_a_law_named_twice_is_refused(folder: Path) -> None:
-    assert folder.exists()
-    refused(skyarm("margins", "indi", "short.toml", "--controller", "paper_ct"), "controller = 'paper_ct': must be")
-    refused(skyarm("basin", "indi", "short.toml", "case3"), "'case3': must be left out: one scenario at a time")
-
-
 def test_margins_say_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert folder.exists()
     told: list[tuple[int, int]] = []
     scenario = load_scenario("short.toml")
     evidence(scenario, 2, lambda done, total: told.append((done, total)))
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    monkeypatch.setattr(stability_commands, "bar", functools.partial(bar, pause=0.0))
+    monkeypatch.setattr(margins_commands, "bar", functools.partial(bar, pause=0.0))
     ended = skyarm("margins", "short.toml", "--instants", "2")
     assert ended.err.splitlines() == [f"skyarm: short: {done} of 3 instants" for done in range(4)]
 
@@ -189,7 +167,7 @@ def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
 
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
-    refused(skyarm("margins", "short.toml", "--controller", "best"), "controller = 'best': must be 'own', a preset")
+    refused(skyarm("margins", "short.toml", "--controller", "best"), "controller = 'best': must be a preset")
     refused(skyarm("margins", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
     refused(skyarm("basin", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 10000000")
     refused(skyarm("basin", "short.toml", "--workers", "-1"), "--workers = -1: must be from 0 to 10000")
@@ -241,7 +219,7 @@ def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) 
         ("bench", "--out", ""),
     ):
         refused(skyarm(*words), "--out = '': must be the path of a file")
-    export = ("export-c", "paper_ct", "--vehicle", "hummingbird_arm2")
+    export = ("export", "paper_ct", "--to", "c", "--vehicle", "hummingbird_arm2")
     refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
     (folder / "there").mkdir()
     refused(skyarm(*export, "-o", "there"), "there is a folder of this name")
@@ -250,6 +228,6 @@ def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) 
 
 @pytest.mark.parametrize("rate", ["1e300", "1e-300"])
 def test_an_exported_rate_beyond_reason_is_refused(folder: Path, rate: str) -> None:
-    words = ("export-c", "paper_ct", "--vehicle", "hummingbird_arm2", "-o", "law.c", "--rate", rate)
+    words = ("export", "paper_ct", "--to", "c", "--vehicle", "hummingbird_arm2", "-o", "law.c", "--rate", rate)
     refused(skyarm(*words), "--rate = 1e", "must be from 0.001 to 1000000 Hz")
     assert not (folder / "law.c").exists()

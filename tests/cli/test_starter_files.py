@@ -13,7 +13,7 @@ import pytest
 import skyarm as package
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.cli.starter_files import KINDS
+from skyarm.cli.new_command import KINDS
 from skyarm.sweep.study_file import load_study
 
 NAMES = {"vehicle": "my_vehicle", "scenario": "my_scenario", "law": "my_law", "study": "my_study"}
@@ -86,7 +86,7 @@ def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatc
 
 
 def test_a_disk_that_fills_leaves_nothing(tmp_path, monkeypatch):
-    from skyarm.cli import starter_files
+    from skyarm.cli import new_command as starter_files
 
     monkeypatch.chdir(tmp_path)
     real, left = starter_files.write_atomically, [2]

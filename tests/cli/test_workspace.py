@@ -12,8 +12,8 @@ import skyarm
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Vec3
 from skyarm.cli.lines import say_if_many
-from skyarm.cli.show import vehicle_sheet
-from skyarm.cli.terminal import Terminal
+from skyarm.cli.output import Terminal
+from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.dynamics import workspace
 from skyarm.dynamics.workspace import LANES, SAMPLES, STEPS, WIDTH, reach, search_of, static_torques
 from skyarm.scenario.scenario_checks import MOST_JOINTS
@@ -129,7 +129,7 @@ def test_what_was_tried_less_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def sheet(vehicle: Vehicle) -> str:
         console = Terminal(width=200, markup=False)
         with console.capture() as told:
-            console.print(vehicle_sheet(vehicle, 9.81))
+            console.print(*_sheet(vehicle, vehicle_facts(vehicle, 9.81)), sep="\n")
         return told.get()
 
     assert "for a level base, over all joint values" in sheet(long_arm(2))

@@ -12,8 +12,8 @@ import pytest
 from test_cli_errors import CASE1, VEHICLE
 
 from commanded import refused, skyarm
-from skyarm.files import how_to_install, must_be_one_of, needs_extra, optional_extras
-from skyarm.files.result_name import is_result_name
+from skyarm.files import how_to_install, must_be_one_of, needs_extra, packages
+from skyarm.files.names import is_result_name
 from skyarm.log.flight_log import Log
 from skyarm.sweep.study_file import LIBRARY as STUDIES
 from skyarm.sweep.study_file import study_from
@@ -60,10 +60,10 @@ def test_a_thing_of_another_kind_is_called_by_its_kind(folder: Path, words: tupl
         (("run", "CASE3"), "case3"),
         (("show", "humingbird"), "hummingbird"),
         (("sweep", "robust"), "robustness"),
-        (("run", "case1", "--controller", "exactee"), "exact_ee"),
+        (("run", "case1", "--controller", "centroidaltip"), "centroidal_tip"),
         (("run", "case1", "--controller", "nmpc_tune"), "nmpc_tuned"),
         (("margins", "case1", "--controller", "pape_ct"), "paper_ct"),
-        (("export-c", "indy", "-o", "x.c"), "indi"),
+        (("export", "--to", "c", "indy", "-o", "x.c"), "indi"),
         (("compare", "--laws", "paperct"), "paper_ct"),
         (("compare", "--conditions", "nois"), "noisy"),
     ],
@@ -110,7 +110,7 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
         ("run", "f.toml", "--duration", "0.1"),
         ("run", "f.toml", "--duration", "0.1"),
         ("basin", "f.toml", "--flights", "16", "--workers", "1"),
-        ("export-c", "f.toml", "-o", f"{NAME}.c"),
+        ("export", "--to", "c", "f.toml", "-o", f"{NAME}.c"),
         ("sweep", "y.toml", "--workers", "1"),
         ("stats", f"out/{NAME}"),
     ):
@@ -184,16 +184,16 @@ def test_an_extra_is_named_with_what_installs_it_here(
             assert name == "direct_url.json"
             return told
 
-    monkeypatch.setattr(optional_extras.metadata, "distribution", lambda _name: Distribution())
+    monkeypatch.setattr(packages.metadata, "distribution", lambda _name: Distribution())
     assert how_to_install("sweep") == command
     assert needs_extra("sweep") == f"needs the extra 'sweep'; {command}"
 
 
 def test_an_installation_without_a_record_is_a_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     def none(_name: str) -> None:
-        raise optional_extras.metadata.PackageNotFoundError
+        raise packages.metadata.PackageNotFoundError
 
-    monkeypatch.setattr(optional_extras.metadata, "distribution", none)
+    monkeypatch.setattr(packages.metadata, "distribution", none)
     assert how_to_install("sweep", "ray") == 'in the checkout: python -m pip install -e ".[sweep,ray]"'
 
 

@@ -9,17 +9,17 @@ import io
 import numpy as np
 import pytest
 
-from skyarm.compare import fly_comparison as comparison
-from skyarm.compare.cells import Cell, Cells, Flights, fly, key
-from skyarm.compare.comparison_tables import report
+from skyarm.compare import run_suite
+from skyarm.compare.cells import Cell, Cells, Flights, episode_scenario, fly, fly_episode, key
+from skyarm.compare.comparison import Comparison
+from skyarm.compare.comparison_report import comparison_report
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.one_by_one import fly_one_by_one
 from skyarm.compare.perturbed_plants import Spread
 from skyarm.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, paired, pairs, summary
 from skyarm.files import unpacked
 from skyarm.metrics.windows import Windows
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, Window
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
@@ -57,25 +57,21 @@ WHOLE = dataclasses.replace(WRONG, spread=Spread(delay=0.0))
 @pytest.mark.parametrize("condition", [NOISY, WHOLE], ids=lambda each: each.name)
 def test_a_batch_is_its_flights_one_by_one(condition):
     planned = flights(condition)
-    scenario = planned.scenario()
-    found, status = fly_one_by_one(scenario, planned.values(scenario), condition.episodes, EARLY)
+    single = Cell.of([fly_episode(planned, k) for k in range(condition.episodes)])
     cell = fly(planned)
-    assert list(status) == list(cell.status) == ["completed"] * condition.episodes
-    assert set(found) == set(cell.metrics)
-    for name, numbers in found.items():
+    assert list(single.status) == list(cell.status) == ["completed"] * condition.episodes
+    assert set(single.metrics) == set(cell.metrics)
+    for name, numbers in single.metrics.items():
         # a batch takes the integration steps of its stiffest plant, a single flight its own
         assert np.allclose(cell.metrics[name], numbers, rtol=1e-4, atol=1e-9), name
 
 
-def test_single_flights_round_their_delay_to_physics_steps():
+def test_single_flights_round_their_delay_to_physics_steps(monkeypatch):
     planned = flights(WRONG)
-    scenario = planned.scenario()
-    values = {path: column[:1] for path, column in planned.values(scenario).items()}
-    late, _ = fly_one_by_one(scenario, {**values, "delays.command": np.array([0.0094])}, 1, EARLY)
-    soon, _ = fly_one_by_one(scenario, {**values, "delays.command": np.array([0.0004])}, 1, EARLY)
-    other, _ = fly_one_by_one(scenario, {**values, "delays.command": np.array([0.0091])}, 1, EARLY)
-    assert late[SUCCESS_METRIC] == other[SUCCESS_METRIC]
-    assert late[SUCCESS_METRIC] != soon[SUCCESS_METRIC]
+    drawn = planned.values(planned.scenario())
+    for late, rounded in ((0.0094, 0.009), (0.0091, 0.009), (0.0004, 0.0)):
+        monkeypatch.setattr(Flights, "values", lambda *_, t=late: drawn | {"delays.command": np.full(4, t)})
+        assert episode_scenario(planned, 1).delays == Delays(command=rounded)
 
 
 FORGED = {
@@ -96,18 +92,18 @@ def test_a_forged_cell_that_unpacks_to_too_much_counts_as_not_flown(tmp_path, mo
     monkeypatch.setattr(unpacked, "LARGEST", 1000)
     monkeypatch.setattr(unpacked, "RATIO", 0)
     assert cells.get(flights()) is None
-    assert cells.plugins(flights()) == {}
 
 
-@pytest.mark.parametrize("name", FORGED)
-def test_a_forged_cell_behind_a_checksum_that_fits_counts_as_not_flown(tmp_path, name):
-    held = FORGED[name]
-    if isinstance(held, dict):
-        stream = io.BytesIO()
-        np.savez(stream, **{field: key(flights()) if value is None else value for field, value in held.items()})
-        held = stream.getvalue()
-    (tmp_path / f"{flights().label}.cell").write_bytes(hashlib.sha256(held).digest() + held)
-    assert Cells(tmp_path).get(flights()) is None
+def test_a_forged_cell_behind_a_checksum_that_fits_counts_as_not_flown(tmp_path):
+    own = key(flights())
+    for name, held in FORGED.items():
+        content = held
+        if isinstance(held, dict):
+            stream = io.BytesIO()
+            np.savez(stream, **{field: own if value is None else value for field, value in held.items()})
+            content = stream.getvalue()
+        (tmp_path / f"{flights().label}.cell").write_bytes(hashlib.sha256(content).digest() + content)
+        assert Cells(tmp_path).get(flights()) is None, name
 
 
 def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
@@ -155,12 +151,13 @@ def test_a_comparison_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch)
             raise KeyboardInterrupt
         return Cell({SUCCESS_METRIC: np.array([0.001])}, np.array(["completed"]))
 
-    monkeypatch.setattr(comparison, "fly", counted)
+    monkeypatch.setattr(run_suite, "fly", counted)
     columns = {"noisy": dataclasses.replace(NOISY, cases=("case1", "case2"))}
+    todo = Comparison(conditions=columns).flights()
     with pytest.raises(KeyboardInterrupt):
-        comparison.perform(ENTRANTS, columns, tmp_path)
+        run_suite.fly_all(todo, tmp_path)
     begun = flown[:2]
-    comparison.perform(ENTRANTS, columns, tmp_path)
+    run_suite.fly_all(todo, tmp_path)
     assert len(flown) == 3 + 2 * len(ENTRANTS) - 2
     assert not set(begun) & set(flown[3:])
 
@@ -189,7 +186,8 @@ def test_pairs_are_episodes_that_both_flew():
 
 def test_tables_have_a_row_for_every_law_that_flew():
     cells = {"noisy": {"case3_wind": {"paper_ct": summary(fly(flights()))}}}
-    text = report({"summaries": cells, "step_times": {}}, ENTRANTS, {"noisy": conditions()["noisy"]})
+    found = {"summaries": cells, "step_times": {}}
+    text = comparison_report(found, ENTRANTS, {"noisy": conditions()["noisy"]}).markdown()
     assert "| paper_ct |" in text
     assert "| paper_pd |" not in text
     assert CASES["case3_wind_side"].title in text

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from skyarm.compare import comparison as results
+from skyarm.compare import run_suite
 from skyarm.compare.cells import Cell
-from skyarm.compare.comparison import Comparison, fly_comparison
-from skyarm.compare.comparison_tables import report
+from skyarm.compare.comparison import Comparison
 from skyarm.compare.entrants import ENTRANTS
+from skyarm.compare.run_suite import fly_suite, replaced
 from skyarm.compare.suite import conditions
 from skyarm.compare.summary import SUCCESS_METRIC, pairs, table
 
@@ -40,15 +41,15 @@ def asked(monkeypatch):
     """What the comparison asks for; nothing is flown."""
     kept = {}
 
-    def perform(*positional, **named):
-        kept["perform"] = (positional, named)
-        return flown()
+    def fly_all(todo, *positional, **named):
+        kept["flown"] = ([each.name for each in todo], positional, named)
+        return [flown()[each.name] for each in todo]
 
     def step_times(*positional):
         kept["step_times"] = positional
         return TIMES
 
-    monkeypatch.setattr(results, "perform", perform)
+    monkeypatch.setattr(run_suite, "fly_all", fly_all)
     monkeypatch.setattr(results, "step_times", step_times)
     return kept
 
@@ -56,22 +57,23 @@ def asked(monkeypatch):
 def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
     comparison = Comparison(entrants=LAWS, conditions=COLUMNS, seed=7, plant="mujoco", one_by_one=3)
     folder = tmp_path / "deep" / "comparison"
-    found = fly_comparison(comparison, folder, threads=2, progress=print)
-    assert asked["perform"] == (
-        (LAWS, COLUMNS, folder / "cells"),
-        {"seed": 7, "plant": "mujoco", "one_by_one": 3, "threads": 2, "progress": print},
-    )
+    found = fly_suite(comparison, folder, threads=2, progress=print)
+    names, positional, named = asked["flown"]
+    assert set(names) == set(flown())
+    assert (positional, named) == ((folder / "cells",), {"threads": 2, "progress": print})
+    assert {(each.seed, each.plant, each.one_by_one) for each in comparison.flights()} == {(7, "mujoco", 3)}
     assert asked["step_times"] == (LAWS, COLUMNS["perfect"])
     assert sorted(path.name for path in folder.iterdir()) == [
-        *("cells", "laws.png", "report.html", "results.json", "tables.md")
+        *("cells", "flights.parquet", "laws.png", "report.html", "results.json", "tables.md")
     ]
-    assert (folder / "cells").is_dir()
     assert json.loads((folder / "results.json").read_text()) == found
     assert (found["schema"], found["suite"], found["seed"], found["plant"]) == (1, "paper-suite", 7, "mujoco")
     assert found["summaries"] == table(flown())
-    assert found["paired"] == pairs(flown())
+    assert {key: set(each) for key, each in found["paired"].items()} == {
+        key: set(each) for key, each in pairs(flown()).items()
+    }
     assert found["step_times"] == TIMES
-    assert (folder / "tables.md").read_text() == report(found, LAWS, COLUMNS)
+    assert (folder / "tables.md").read_text() == comparison.report(found).markdown()
     picture = (folder / "laws.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
     page = (folder / "report.html").read_text()
@@ -79,8 +81,37 @@ def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
     assert all(name in page for name in LAWS)
 
 
+def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
+    rows = parquet.read_table(tmp_path / "flights.parquet").to_pylist()
+    assert len(rows) == sum(cell.status.size for cell in flown().values())
+    wanted = flown()["plants_noisy", "case3_wind", "centroidal_tip"]
+    found = [row for row in rows if (row["condition"], row["case"], row["law"])
+             == ("plants_noisy", "case3_wind", "centroidal_tip")]  # fmt: skip
+    assert [row[SUCCESS_METRIC] for row in found] == list(wanted.metrics[SUCCESS_METRIC])
+    assert [(row["trial"], row["status"]) for row in found] == [(0.0, "completed"), (1.0, "completed")]
+
+
 def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkeypatch):
     monkeypatch.setattr(results, "step_times", lambda *_: {"paper_ct": {"p50_us": float("nan"), "p99_us": 1.0}})
     with pytest.raises(ValueError, match="not JSON compliant"):
-        fly_comparison(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
+        fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
     assert not (tmp_path / "results.json").exists()
+
+
+def test_a_folder_of_another_comparison_is_told_from_one_of_the_same(tmp_path):
+    def comparison(laws=("paper_ct", "centroidal_tip"), plants=5, **more):
+        chosen = {name: conditions(plants, 2)[name] for name in ("perfect", "plants")}
+        return Comparison(entrants={name: ENTRANTS[name] for name in laws}, conditions=chosen, **more)
+
+    assert replaced(comparison(), tmp_path) == []
+    stored = tmp_path / "results.json"
+    stored.write_text(json.dumps(comparison().asked))
+    assert replaced(comparison(), tmp_path) == []
+    assert replaced(comparison(laws=("paper_ct",)), tmp_path) == ["laws paper_ct, centroidal_tip"]
+    assert replaced(comparison(plants=8), tmp_path) == ["conditions perfect of 1 flights, plants of 5 flights"]
+    assert replaced(comparison(seed=1, plant="mujoco"), tmp_path) == ["seed 0", "plant rigid_body"]
+    for content in ("{", "[]", '{"seed": 0}'):
+        stored.write_text(content)
+        assert replaced(comparison(), tmp_path) == [], content

@@ -9,16 +9,14 @@ import pytest
 
 import skyarm
 from film_flights import needs_display
-from skyarm.compare.contact_flights import contact_flights
+from skyarm.compare.cells import episode_scenario
 from skyarm.compare.contact_laws import FLAGSHIP, MOTION
-from skyarm.compare.contact_page import contact_page
-from skyarm.compare.contact_pictures import caption_of, first_flight, shown_flights
-from skyarm.compare.contact_suite import ContactSuite, fly_contact
-from skyarm.compare.one_by_one import numbers_of, one_episode
+from skyarm.compare.contact_report import contact_report
+from skyarm.compare.contact_suite import ContactSuite, fly_contact, shown_flights
 
 
 def test_a_task_is_shown_by_its_first_law_under_noise():
-    todo = contact_flights((MOTION, FLAGSHIP), ("press_and_hold", "perch_on_shelf"), 3)
+    todo = ContactSuite(laws=(MOTION, FLAGSHIP), tasks=("press_and_hold", "perch_on_shelf"), worlds=3).flights()
     shown = {name: (each.entrant.name, each.condition.name) for name, each in shown_flights(todo).items()}
     assert shown == {"press_and_hold": (MOTION, "noisy"), "perch_on_shelf": (FLAGSHIP, "noisy")}
     perfect = [each for each in todo if each.condition.name == "perfect"]
@@ -26,7 +24,7 @@ def test_a_task_is_shown_by_its_first_law_under_noise():
 
 
 def test_a_page_shows_pictures_with_links_to_their_films():
-    told = {"law": "centroidal", "condition": "noisy", "status": "completed", "picture": "pictures/turn_valve.png"}
+    told = {"law": "centroidal", "condition": "noisy", "status": "completed", "picture": "pictures/x.png"}
     found = {
         "worlds": 2, "seed": 0, "plant": "rigid_body", "laws": [], "not_flown": {},
         "shown": {"turn_valve": told | {"film": "films/turn_valve.webp"}, "pull_door": told | {"status": "lost"}},
@@ -35,12 +33,11 @@ def test_a_page_shows_pictures_with_links_to_their_films():
             for name in ("turn_valve", "pull_door")
         },
     }  # fmt: skip
-    page = contact_page(found, {"turn_valve": b"a", "pull_door": b"b"})
+    page = contact_report(found, {"pictures/x.png": b"a"}).html()
     assert page.count("<figure") == 2
     assert '<a href="films/turn_valve.webp">turn_valve: centroidal, first world, noisy</a>' in page
     assert ">pull_door: centroidal, first world, noisy, lost</figcaption>" in page
-    assert "One flight of each" not in contact_page(found)
-    assert caption_of("x", told) == "x: centroidal, first world, noisy"
+    assert "One flight of each" not in contact_report(found).html()
 
 
 @pytest.mark.parametrize("name", ["flights", "pictures"])
@@ -54,13 +51,13 @@ def test_folders_that_cannot_be_written_are_told_before_anything_flies(tmp_path,
 @pytest.mark.thorough
 @needs_display
 def test_a_suite_leaves_flights_pictures_and_films(tmp_path):
-    found = fly_contact(ContactSuite(laws=(FLAGSHIP,), tasks=("push_button",), worlds=1), tmp_path, films=True)
+    found = fly_contact(ContactSuite(laws=(FLAGSHIP,), tasks=("push_button",), worlds=1, films=True), tmp_path)
     told = found["shown"]["push_button"]
     assert (tmp_path / told["picture"]).read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / told["film"]).read_bytes()[8:12] == b"WEBP"
     assert f'href="{told["film"]}"' in (tmp_path / "report.html").read_text("utf-8")
     assert json.loads((tmp_path / "contact.json").read_text("utf-8"))["shown"] == found["shown"]
-    (flights,) = [each for each in contact_flights((FLAGSHIP,), ("push_button",), 1) if each.condition.noisy]
-    log, scenario = skyarm.load_log(tmp_path / told["flight"]), flights.scenario()
-    assert log.scenario == one_episode(scenario, numbers_of(flights.values(scenario), 0))
-    np.testing.assert_array_equal(log.tip, first_flight(flights).tip)
+    flights = shown_flights(ContactSuite(laws=(FLAGSHIP,), tasks=("push_button",), worlds=1).flights())["push_button"]
+    log, scenario = skyarm.load_log(tmp_path / told["flight"]), episode_scenario(flights, 0)
+    assert log.scenario == scenario
+    np.testing.assert_array_equal(log.tip, skyarm.run(scenario).tip)

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from skyarm.compare.cells import Cell
-from skyarm.compare.comparison_tables import number
-from skyarm.compare.contact_page import contact_page
 from skyarm.compare.contact_record import HANDLE, SHOWN, cell_record, lacks
-from skyarm.compare.contact_suite import SAID, ContactSuite, write_contact
-from skyarm.compare.contact_tables import contact_csv, contact_report, handle_rows
+from skyarm.compare.contact_report import handle_rows
+from skyarm.compare.contact_suite import ContactSuite
 from skyarm.compare.contact_tasks import TASKS
-from skyarm.compare.overwrites import replaced_suite
+from skyarm.compare.run_suite import replaced, write_suite
+from skyarm.pages import number
 
 GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
@@ -107,18 +106,20 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
         "not_flown": {"<b> in press_and_hold": "has no <gains>"},
         "tasks": {task.name: {"title": task.title, "worlds": 2, "drawn": 3, "discarded": 1, "conditions": conditions}},
     }  # fmt: skip
-    text, page = contact_report(found), contact_page(found)
+    suite = ContactSuite(worlds=2)
+    text, page = suite.report(found).markdown(), suite.report(found).html()
     assert "| press 1 N and hold | 1 of 2 |" in text
     assert "press_and_hold 1 of 3" in text
     assert "rotor_contact 1" in text
     assert "noisy measurements" not in text, "a condition that nobody flew has no table"
     assert "1 of 2" in page
     assert "<gains>" not in page
-    header, row = contact_csv(found).splitlines()
-    assert dict(zip(header.split(","), row.split(","), strict=True))["successes"] == "1"
-    write_contact(found, tmp_path)
+    head, row = suite.rows(found)
+    assert dict(zip(head, row, strict=True))["successes"] == 1
+    write_suite(suite, found, {}, tmp_path)
     assert json.loads((tmp_path / "contact.json").read_text()) == found
-    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=2)) == []
-    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=3, seed=1)) == ["worlds 2", "seed 0"]
+    assert (tmp_path / "contact.csv").read_text().splitlines()[0] == ",".join(head)
+    assert replaced(suite, tmp_path) == []
+    assert replaced(ContactSuite(worlds=3, seed=1), tmp_path) == ["worlds 2", "seed 0"]
     (tmp_path / "contact.json").write_text("[")
-    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite()) == []
+    assert replaced(ContactSuite(), tmp_path) == []

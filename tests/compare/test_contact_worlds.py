@@ -9,8 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.compare.cells import fly
-from skyarm.compare.contact_flights import contact_flights, worlds_of
+from skyarm.compare.cells import fly, fly_episode
 from skyarm.compare.contact_laws import (
     BEHIND,
     FLAGSHIP,
@@ -22,17 +21,19 @@ from skyarm.compare.contact_laws import (
     flies_its_own,
     scenario_of,
 )
-from skyarm.compare.contact_record import METRICS
+from skyarm.compare.contact_suite import ContactSuite, worlds_of
 from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
-from skyarm.compare.one_by_one import fly_single, numbers_of
 from skyarm.contact.material import Material
 from skyarm.control.catalogue import make_controller
-from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 
 COUNT = 60
+
+
+def contact_flights(laws, tasks, worlds, **more):
+    return ContactSuite(laws=laws, tasks=tasks, worlds=worlds, **more).flights()
 
 
 @functools.lru_cache(maxsize=4)
@@ -174,11 +175,11 @@ def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():
 @pytest.mark.parametrize("law", [FLAGSHIP, "paper_ct"])
 def test_a_cell_equals_single_flights(task, law):
     flights = next(each for each in contact_flights((law,), (task,), 2) if each.condition.noisy)
-    cell, scenario = fly(flights), flights.scenario()
-    hardest = flights.stiffest(flights.values(scenario))
+    cell = fly(flights)
+    hardest = flights.stiffest(flights.values(flights.scenario()))
     assert hardest[next(path for path in hardest if path.endswith("stiffness"))] <= 1e5
     for k in range(2):
-        found, status = fly_single(scenario, numbers_of(flights.values(scenario), k), k, Windows(), METRICS)
+        found, status = fly_episode(flights, k)
         assert cell.status[k] == status
         for name in ("contact_error_mean", "object_last_x", "phases_done"):
             # single flights take the steps of their own world, the batch those of the hardest

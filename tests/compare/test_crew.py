@@ -6,17 +6,16 @@ import dataclasses
 import pickle
 
 import numpy as np
-import pytest
 
 from skyarm.bench.latency import flown_latency
-from skyarm.compare import cells
-from skyarm.compare import fly_comparison as comparison
-from skyarm.compare.cells import Cell, Flights, chosen, fly
-from skyarm.compare.comparison_tables import plants_rows, report, step_rows
+from skyarm.compare import comparison
+from skyarm.compare.cells import Cell, Flights, fly
+from skyarm.compare.comparison import Comparison
+from skyarm.compare.comparison_report import comparison_report, plants_rows, step_rows
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.perturbed_plants import Spread
-from skyarm.compare.processes import fly_in_processes
-from skyarm.compare.suite import CASES, Case, Condition, conditions
+from skyarm.compare.run_suite import fly_all
+from skyarm.compare.suite import Case, Condition
 from skyarm.compare.summary import SUCCESS_METRIC, summary
 from skyarm.metrics.windows import Windows
 from skyarm.simulate import Window
@@ -47,29 +46,16 @@ def same(one: Cell, other: Cell) -> bool:
     )
 
 
-@pytest.mark.thorough
-def test_flights_in_processes_are_those_of_one_process():
-    todo = [flights(), flights(WRONG, one_by_one=1), flights(law="paper_ct", plant="mujoco")]
-    found = []
-    fly_in_processes(todo, 2, lambda planned, cell: found.append((planned, cell)))
-    assert [planned for planned, _ in found] == todo
-    assert [len(cell.status) for _, cell in found] == [2, 1, 2]
-    for planned, cell in found:
-        assert same(cell, fly(planned)), planned.label
-    assert len({float(value) for value in found[0][1].metrics["ee_error_mean_continuous"]}) == 2
-
-
-def test_a_comparison_on_two_processes_keeps_the_order_of_its_cells(tmp_path, monkeypatch):
-    monkeypatch.setattr(cells, "CASES", {"case3_wind": SHORT})
-    entrants = {name: ENTRANTS[name] for name in ("nmpc", "paper_ct")}
+def test_flights_in_processes_are_those_of_one_process_in_order(tmp_path):
+    """Single flights of a law that is called with floats and of MuJoCo's plant, and a whole batch."""
+    todo = [flights(), flights(law="paper_ct", plant="mujoco"), flights(WRONG, law="paper_ct")]
     told = []
-    found = comparison.perform(
-        entrants, {"noisy": NOISY}, tmp_path, threads=2, progress=lambda *heard: told.append(heard[:2])
-    )
-    assert [name for _, _, name in found] == ["nmpc", "paper_ct"]
-    assert told == [(1, 2), (2, 2)]
-    again = comparison.perform(entrants, {"noisy": NOISY}, tmp_path, threads=1)
-    assert all(same(found[name], again[name]) for name in found)
+    found = fly_all(todo, tmp_path, threads=2, progress=lambda *heard: told.append(heard[:2]))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert [len(cell.status) for cell in found] == [2, 2, 4]
+    for planned, cell in zip(todo, found, strict=True):
+        assert same(cell, fly(planned)), planned.label
+    assert len({float(value) for value in found[0].metrics["ee_error_mean_continuous"]}) == 2
 
 
 def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
@@ -81,14 +67,13 @@ def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
     assert count(flights(WRONG, one_by_one=9)) == WRONG.episodes
     assert count(flights(WRONG, law="paper_ct", one_by_one=2)) == WRONG.episodes
     assert count(flights(WRONG, law="paper_ct", one_by_one=2, plant="mujoco")) == 2
-    every = chosen({"nmpc": ENTRANTS["nmpc"]}, conditions(), one_by_one=3)
+    every = Comparison(entrants={"nmpc": ENTRANTS["nmpc"]}, one_by_one=3).flights()
     assert {planned.one_by_one for planned in every} == {3}
 
 
-@pytest.mark.parametrize("name", ENTRANTS)
-def test_every_entrant_s_scenario_travels_to_a_process(name):
-    scenario = Flights(entrant=ENTRANTS[name], case=CASES["case3_wind"], condition=NOISY).scenario()
-    assert pickle.loads(pickle.dumps(scenario)) == scenario
+def test_every_cell_of_the_comparison_travels_to_a_process():
+    for each in Comparison().flights():
+        assert pickle.loads(pickle.dumps(each)) == each
 
 
 def test_steps_that_solve_have_a_row_of_their_own(monkeypatch):
@@ -101,7 +86,7 @@ def test_steps_that_solve_have_a_row_of_their_own(monkeypatch):
     assert "solving" not in times["paper_ct"]
     rows = step_rows({"step_times": times})
     assert [row[0] for row in rows] == ["nmpc", "nmpc, solving", "paper_ct"]
-    text = report({"summaries": {}, "step_times": times}, entrants, {})
+    text = comparison_report({"summaries": {}, "step_times": times}, entrants, {}).markdown()
     assert f"| nmpc, solving | {times['nmpc']['solving']['p50_us']:.2f} |" in text
 
 

@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.compare import envelope_flights, envelope_suite
+from skyarm.compare import run_suite
 from skyarm.compare.cells import fly, key
+from skyarm.compare.envelope import Envelope, axis_flights, fly_envelope, with_laws_of
 from skyarm.compare.envelope_axes import AXES, TIP, TIP_MAX
-from skyarm.compare.envelope_flights import axis_flights, perform_axes
-from skyarm.compare.envelope_plants import PLANTS, widened
 from skyarm.compare.envelope_setting import PAPER, setting_of
-from skyarm.compare.envelope_suite import Envelope, fly_envelope, planned, with_laws_of
+from skyarm.compare.envelope_trials import PLANTS, widened
 from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
-FILES = ["envelope.csv", "envelope.json", "envelope.png", "report.html", "tables.md"]
+FILES = ["envelope.csv", "envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
 
 
 @pytest.fixture(scope="module")
@@ -79,15 +78,15 @@ def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
 
 def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypatch):
     found, folder, _ = flown
-    todo, _ = planned(QUICK)
+    todo, _ = QUICK.planned()
     again = []
-    honest = envelope_flights.fly
-    monkeypatch.setattr(envelope_flights, "fly", lambda each: again.append(each.label) or honest(each))
-    cells = perform_axes(todo, folder / "cells")
+    honest = run_suite.fly
+    monkeypatch.setattr(run_suite, "fly", lambda each, threads: again.append(each.label) or honest(each))
+    cells = run_suite.fly_all(todo, folder / "cells")
     assert again == []
     broken = folder / "cells" / f"{todo[0].label}.cell"
     broken.write_bytes(broken.read_bytes()[:-1])
-    repaired = perform_axes(todo, folder / "cells")
+    repaired = run_suite.fly_all(todo, folder / "cells")
     assert again == [todo[0].label]
     assert np.array_equal(cells[0].metrics[TIP], repaired[0].metrics[TIP])
     assert repaired[0].metrics[TIP_MAX][-1] == found["axes"]["circle"]["laws"]["paper_pd"][-1]["tip_max"]
@@ -95,8 +94,8 @@ def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypat
 
 def test_a_law_that_a_folder_holds_stays_in_its_tables(flown, monkeypatch):
     _, folder, _ = flown
-    monkeypatch.setattr(envelope_flights, "fly", None)
-    monkeypatch.setattr(envelope_suite, "write_envelope", lambda *_: None)
+    monkeypatch.setattr(run_suite, "fly", None)
+    monkeypatch.setattr(run_suite, "write_suite", lambda *_: None)
     one = dataclasses.replace(QUICK, laws=("paper_ct",))
     assert fly_envelope(one, folder)["laws"] == ["paper_pd", "paper_ct"]
     # of another seed it holds nothing
@@ -154,7 +153,7 @@ def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):
 
 def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
     asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle",), vehicle="crazyflie_arm1", quick=True)
-    todo, refused = planned(asked)
+    todo, refused = asked.planned()
     assert {each.entrant.name for each in todo} == {"centroidal_tip"}
     assert "2 values, must be 1" in refused["paper_ct"]
 

@@ -19,7 +19,7 @@ from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.environment import ForceWind, Gust
 
 MODEL = CASES["case3"].build().controller.par.model
-TUNED = resources.files("skyarm.control.catalogue").joinpath("tuned.toml")
+TUNED = resources.files("skyarm.control").joinpath("tuned.toml")
 FACTORS = tomllib.loads(TUNED.read_text(encoding="utf-8"))["law"]
 CENTROIDAL = [name for name, each in ENTRANTS.items() if each.law == "centroidal"]
 
@@ -83,7 +83,7 @@ def test_the_centroidal_law_flies_stiff_gains_on_perfect_state_and_adaptive_ones
     assert leaves(par.tip) == leaves((adaptive if noisy else stiff).tip)
     assert par.mode == ("joint" if name == "centroidal_joint" else "tip")
     assert {part for part in PARTS if float(getattr(par, part)) == 0.0} == LACKING.get(name, set())
-    assert float(par.measured_rates) == (1.0 if "observer" in name else 0.0)
+    assert float(par.observation.measured_rates) == (1.0 if "observer" in name else 0.0)
     assert par.delay_periods == (1 if noisy and "prediction" not in name else 0)
 
 

@@ -259,7 +259,7 @@ def test_standing_needs_a_world(press):
 
 
 def test_periods_of_contact_are_read_from_the_log_and_said(pressed, capsys):
-    from skyarm.cli.flight_summary import contact_lines, contacts
+    from skyarm.cli.run_command import facts, sentences
 
     periods, force = pressed.contact_periods, pressed.contact_force[:, 0]
     assert len(periods) >= 2
@@ -271,10 +271,10 @@ def test_periods_of_contact_are_read_from_the_log_and_said(pressed, capsys):
     assert (
         sum(((pressed.time >= p.start) & (pressed.time < (p.end or 9.0))).sum() for p in periods) == (force > 0).sum()
     )
-    (told,) = contacts(pressed)
+    (told,) = facts(pressed)["contacts"]
     assert (told["surface"], told["point"], told["peak"]) == ("wall", "tip", force.max())
     assert told["losses"] == sum(p.end is not None for p in periods)
-    (line,) = contact_lines(pressed)
+    (line,) = sentences(facts(pressed))
     assert line.startswith(f"wall touched tip at {periods[0].start:g} s: lost {told['losses']} times, largest force ")
 
 
@@ -293,7 +293,7 @@ def test_steps_shorter_than_the_clock_are_said(press, capsys):
 
 def test_a_film_shows_what_may_be_touched(pressed):
     from skyarm.film.filmed_flight import COLORS, film_flight
-    from skyarm.film.solids import vehicle_solids
+    from skyarm.film.marks import vehicle_solids
 
     solids = vehicle_solids(film_flight(pressed, "a", COLORS[0], pressed.time[::40]))
     (wall,) = (solid for solid in solids if solid.shape.role == "surface")

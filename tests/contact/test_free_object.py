@@ -15,7 +15,7 @@ from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import rebuild
 from skyarm.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
-from skyarm.contact.shape_mass import uniform_moments
+from skyarm.contact.free_object import uniform_moments
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError

@@ -13,8 +13,7 @@ from free_scenes import BIRD, Scene, energy
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Command, Contact, FreeObject, Gripper, Surface
-from skyarm.contact.grasps import _skin
-from skyarm.contact.gripper import Hold
+from skyarm.contact.gripper import Hold, _skin
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError

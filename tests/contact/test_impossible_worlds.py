@@ -9,12 +9,11 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
-from skyarm.contact.carried_contact import Carried
+from skyarm.contact.carrier import Carried
 from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import rotation_of
-from skyarm.scenario.shared_places import require_places_apart
-from skyarm.scenario.standing_objects import with_standing_objects
-from skyarm.scenario.steps_of_contact import require_steps_to_fly
+from skyarm.scenario.standing_start import with_standing_objects
+from skyarm.scenario.start_in_world import require_places_apart, require_steps_to_fly
 
 PERIOD, GRAVITY = 0.005, 9.81
 BOX = FreeObject(name="box", size=(0.1, 0.08, 0.06), mass=0.2, position=Vec3(0.3, 0.2, 1.0), angles=Vec3(0.2, 0.1, 0.7))

@@ -9,8 +9,8 @@ import pytest
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact import Material
+from skyarm.contact.contact_point import touch_of
 from skyarm.contact.material import LIGHTEST
-from skyarm.contact.touch import touch_of
 
 STEEL = Material(stiffness=5000.0, dissipation=1.0, friction=0.3, bristle_length=2e-4)
 FAST = 10.0

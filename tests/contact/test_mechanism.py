@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.contact import Contact, ContactPoint, Detent, Mechanism, Surface
-from skyarm.contact.mechanism_effort import MechanismMotion
+from skyarm.contact.mechanism import MechanismMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings

@@ -15,8 +15,8 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Contact, Gripper, Mechanism
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.log.contact_periods import contact_pairs
 from skyarm.log.log_columns import columns
+from skyarm.log.periods import contact_pairs
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python

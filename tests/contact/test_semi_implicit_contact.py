@@ -20,7 +20,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import stated_step
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
-from skyarm.simulate.short_steps import _borne
+from skyarm.simulate.lane_numbers import _borne
 from standing_vehicles import at_rest, limp
 
 ARM, REST = limp("hummingbird_arm2_rotors"), Vec3(0.0, 0.0, 0.0)

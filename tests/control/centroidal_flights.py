@@ -15,8 +15,8 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensors.noise import SensorNoise
-from skyarm.simulate.compiled_flight import trace_scenario
+from skyarm.sensors.measurement import SensorNoise
+from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
 
 NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
@@ -67,7 +67,7 @@ def _table(record: Any, count: int) -> Any:
 def fly(scenario: Scenario, seeds: int = 1) -> Flown:
     """Fly the scenario with several draws of its noise; every episode must live to its end."""
     inputs = episode_inputs(scenario)
-    traced = trace_scenario(scenario, inputs)
+    traced = EpisodeCode(scenario, commands=False, effort=0)
     count, vehicle = scenario.steps, scenario.world.vehicle
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(count, -1)])
     start = np.array(leaves(traced.carry), dtype=float)

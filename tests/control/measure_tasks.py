@@ -19,7 +19,7 @@ from skyarm.environment.component import Force, Wrench
 from skyarm.scalars import logical_and, maximum, where
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 
 SIDES = {"into": (2.0, 0.0), "away": (-2.0, 0.0), "left": (0.0, 2.0), "right": (0.0, -2.0)}

@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 import skyarm
-from skyarm.control.laws.centroidal.arm_length import arm_length
 from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.laws.centroidal.presets import arm_length
 from skyarm.control.model import Model
 from skyarm.dynamics.workspace import reach
 

@@ -97,9 +97,9 @@ def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
     with pytest.raises(ValueError, match="two trajectories that each have a load"):
         trajectory + trajectory
     assert (trajectory + dataclasses.replace(trajectory, load=None)).load == trajectory.load
-    changed = with_numbers(scenario, {"reference.load.stop": 1.5, "controller.load.size": 0.03})
+    changed = with_numbers(scenario, {"reference.load.stop": 1.5, "controller.parts.load.size": 0.03})
     assert changed.trajectory.at(1.6).load == (0.0,)
-    assert number_at(changed, "controller.load.size") == 0.03
+    assert number_at(changed, "controller.parts.load.size") == 0.03
 
 
 @pytest.mark.parametrize("load", ["closed", {"kind": "gripper"}, [True]])
@@ -116,7 +116,10 @@ def test_a_law_that_is_never_told_of_a_load_is_refused_in_one_line():
         scenario_from(DOCUMENT | {"reference": reference})
     assert "\n" not in str(refusal.value)
     without = DOCUMENT["controller"] | {"load": 0.0}
-    assert scenario_from(DOCUMENT | {"reference": reference, "controller": without}).controller.par.adapts_load
+    assert (
+        scenario_from(DOCUMENT | {"reference": reference, "controller": without}).controller.par.parts.adaptation.load
+        is not None
+    )
 
 
 def test_exported_c_is_told_of_the_load(scenario):

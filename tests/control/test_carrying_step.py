@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import skyarm
+from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import interaction, make_centroidal
-from skyarm.control.laws.centroidal.carrying_step import carry
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
-from skyarm.control.laws.centroidal.pressing import Pressing
+from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -34,9 +34,29 @@ def pressing(**changes):
 
 def mass(told=1.0, on=None, **memory):
     """What is learned in a period of a weight of 100 g."""
-    whole = dataclasses.replace(LAW.memory, **memory)
-    found, _ = carry(LAW.par, whole, whole.load, told, whole.observed, PULLED, on, DT)
-    return found.mass
+    return carried(LAW.par, dataclasses.replace(LAW.memory, **memory), told, on).mass
+
+
+def carried(par, memory, told, on):
+    """Memory of the load after a period in which the observer holds its pull."""
+    zero = Vec3(0, 0, 0)
+    none = Disturbance(force=zero, torque=zero, efforts=(0, 0))
+    step = Step(
+        par=par,
+        memory=memory,
+        measurement=blank_measurement(2, 4),
+        reference=Reference(load=(told,)),
+        dt=DT,
+        signals=(),
+        observed=memory.observed,
+        told=None,
+        alone=PULLED,
+        unknown=none,
+        force=none.force,
+        free=memory.free,
+        pressing=on,
+    )
+    return par.parts.load.adjust_reference(memory.parts.load, step)
 
 
 def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched():
@@ -51,8 +71,9 @@ def test_a_load_is_learned_as_fast_as_the_slower_observer_lets_it():
     for force, joints in ((27.0, 60.0), (60.0, 27.0), (27.0, 27.0)):
         observer = dataclasses.replace(LAW.par.observer, force=force, joints=joints)
         par = dataclasses.replace(LAW.par, observer=observer)
-        found, _ = carry(par, LAW.memory, LAW.memory.load, 1.0, LAW.memory.observed, PULLED, None, DT)
-        assert found.mass == pytest.approx(0.1 * (1.0 - np.exp(-1.5 * 27.0 * DT)), rel=0.05)
+        assert carried(par, LAW.memory, 1.0, None).mass == pytest.approx(
+            0.1 * (1.0 - np.exp(-1.5 * 27.0 * DT)), rel=0.05
+        )
 
 
 def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
@@ -63,9 +84,8 @@ def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
 
 def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():
     def after(free, told):
-        touched = dataclasses.replace(LAW.memory.interaction, free=free)
-        whole = dataclasses.replace(LAW.memory, interaction=touched)
-        return carry(LAW.par, whole, whole.load, told, whole.observed, PULLED, pressing(), DT)[0]
+        touched = dataclasses.replace(LAW.memory.parts.interaction, free=free)
+        return carried(LAW.par, with_parts(LAW.memory, interaction=touched), told, pressing())
 
     assert (after(0.45, 0.0).bias.force.z, after(0.45, 1.0).mass) == (0.0, mass())
     assert after(0.55, 0.0).bias.force.z == pytest.approx(-0.981 * (1.0 - np.exp(-0.5 * DT)))
@@ -76,7 +96,7 @@ def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it
     still, instant, joints = (0.0, 0.0), 1e-9, (0.4, -1.1)
     reading = dataclasses.replace(blank_measurement(2, 4), joints=joints)
     reference = Reference(joints=joints, joint_rates=still, joint_accelerations=still, load=(1.0,))
-    held, at = dataclasses.replace(LAW.memory.load, mass=0.1), levers(ARM, Mat3.identity(), joints)
+    held, at = dataclasses.replace(LAW.memory.parts.load, mass=0.1), levers(ARM, Mat3.identity(), joints)
 
     def period(newton):
         """Efforts, and the rate of the force that the posture follows; rotors' lags have no time in an instant."""
@@ -84,7 +104,7 @@ def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it
         observed = dataclasses.replace(
             LAW.memory.observed, joints=joints, force=d.force, torque=d.torque, efforts=d.efforts
         )
-        memory = dataclasses.replace(LAW.memory, started=1.0, load=held, observed=observed)
+        memory = with_parts(dataclasses.replace(LAW.memory, started=1.0, observed=observed), load=held)
         after, command = LAW.law(memory, reading, reference, instant, par=LAW.par)
         return np.array([*command.efforts, after.slow_force.z / instant])
 
@@ -97,14 +117,16 @@ def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it
 def test_the_weight_of_a_known_load_is_no_push_on_a_surface():
     model, still = Model(vehicle=ARM, gravity=9.81), (0.0, 0.0)
     law = make_centroidal(model, mode="tip", interaction=(0.3, 0.1), force_sensor=True, load=0.3)
-    knows = dataclasses.replace(law.memory, load=dataclasses.replace(law.memory.load, mass=0.05))
+    knows = with_parts(law.memory, load=dataclasses.replace(law.memory.parts.load, mass=0.05))
     joints = (0.4, -1.1)
     weighs = frame_pose(ARM, ARM.frame(), joints).R.apply_T(Vec3(0.0, 0.0, -0.05 * 9.81))
     reading = dataclasses.replace(blank_measurement(2, 4), joints=joints, tip_force=(*weighs,))
     reference = Reference(
         joints=joints, joint_rates=still, joint_accelerations=still, push=(1.0, 0.1, -1.0, 0.0, 0.0), load=(1.0,)
     )
-    felt = [law.law(memory, reading, reference, DT, par=law.par)[0].interaction.felt for memory in (law.memory, knows)]
+    felt = [
+        law.law(memory, reading, reference, DT, par=law.par)[0].parts.interaction.felt for memory in (law.memory, knows)
+    ]
     assert felt[0].z == pytest.approx(-0.05 * 9.81 * (1.0 - np.exp(-60.0 * DT)))
     assert [*felt[1]] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
 
@@ -117,7 +139,7 @@ def test_what_a_sensor_reads_is_turned_to_world_axes_and_filtered():
     reference = Reference(joints=joints, joint_rates=still, joint_accelerations=still, push=(1.0, 0.1, -1.0, 0.0, 0.0))
     following, _ = law.law(law.memory, reading, reference, DT, par=law.par)
     expected = frame_pose(ARM, ARM.frame(), joints).R.apply(read) * (1.0 - np.exp(-60.0 * DT))
-    assert [*following.interaction.felt] == pytest.approx([*expected], rel=1e-6)
+    assert [*following.parts.interaction.felt] == pytest.approx([*expected], rel=1e-6)
 
 
 def test_a_sensor_decides_on_touch_and_leads_the_integral():

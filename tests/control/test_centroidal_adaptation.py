@@ -9,6 +9,7 @@ import pytest
 from centroidal_flights import fly, planned
 
 import skyarm
+from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
@@ -47,11 +48,15 @@ def law(**options):
     return make_centroidal(MODEL, mode="tip", **options).par
 
 
+def adapted(par, *told):
+    return adapt(par.parts.adaptation, par, *told)
+
+
 def hearing(par, plan, learned, **each):
     """Memory after the plan has been filtered for long, with further fields of the joints, a value for each."""
     for _ in range(400):
         rates = [q.derivative(1) for q in plan.joints]
-        learned = adapt(par, learned, plan, rates, (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
+        learned = adapted(par, learned, plan, rates, (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
     joints = []
     for i, joint in enumerate(learned.joints):
         joints.append(dataclasses.replace(joint, **{name: values[i] for name, values in each.items()}))
@@ -89,7 +94,7 @@ def test_the_mass_moves_by_the_normalised_gradient():
     y = -9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
     par, plan = law(adaptation=0.3), motion((0.3, -0.5))
     before = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.01))
-    found = adapt(par, before, plan, (0.0, 0.0), tuple((0.05 * y).tolist()), FREE, 0.005)
+    found = adapted(par, before, plan, (0.0, 0.0), tuple((0.05 * y).tolist()), FREE, 0.005)
     assert found.tip_mass - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + SMALL), rel=1e-9)
     np.testing.assert_allclose(found.feedforward.efforts, found.tip_mass * y, rtol=1e-12)
     np.testing.assert_allclose(array(found.feedforward.force), [0.0, 0.0, -9.8 * found.tip_mass], atol=1e-15)
@@ -101,7 +106,7 @@ def test_each_joint_moves_by_the_normalised_gradient():
     plan, left = motion(q, qd), (-0.004, 0.001)
     known = {"damping": (0.002, 0.003), "level": (0.001, -0.002), "slope": (0.004, 0.002)}
     before = hearing(par, plan, first_learned(2), **known)
-    found = adapt(par, before, plan, qd, left, FREE, 0.005)
+    found = adapted(par, before, plan, qd, left, FREE, 0.005)
     small, slow = SLOW["revolute"]
     for i, joint in enumerate(found.joints):
         b, level, slope = (known[name][i] for name in ("damping", "level", "slope"))
@@ -120,7 +125,7 @@ def test_a_plan_is_heard_as_late_as_the_observer_hears(periods):
     learned = first_learned(2)
     for k in range(400):
         plan = motion((0.001 * k, 0.0), (0.2, 0.0))
-        learned = adapt(par, learned, plan, (0.2, 0.0), (0.0, 0.0), FREE, 0.005)
+        learned = adapted(par, learned, plan, (0.2, 0.0), (0.0, 0.0), FREE, 0.005)
     lag = (0.001 * 399 - learned.joints[0].twice.place) / 0.2
     # half of the period in which a sample is held, for each of the stages
     assert lag == pytest.approx(2.0 / 34.0 + 0.005 * periods, abs=0.006)
@@ -130,7 +135,7 @@ def test_what_an_actuator_at_its_limit_would_teach_is_not_learned():
     plan, left = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3)
     par = law(friction_adaptation=2.0)
     before = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.02), damping=(0.004, 0.003))
-    held, free = (adapt(par, before, plan, (0.9, -0.4), left, (1.0, f, f), 0.005) for f in (0.0, 1.0))
+    held, free = (adapted(par, before, plan, (0.9, -0.4), left, (1.0, f, f), 0.005) for f in (0.0, 1.0))
     assert held.tip_mass == before.tip_mass != free.tip_mass
     for name in ("damping", "level", "slope"):
         old, kept, moved = ([getattr(joint, name) for joint in each.joints] for each in (before, held, free))
@@ -142,8 +147,8 @@ def test_a_joint_that_does_not_follow_teaches_nothing():
     plan, left, par = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3), law()
     learned = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.02))
     for _ in range(400):
-        learned = adapt(par, learned, plan, (-0.9, 0.4), (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
-    found = adapt(par, learned, plan, (-0.9, 0.4), left, FREE, 0.005)
+        learned = adapted(par, learned, plan, (-0.9, 0.4), (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
+    found = adapted(par, learned, plan, (-0.9, 0.4), left, FREE, 0.005)
     assert found.tip_mass == learned.tip_mass
     assert [joint.damping for joint in found.joints] == [joint.damping for joint in learned.joints]
 
@@ -156,12 +161,16 @@ def test_what_is_learned_stays_within_its_bounds():
     for sign, end in ((1.0, 0), (-1.0, 1)):
         load, friction = first_learned(2), first_learned(2)
         for _ in range(100):
-            load = adapt(par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005)
-            friction = adapt(par, friction, plan, qd, (sign * 20.0, sign * 20.0), FREE, 0.005)
+            load = adapt(
+                par.parts.adaptation, par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005
+            )
+            friction = adapted(par, friction, plan, qd, (sign * 20.0, sign * 20.0), FREE, 0.005)
         assert load.tip_mass == pytest.approx(-sign * 0.2)
         # back to no damping at all, or to the highest
-        assert [joint.damping for joint in friction.joints] == pytest.approx([p[end] for p in par.damping_limits])
-    assert [low for low, _ in par.damping_limits] == [-0.003, -0.003]
+        assert [joint.damping for joint in friction.joints] == pytest.approx(
+            [p[end] for p in par.parts.adaptation.damping_limits]
+        )
+    assert [low for low, _ in par.parts.adaptation.damping_limits] == [-0.003, -0.003]
 
 
 def planned_at(scenario, time):
@@ -211,13 +220,14 @@ def test_what_is_learned_acts_as_what_is_observed(mode):
     observed = flown.observed
     feedforward = Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
     moved = dataclasses.replace(
-        flown,
-        learned=dataclasses.replace(flown.learned, feedforward=feedforward),
+        with_parts(flown, adaptation=dataclasses.replace(flown.parts.adaptation, feedforward=feedforward)),
         observed=dataclasses.replace(observed, force=ZERO, torque=ZERO, efforts=(0.0, 0.0)),
         slow_force=ZERO,
     )
-    none = dataclasses.replace(flown.learned, feedforward=Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0)))
-    plain = dataclasses.replace(flown, learned=none, slow_force=observed.force)
+    none = dataclasses.replace(
+        flown.parts.adaptation, feedforward=Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
+    )
+    plain = with_parts(dataclasses.replace(flown, slow_force=observed.force), adaptation=none)
     reading = measurement_of(observed)
     wanted = scenario.trajectory.at(20.0).dense()
     one, other = (law(memory, reading, wanted, 0.005, par=par)[1] for memory in (plain, moved))
@@ -234,11 +244,11 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     calm = dataclasses.replace(flown.observed, efforts=(0.0, 0.0))
     reading = measurement_of(calm)
     pushed = dataclasses.replace(reading, joint_rates=tuple(rate + 0.1 for rate in reading.joint_rates))
-    memory = dataclasses.replace(flown, observed=calm, learned=still)
+    memory = with_parts(dataclasses.replace(flown, observed=calm), adaptation=still)
     wanted = scenario.trajectory.at(20.0).dense()
     following, _ = scenario.controller.law(memory, pushed, wanted, 0.005, par=scenario.controller.par)
     assert np.abs(following.observed.efforts).min() > 1e-4
-    for joint, found in zip(following.learned.joints, following.observed.efforts, strict=True):
+    for joint, found in zip(following.parts.adaptation.joints, following.observed.efforts, strict=True):
         # all of it is taken for constant at first, but for what the joint's own error takes from its trust
         assert 0.5 < joint.level / (WEIGHT * 0.005 * found) <= 1.0
 
@@ -254,7 +264,9 @@ def test_the_largest_damping_is_that_of_the_joints_inertia():
     pytest.importorskip("pinocchio")
     still = RandomState(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2), np.zeros(8))
     M = TWINS["pinocchio"](TRUTH).mass_matrix(still)
-    np.testing.assert_allclose([high for _, high in law().damping_limits], STICKIEST * np.diag(M)[6:], rtol=1e-10)
+    np.testing.assert_allclose(
+        [high for _, high in law().parts.adaptation.damping_limits], STICKIEST * np.diag(M)[6:], rtol=1e-10
+    )
 
 
 def loaded(scenario, kg):
@@ -263,12 +275,13 @@ def loaded(scenario, kg):
 
 
 def dampings(flown):
-    return [joint.damping for joint in flown.memory.learned.joints]
+    return [joint.damping for joint in flown.memory.parts.adaptation.joints]
 
 
 def without(scenario, **structure):
     """The scenario without parts of the adaptation."""
-    par = dataclasses.replace(scenario.controller.par, **structure)
+    par = scenario.controller.par
+    par = with_parts(par, adaptation=dataclasses.replace(par.parts.adaptation, **structure))
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=par))
 
 
@@ -280,19 +293,19 @@ def sticky(scenario, damping):
 @pytest.mark.parametrize("noisy", sampled([True, False], 2))
 def test_a_payload_is_found(noisy):
     flown = fly(loaded(planned("case3_wind", mode="tip", noisy=noisy), 0.05))
-    assert flown.memory.learned.tip_mass == pytest.approx(0.05, abs=0.01)
+    assert flown.memory.parts.adaptation.tip_mass == pytest.approx(0.05, abs=0.01)
     assert flown.mean("tip") < (1.6 if noisy else 0.2)
 
 
 def test_without_a_payload_the_mass_stays_near_zero():
-    assert abs(fly(planned("case3_wind", mode="tip")).memory.learned.tip_mass) < 0.002
+    assert abs(fly(planned("case3_wind", mode="tip")).memory.parts.adaptation.tip_mass) < 0.002
 
 
 @pytest.mark.parametrize("noisy", sampled([True, False], 2))
 def test_damping_is_found_and_no_longer_carries_the_joints_away(noisy):
     """0.02 N m s/rad cost 11 mrad without, and 40 for the slower observer under noise."""
     scenario = sticky(planned("case2", noisy=noisy), 0.02)
-    found, plain = fly(scenario), fly(without(scenario, adapts_friction=False))
+    found, plain = fly(scenario), fly(without(scenario, friction=None))
     np.testing.assert_allclose(dampings(found), 0.02, atol=0.003)
     # means from 10 s on, which 4 s of learning precede
     assert found.mean("joint") < (11.0 if noisy else 2.5)
@@ -311,7 +324,7 @@ def test_an_oscillation_of_the_loop_teaches_nothing(mode):
     """10 ms of unknown delay make the stiff preset swing; in the planned motion nothing swings."""
     scenario = planned("case3_wind", mode=mode)
     flown = fly(dataclasses.replace(scenario, delays=dataclasses.replace(scenario.delays, command=0.010)))
-    assert abs(flown.memory.learned.tip_mass) < 0.01
+    assert abs(flown.memory.parts.adaptation.tip_mass) < 0.01
     assert max(dampings(flown)) < 0.01
 
 
@@ -323,7 +336,7 @@ def swinging(scenario, amplitude, hertz, duration, phase=0.0):
 @pytest.mark.parametrize("noisy", [False, True])
 def test_slow_motion_under_a_load_is_no_friction(noisy):
     """At 0.1 Hz a high-pass would turn 50 g's weight, which goes with the position, into 0.28 N m s/rad."""
-    slow = without(swinging(planned("case2", noisy=noisy), 0.4, 0.1, 40.0), adapts_load=False)
+    slow = without(swinging(planned("case2", noisy=noisy), 0.4, 0.1, 40.0), load=None)
     assert max(dampings(fly(loaded(slow, 0.05)))) < 0.005
 
 
@@ -331,7 +344,7 @@ def test_slow_motion_under_a_load_is_no_friction(noisy):
 def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
     """At 3 Hz the arm does not follow its plan, and what it does says nothing about it."""
     fast = loaded(swinging(planned("case2", mode="tip", noisy=True), 0.06, 3.0, 20.0, phase=1.0), 0.05)
-    learning, plain = fly(fast), fly(without(fast, adapts_load=False, adapts_friction=False))
+    learning, plain = fly(fast), fly(without(fast, load=None, friction=None))
     for what in ("base", "joint", "tip"):
         assert learning.mean(what) < 1.4 * plain.mean(what)
 
@@ -342,5 +355,5 @@ def test_a_load_that_is_believed_and_not_there_is_taken_off():
     believed = Model(vehicle=scenario.controller.par.model.vehicle.with_payload(0.05), gravity=9.81)
     controller = make_centroidal(believed, preset="robust", delay=0.005)
     flown = fly(dataclasses.replace(scenario, controller=controller))
-    assert flown.memory.learned.tip_mass == pytest.approx(-0.05, abs=0.005)
+    assert flown.memory.parts.adaptation.tip_mass == pytest.approx(-0.05, abs=0.005)
     assert flown.mean("joint") < 10.0

@@ -14,7 +14,7 @@ from skyarm.control.blocks.attitude import Attitude, upright
 from skyarm.control.blocks.motor_lag import led
 from skyarm.control.blocks.series_kinematics import moving, posture
 from skyarm.control.laws.centroidal import com_tracking
-from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated, goal
 from skyarm.control.laws.centroidal.tip_tasks import level_motion, orientation_error
@@ -27,7 +27,7 @@ from skyarm.reference.signals import Ramp
 from skyarm.scalars import cos, sin, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_record import Delays
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.loop import run_in_python
 from vehicles_random import random_vehicle
 
@@ -342,7 +342,7 @@ def test_lanes_and_floats_fly_it_to_the_same_bits():
     )
     log, floats = skyarm.run(scenario), run_in_python(scenario)
     assert np.array_equal(log.position, floats.position)
-    batch = skyarm.Batch(scenario, ["controller.lag.base"], bit_exact=True, log_every=1)
-    outcome = batch.fly({"controller.lag.base": np.array([0.02, 0.05])}, seed=scenario.seed)
+    batch = skyarm.Batch(scenario, ["controller.parts.lag.base"], bit_exact=True, log_every=1)
+    outcome = batch.fly({"controller.parts.lag.base": np.array([0.02, 0.05])}, seed=scenario.seed)
     assert np.array_equal(np.asarray(outcome.log.state.position.x)[0], log.position[:, 0])
     assert not np.array_equal(np.asarray(outcome.log.state.position.x)[1], log.position[:, 0])

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.option_checks import checked, periods_of
+from skyarm.control.laws.centroidal.presets import checked, periods_of
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import blank_measurement
@@ -33,10 +34,11 @@ ARMLESS = dataclasses.replace(
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(preset, vehicle, load, friction):
     controller = make_centroidal(Model(vehicle=vehicle), preset=preset)
-    assert (controller.par.adapts_load, controller.par.adapts_friction) == (load, friction)
-    assert controller.par.adaptation == (PRESETS[preset]["adaptation"] if load else 0.0)
-    assert ("adapted tip mass" in controller.par.choices()) == load
-    assert ("adapted friction" in controller.par.choices()) == friction
+    found = controller.par.parts.adaptation
+    rates = (None, None) if found is None else (found.load, found.friction)
+    assert rates == (PRESETS[preset]["adaptation"] if load else None, 2.0 if friction else None)
+    assert ("parts.adaptation.load" in controller.par.choices()) == load
+    assert ("parts.adaptation.friction" in controller.par.choices()) == friction
     # and it flies: a step from the first memory has a command
     n = vehicle.n
     rest = dict.fromkeys(("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0,) * n)
@@ -47,9 +49,7 @@ def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(pres
 
 
 def test_what_shall_not_be_learned_is_not():
-    par = make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par
-    assert not par.adapts_load
-    assert not par.adapts_friction
+    assert make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par.parts.adaptation is None
 
 
 @pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])
@@ -57,7 +57,9 @@ def test_a_vehicle_without_a_tip_refuses_what_needs_one(vehicle):
     for options in ({"mode": "tip"}, {"adaptation": 0.3}, {"mode": "tip", "adaptation": 0.0}):
         with pytest.raises(ControllerError, match="has no end_effector"):
             make_centroidal(Model(vehicle=vehicle), **options)
-    assert make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.adaptation == 0.0
+    assert (
+        make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.parts.adaptation is None or not vehicle.end_effector
+    )
 
 
 ROWS = [name for name, value in PRESETS["robust"].items() if isinstance(value, tuple)]
@@ -111,3 +113,17 @@ def test_a_delay_off_a_whole_number_of_periods_to_either_side_is_refused(whole, 
 def test_rounding_of_a_decimal_delay_loses_no_period(period):
     """0.145 / 0.005 is 28.999999999999996."""
     assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(range(101))
+
+
+def test_an_option_that_is_gone_names_what_to_use_instead():
+    gone = r"controller\.arm_scaling = 0\.1: is gone; joint_limits = true"
+    with pytest.raises(ControllerError, match=gone):
+        make_controller("centroidal", MODEL, arm_scaling=0.1)
+    document = {
+        "name": "gone",
+        "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2"},
+        "reference": {"base": {"kind": "signals", "z": 1.0}},
+    }
+    with pytest.raises(ValueError, match=gone):
+        skyarm.scenario_from({**document, "controller": {"law": "centroidal", "arm_scaling": 0.1}})

@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import adapt, first_learned
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.memory import Channel
-from skyarm.control.laws.ladder.law import _present
+from skyarm.control.laws.ladder import _present
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor
@@ -64,7 +64,7 @@ def test_a_sample_that_no_other_follows_is_carried_for_one_period_and_no_further
 
 
 def test_the_stepped_law_stops_there_too():
-    controller = make_controller("ct_extrapolation", MODEL)
+    controller = make_controller("ct_ladder", MODEL)
     still = dict.fromkeys(("joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0, 0.0))
     sample = Reference(
         position=Vec3(0.3, 0.0, 1.0),
@@ -122,7 +122,7 @@ def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(ban
         joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
         weight = Vec3(0.0, 0.0, 9.8)
         plan = Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=weight, joints=joints)
-        learned = adapt(par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
+        learned = adapt(par.parts.adaptation, par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
     for joint, slope in zip(learned.joints, (0.2, -0.1), strict=True):
         lag = 239 * DT - joint.twice.place / slope
         assert lag == pytest.approx(observers_lag(bandwidth) + DT * periods, abs=DT**2 * bandwidth / 6.0)

@@ -15,7 +15,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.catalogue import ControllerError, preset
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.option_checks import periods_of
+from skyarm.control.laws.centroidal.presets import periods_of
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.environment import ForceWind
@@ -196,7 +196,7 @@ def windy():
 
 
 def test_the_observer_finds_a_constant_force_and_its_torque(windy):
-    observed, learned = windy.memory.observed, windy.memory.learned
+    observed, learned = windy.memory.observed, windy.memory.parts.adaptation
     # a trace of the start is still taken for a load
     assert abs(learned.tip_mass) < 1e-4
     assert leaves(observed.force + learned.feedforward.force) == pytest.approx((0.6, -0.4, 0.3), abs=1e-4)
@@ -384,9 +384,13 @@ def test_the_exported_c_file_names_every_gain():
         assert word in text
 
 
-def test_members_in_c_keep_the_names_of_the_last_version():
+def test_members_in_c_are_named_after_the_memory():
     text = export_c(make_centroidal(MODEL), name="law", period=0.005).text
-    for member in ("double obeyed[3];", "double learned_fed_force[3];", "double learned_joints_0_once_load;"):
+    for member in (
+        "double obeyed[3];",
+        "double parts_adaptation_fed_force[3];",
+        "double parts_adaptation_joints_0_once_load;",
+    ):
         assert member in text
 
 
@@ -394,4 +398,4 @@ def test_the_law_is_found_by_name():
     for name in ("centroidal_joint", "centroidal_joint_stiff", "centroidal_tip", "centroidal_tip_stiff"):
         found = preset(name, MODEL)
         assert found.name == name
-        assert (found.par.lag_inversion == 1.0) == name.endswith("stiff")
+        assert (found.par.rotors.lag_inversion == 1.0) == name.endswith("stiff")

@@ -19,7 +19,7 @@ from skyarm.control.blocks.prediction import acceleration, predict, with_side
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import ObserverGains
-from skyarm.control.laws.ladder.law import _unknown
+from skyarm.control.laws.ladder import _unknown
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
@@ -85,7 +85,7 @@ def test_the_rotors_drag_is_that_of_their_hubs_turned_to_the_world(name):
 
 def test_the_stepped_law_feels_the_rotors_drag_in_world_axes():
     """At the first measurement, which is taken as it is: attitude, velocities and rotor speeds are those measured."""
-    controller = make_controller("ct_observer", MODEL)
+    controller = make_controller("ct_ladder", MODEL, steps=3)
     R = Rotation.from_euler("ZYX", [0.9, -0.4, 0.6])
     velocity, rate = np.array([1.5, -0.8, 0.4]), np.array([0.5, -0.3, 0.9])
     measured = dataclasses.replace(

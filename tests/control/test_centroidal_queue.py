@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from law_parts import with_parts
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
@@ -71,7 +73,7 @@ def stepped(controller, memory):
     return controller.law(memory, *hovering(), DT, par=controller.par)
 
 
-LAWS = ("centroidal", "ct_observer", "ct_lag_inversion")
+LAWS = ("centroidal", "ct_ladder")
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -106,7 +108,7 @@ def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_mea
     each = np.sqrt(float(ARM.mass) * 9.8 / (4 * 8.54858e-6))
     for controller in (
         make_centroidal(MODEL, delay=DT * periods),
-        make_controller("ct_observer", MODEL, delay_periods=periods),
+        make_controller("ct_ladder", MODEL, delay_periods=periods),
     ):
         sent = controller.memory.sent
         assert len(sent) == periods + 1
@@ -115,12 +117,22 @@ def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_mea
             np.testing.assert_allclose(command.efforts, 0.0, atol=1e-12)
 
 
+def present(controller, memory):
+    none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
+    step = {"par": controller.par, "measurement": hovering()[0], "memory": memory, "dt": DT}
+    return _present(SimpleNamespace(**step, observed=memory.observed, unknown=none))
+
+
 def test_the_present_state_is_that_after_the_later_commands_in_their_order():
     """The measurement's own period had the first; the two that follow it have acted since."""
     controller = law("centroidal")
     memory = underway(controller)
     none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    found = _present(controller.par, MODEL, hovering()[0], memory, memory.observed, none, DT)
+    found = _present(
+        SimpleNamespace(
+            par=controller.par, measurement=hovering()[0], memory=memory, observed=memory.observed, unknown=none, dt=DT
+        )
+    )
     assert found.rotor_speeds == pytest.approx(lag(lag(TURNING, SENT[1]), SENT[2]), rel=1e-12)
     # what rests on the order: the other way round is 4 rad/s off
     assert np.abs(np.subtract(found.rotor_speeds, lag(lag(TURNING, SENT[2]), SENT[1]))).max() > 4.0
@@ -130,7 +142,11 @@ def test_a_measurement_without_delay_is_the_present():
     controller = make_centroidal(MODEL)
     memory = underway(controller, SENT[:1])
     none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    found = _present(controller.par, MODEL, hovering()[0], memory, memory.observed, none, DT)
+    found = _present(
+        SimpleNamespace(
+            par=controller.par, measurement=hovering()[0], memory=memory, observed=memory.observed, unknown=none, dt=DT
+        )
+    )
     assert found.rotor_speeds == TURNING
     assert found.position == memory.observed.position
 
@@ -146,7 +162,7 @@ def test_the_plan_leans_against_the_force_found_and_in_tip_mode_against_its_slow
     memory = underway(controller, SENT[:1], force=Vec3(*found.tolist()))
     # the observer holds what it found
     memory = dataclasses.replace(memory, free=(0.0, 0.0, 0.0), slow_force=Vec3(*slow.tolist()))
-    memory = dataclasses.replace(memory, learned=dataclasses.replace(memory.learned, tip_mass=0.05))
+    memory = with_parts(memory, adaptation=dataclasses.replace(memory.parts.adaptation, tip_mass=0.05))
     following, _ = stepped(controller, memory)
     np.testing.assert_allclose(array(following.observed.force), found, atol=1e-15)
     # one pole at 3 rad/s
@@ -156,8 +172,12 @@ def test_the_plan_leans_against_the_force_found_and_in_tip_mode_against_its_slow
     roll = np.arctan2(-up[1], up[2])
     pull = Rotation.from_rotvec([roll, 0.0, 0.0]).inv().apply([0.0, 0.0, -9.8])
     tip = -0.15 * np.array([np.sin(0.3) + np.sin(-0.2), 0.0, np.cos(0.3) + np.cos(-0.2)])
-    np.testing.assert_allclose(array(following.learned.feedforward.torque), 0.05 * np.cross(tip, pull), atol=1e-9)
-    assert following.learned.feedforward.torque.x == pytest.approx(0.05 * 9.8 * tip[2] * np.sin(roll), abs=1e-9)
+    np.testing.assert_allclose(
+        array(following.parts.adaptation.feedforward.torque), 0.05 * np.cross(tip, pull), atol=1e-9
+    )
+    assert following.parts.adaptation.feedforward.torque.x == pytest.approx(
+        0.05 * 9.8 * tip[2] * np.sin(roll), abs=1e-9
+    )
 
 
 @dataclasses.dataclass(frozen=True)

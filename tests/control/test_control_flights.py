@@ -100,23 +100,6 @@ def test_the_body_form_flies_away_from_a_pitch_of_90_degrees():
     assert log.position[:, 2].min() > 18.5
 
 
-def test_the_euler_form_ends_at_a_pitch_of_90_degrees_and_says_what_to_use():
-    log = upset("y", 90.0, law="hybrid_computed_torque_euler", height=20.0)
-    assert log.status == "controller_undefined"
-    assert "pitch near 90 degrees" in log.info["cause"]
-    assert "hybrid_computed_torque (body coordinates)" in log.info["cause"]
-    assert log.info["end_time"] == 0.0
-
-
-def test_the_euler_form_recovers_from_a_pitch_of_80_degrees_as_the_body_form_does():
-    body, euler = (
-        upset("y", 80.0, law=law, height=20.0, seconds=1.0)
-        for law in ("hybrid_computed_torque", "hybrid_computed_torque_euler")
-    )
-    # 1e-13 of command difference grows little in a second of stable flight
-    np.testing.assert_allclose(euler.position, body.position, atol=1e-8)
-
-
 @pytest.mark.parametrize("law", ["decoupled_pd", "hybrid_computed_torque"])
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_the_clip_policy_recovers_from_120_degrees(law, axis):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import ARM2, MODEL, G, cases, controller, hovering, step
+from flown import ARM2, MODEL, G, cases, controller, step
 from skyarm.control.blocks.default_gains import default_gains, default_joint_gains
 from skyarm.control.catalogue import (
     ACCELERATION,
@@ -18,7 +18,7 @@ from skyarm.control.catalogue import (
     make_controller,
     preset,
 )
-from skyarm.control.laws.paper.make import ABLATIONS, PAPER_LAWS
+from skyarm.control.laws.paper import PAPER_LAWS
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import array_front as arrays
 
@@ -59,15 +59,9 @@ def test_a_preset_refuses_a_vehicle_with_other_joints():
         preset("paper_ct", Model(vehicle=skyarm.load_vehicle("hexarotor_arm6")))
 
 
-def test_the_euler_form_refuses_a_vehicle_that_is_not_the_papers():
-    with pytest.raises(ValueError, match=r"'hexarotor_arm6' is not the paper's planar arm: 6 joints, allowed 2"):
-        make_controller("hybrid_computed_torque_euler", Model(vehicle=skyarm.load_vehicle("hexarotor_arm6")))
-
-
 def test_every_preset_flies_its_law_with_the_published_gains():
     laws = {
         "paper_ct": ("hybrid_computed_torque", ACCELERATION),
-        "paper_ct_euler": ("hybrid_computed_torque_euler", ACCELERATION),
         "paper_pd": ("decoupled_pd", TORQUE),
         "rotors_sim_hummingbird": ("rotors_sim_position", None),
     }
@@ -130,10 +124,6 @@ def test_options_reach_the_law():
     assert step(controller("decoupled_pd", mixer_policy="priority"), *inputs) != plain
 
 
-def test_every_law_of_the_paper_says_which_terms_it_can_leave_out():
-    assert set(ABLATIONS) == set(PAPER_LAWS)
-
-
 def test_an_option_that_a_law_does_not_have_is_refused_with_those_it_has():
     with pytest.raises(
         ControllerError, match=r"controller\.horizon = .*: law 'decoupled_pd' has no such option.*joint_gains"
@@ -148,17 +138,5 @@ def test_every_law_has_a_line_that_says_what_it_is():
 def test_only_laws_in_euler_angles_have_a_place_where_they_are_undefined():
     for name in LAWS:
         found = make_controller(name, Model(vehicle=ARM2, gravity=G))
-        assert (found.margin is not None) == (name in ("hybrid_computed_torque_euler", "bulut2019"))
+        assert (found.margin is not None) == (name == "bulut2019")
         assert bool(found.limit) == (found.margin is not None)
-
-
-def test_the_euler_forms_margin_is_the_squared_cosine_of_the_pitch_less_its_bound():
-    margin = controller("hybrid_computed_torque_euler").margin
-    for case in cases(10, seed=42):
-        assert margin(case.measurement().quaternion) == pytest.approx(np.cos(case.euler[1]) ** 2 - 1e-6, abs=1e-14)
-    steep = [hover_at(pitch) for pitch in (90.0 - 0.06, 90.0 - 0.05)]
-    assert margin(steep[0]) > 0.0 > margin(steep[1])  # 1e-3 rad is 0.0573 degrees
-
-
-def hover_at(pitch_degrees):
-    return hovering(euler=(0.0, np.radians(pitch_degrees), 0.0)).measurement().quaternion

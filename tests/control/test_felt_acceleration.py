@@ -17,8 +17,8 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains, beyond, fi
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.bandwidth import at_shares
-from skyarm.control.laws.centroidal.gust_shift import lateness
+from skyarm.control.laws.centroidal.force_trend import lateness
+from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.model import Model
 from skyarm.environment import Disturbance
 from skyarm.environment.signal_vector import SignalVector
@@ -26,8 +26,7 @@ from skyarm.estimate.estimator import PassThrough
 from skyarm.metrics.windows import Window, Windows
 from skyarm.records.units import Unit
 from skyarm.reference import Constant, Ramp, Sine, Sum, Trajectory
-from skyarm.sensors.measurement import blank_measurement
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise, blank_measurement
 from skyarm.simulate.batch import Batch
 
 DT, G = 0.005, 9.81
@@ -169,15 +168,15 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
 
 def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():
     off, on = (make_centroidal(ARM, accelerometer=pair) for pair in ((0.0, 0.0), (40.0, 5.0)))
-    assert off.par.accelerometer is None
+    assert off.par.observation.accelerometer is None
     assert off.memory == make_centroidal(ARM).memory
     assert off.memory.observed.bias == ()
-    assert on.par.accelerometer == GAINS
-    assert "force by the accelerometer" in on.par.choices()
+    assert on.par.observation.accelerometer == GAINS
+    assert "observation.accelerometer" in on.par.choices()
     # what the trend of the force adds: two poles of the velocity's observer, one of the accelerometer's
     assert lateness(off.par) == pytest.approx(2.0 / 27.0)
     assert lateness(on.par) == pytest.approx(1.0 / 40.0)
-    shared = at_shares(on.par, 0.5, 0.25).accelerometer
+    shared = at_shares(on.par, 0.5, 0.25).observation.accelerometer
     assert shared == AccelerometerGains(force=20.0, velocity=5.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 import skyarm
 from flown import ARM2, MODEL
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.ladder.make import LADDER
+from skyarm.control.laws.ladder import EXTRAPOLATION, LAG_INVERSION, OBSERVER
 from skyarm.control.model import Model
 
 ARM6 = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
@@ -25,11 +25,11 @@ def test_the_centroidal_law_begins_with_free_actuators_and_a_command_for_every_p
     assert (memory.started, memory.age) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("law", LADDER)
+@pytest.mark.parametrize("steps", range(1, LAG_INVERSION + 1))
 @pytest.mark.parametrize("delay", [0, 3])
-def test_a_stepped_law_remembers_what_its_steps_need_and_nothing_else(law, delay):
-    memory, steps = make_controller(law, MODEL, delay_periods=delay).memory, LADDER[law]
-    assert memory.free == ((1.0,) * (1 + ARM2.n) if steps.observer else ())
-    assert len(memory.sent) == (delay + 1 if steps.observer else 0)
-    assert len(memory.channels) == (4 + ARM2.n if steps.extrapolation else 0)
+def test_a_stepped_law_remembers_what_its_steps_need_and_nothing_else(steps, delay):
+    memory = make_controller("ct_ladder", MODEL, steps=steps, delay_periods=delay).memory
+    assert memory.free == ((1.0,) * (1 + ARM2.n) if steps >= OBSERVER else ())
+    assert len(memory.sent) == (delay + 1 if steps >= OBSERVER else 0)
+    assert len(memory.channels) == (4 + ARM2.n if steps >= EXTRAPOLATION else 0)
     assert (memory.started, memory.age) == (0.0, 0.0)

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lsim
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.force_trend import (
+from skyarm.control.laws.centroidal.force_trend import (
     CHANCE,
     FORGET,
     HORIZON,

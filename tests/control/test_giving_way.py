@@ -14,12 +14,13 @@ from scipy.linalg import expm
 import skyarm
 from c_compiler import needs_cc
 from exported_law import Loaded
+from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.observed_push import observed_push
-from skyarm.control.blocks.virtual_tip import AT_REST, moved_tip
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import give_way, known_rate, outside, unmoved
+from skyarm.control.laws.centroidal.admittance import give_way
 from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.laws.centroidal.virtual_body import AT_REST, moved_tip
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.onboard.export_c import export_c
@@ -53,7 +54,7 @@ DOCUMENT: dict[str, Any] = {
     },
 }
 JOINTS = (-0.45, -0.9)
-STIFFNESS = "controller.admittance.tip.stiffness.0"
+STIFFNESS = "controller.parts.admittance.tip.stiffness.0"
 
 
 def exact(t, K=K, f=PUSH):
@@ -223,25 +224,25 @@ def test_options_that_cannot_be_beside_it_are_refused(options, words):
 
 def test_the_axes_of_a_surface_are_its_normal_a_level_tangent_and_the_one_across(scenario):
     own = make_centroidal(scenario.controller.par.model, mode="tip", admittance={**SOFT, "normal": [-3.0, 0.0, 4.0]})
-    axes = np.array([[*axis] for axis in own.par.admittance.tip.axes])
+    axes = np.array([[*axis] for axis in own.par.parts.admittance.tip.axes])
     assert axes == pytest.approx(np.array([[-0.6, 0.0, 0.8], [0.0, -1.0, 0.0], [0.8, 0.0, 0.6]]))
     level = make_centroidal(scenario.controller.par.model, mode="tip", admittance={**SOFT, "normal": [0.0, 0.0, 2.0]})
-    assert [[*axis] for axis in level.par.admittance.tip.axes] == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    assert [[*axis] for axis in level.par.parts.admittance.tip.axes] == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
 
 
 def test_a_law_that_gives_way_is_kept_and_told_of(scenario):
     par = scenario.controller.par
     assert restore(plain(par)) == par
-    assert "giving way to forces" in par.choices()
-    assert par.admittance.tip.lead == pytest.approx(2.0 / 34.0)
+    assert "parts.admittance" in par.choices()
+    assert par.parts.admittance.tip.lead == pytest.approx(2.0 / 34.0)
     late = make_centroidal(par.model, mode="tip", admittance=SOFT, delay=0.01)
-    assert late.par.admittance.tip.lead == pytest.approx(2.0 / 34.0 + 0.01)
+    assert late.par.parts.admittance.tip.lead == pytest.approx(2.0 / 34.0 + 0.01)
     assert observed_push(scenario.controller.memory) == Vec3(0.0, 0.0, 0.0)
 
 
 def test_what_does_not_give_way_has_nothing_of_it(scenario):
     plain_law = make_centroidal(scenario.controller.par.model, mode="tip")
-    assert (plain_law.par.admittance, plain_law.memory.admittance) == (None, ())
+    assert (plain_law.par.parts.admittance, plain_law.memory.parts.admittance) == (None, ())
 
 
 def observed_at(law, force):
@@ -261,11 +262,11 @@ def observed_at(law, force):
 
 def gave_way(law, force, told=(), **hearing):
     """One period of giving way after the first seconds: memory, and the reference's three signals."""
-    first = law.memory.admittance
+    first = law.memory.parts.admittance
     first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, **hearing))
     at, observed = observed_at(law, force)
     rest = [Taylor((1.0, 2.0, 3.0, 0.0, 0.0))] * 6
-    memory, signals = give_way(law.par.admittance, first, law.par.model.vehicle, observed, rest, told, 0.005)
+    memory, signals = give_way(law.par.parts.admittance, first, law.par.model.vehicle, observed, rest, told, 0.005)
     assert signals[3:] == rest[3:]
     return at, memory, signals[:3]
 
@@ -274,7 +275,7 @@ def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivativ
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
     _, memory, signals = gave_way(law, (0.5, -0.3, 0.2))
     assert [*memory.force] == pytest.approx([0.5, -0.3, 0.2])
-    tip, (place, velocity, acceleration) = moved_tip(law.par.admittance.tip, AT_REST, Vec3(0.5, -0.3, 0.2), 0.005)
+    tip, (place, velocity, acceleration) = moved_tip(law.par.parts.admittance.tip, AT_REST, Vec3(0.5, -0.3, 0.2), 0.005)
     assert [*memory.tip.rate] == pytest.approx([*tip.rate])
     for signal, p, v, a in zip(signals, place, velocity, acceleration, strict=True):
         assert [signal.derivative(k) for k in range(3)] == pytest.approx([1.0 + p, 2.0 + v, 6.0 + a])
@@ -291,7 +292,7 @@ def test_a_sensor_is_heard_in_the_axes_of_the_tip_without_its_bias(scenario):
     turned = np.array([[*row] for row in (at.R @ frame_pose(vehicle, vehicle.frame(), JOINTS).R).rows])
     share = 1.0 - math.exp(-60.0 * 0.005)
     assert [*memory.force] == pytest.approx(turned @ (share * told - bias))
-    assert law.par.admittance.tip.lead == pytest.approx(1.0 / 60.0)
+    assert law.par.parts.admittance.tip.lead == pytest.approx(1.0 / 60.0)
     assert memory.hearing.heard == 1.0
 
 
@@ -299,29 +300,20 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
     heard, quiet = gave_way(law, (0.5, 0.0, 0.0))[1], gave_way(law, (0.0, 0.0, 0.0), quiet=0.6)[1]
     late = gave_way(law, (0.0, 0.0, 0.0), quiet=0.4)[1]
-    rate = Vec3(1.0, 2.0, 3.0)
-    assert [unmoved(law.par.admittance, m, (1.0, 0.0, 1.0)) for m in (heard, late, quiet)] == [
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (1.0, 0.0, 1.0),
-    ]
-    assert ([*known_rate(heard, rate)], [*known_rate(quiet, rate)]) == ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
-    assert (outside(heard, None), outside(quiet, None), outside((), None)) == (1.0, 0.0, 0)
-    assert (unmoved(None, (), (1.0,)), known_rate((), rate)) == ((1.0,), rate)
+    assert [law.par.parts.admittance.rested(m) for m in (heard, late, quiet)] == [0.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize("heard", [0.0, 1.0])
 def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
     law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
-    first = law.memory.admittance
+    first = law.memory.parts.admittance
     first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, heard=heard))
     seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
     still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))
     reference, commands = Reference(joints=JOINTS, **still).dense(), []
     for slope in (0.0, 2.0):
-        trend = dataclasses.replace(law.memory.following.trend, rate=Vec3(slope, 0.0, 0.0), agreement=50.0, size=50.0)
-        following = dataclasses.replace(law.memory.following, trend=trend)
-        memory = dataclasses.replace(law.memory, started=1.0, following=following, admittance=first)
+        trend = dataclasses.replace(law.memory.parts.trend, rate=Vec3(slope, 0.0, 0.0), agreement=50.0, size=50.0)
+        memory = with_parts(dataclasses.replace(law.memory, started=1.0), trend=trend, admittance=first)
         commands.append(law.law(memory, seen, reference, 0.005, par=law.par)[1])
     assert (commands[0] == commands[1]) is (heard > 0.5)
 
@@ -333,17 +325,17 @@ def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
     model = scenario.controller.par.model
     law = make_centroidal(model, mode="tip", admittance={**SOFT, "normal": [-1.0, 0.0, 1.0]}, force_sensor=sensor)
     found = export_c(law, name="law", period=0.005)
-    assert "admittance_tip_stiffness" in found.parameters
+    assert "parts_admittance_tip_stiffness" in found.parameters
     in_c = Loaded(found.text, tmp_path, ("-O0", "-ffp-contract=off"))
     arm = {"joints": (-0.45, -0.9), **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))}
     reference = Reference(**arm).dense()
     still = blank_measurement(2, 4, tip_force=3 if sensor else 0)
-    hearing = dataclasses.replace(law.memory.admittance.hearing, age=2.0)
-    memory = dataclasses.replace(law.memory, admittance=dataclasses.replace(law.memory.admittance, hearing=hearing))
-    in_c.memory.admittance_hearing_age = 2.0
+    hearing = dataclasses.replace(law.memory.parts.admittance.hearing, age=2.0)
+    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, hearing=hearing))
+    in_c.memory.parts_admittance_hearing_age = 2.0
     for i in range(8):
         told = (-0.6, 0.0, 0.8) if sensor else ()
         seen = dataclasses.replace(still, joints=(-0.45, -0.9), velocity=Vec3(-0.05 * i, 0.0, 0.0), tip_force=told)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
-    assert abs(memory.admittance.tip.place[0]) > 1e-6
+    assert abs(memory.parts.admittance.tip.place[0]) > 1e-6

@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from c_compiler import needs_cc
 from exported_law import Loaded
+from law_parts import with_parts
 from skyarm.algebra import E_Z, Quaternion, Vec3, axis_rotation
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import senses_torque
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import give_way, unmoved
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers
-from skyarm.control.laws.centroidal.tip_wrench import tip_wrench
+from skyarm.control.laws.centroidal.admittance import give_way
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_wrench
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.onboard.export_c import export_c
@@ -30,8 +30,8 @@ from skyarm.records.restore import restore
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_checks import sensor_offset
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.scenario.tip_sensor import sensor_offset
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.vehicle_records import Frame
 
@@ -95,13 +95,13 @@ def gave_way(law, force=(0.0,) * 3, torque=(0.0,) * 3, told=(), twisted=(), felt
     observed = dataclasses.replace(
         law.memory.observed, quaternion=quaternion, joints=BENT, force=d.force, torque=d.torque, efforts=d.efforts
     )
-    first = law.memory.admittance
+    first = law.memory.parts.admittance
     heard = dataclasses.replace(first.rotation.hearing, **(hearing.pop("turned", {})))
     rotation = dataclasses.replace(first.rotation, hearing=heard)
     own = dataclasses.replace(first.hearing, **{"age": 2.0, **hearing})
     first = dataclasses.replace(first, hearing=own, rotation=rotation)
     rest = [Taylor((float(q), 0.0, 0.0, 0.0, 0.0)) for q in (0.0, 0.0, 1.5, 0.0, *BENT)]
-    return give_way(law.par.admittance, first, HEXAROTOR, observed, rest, told, 0.005, twisted)
+    return give_way(law.par.parts.admittance, first, HEXAROTOR, observed, rest, told, 0.005, twisted)
 
 
 def test_a_torque_above_its_threshold_turns_the_reference_in_its_direction():
@@ -112,7 +112,7 @@ def test_a_torque_above_its_threshold_turns_the_reference_in_its_direction():
         memory, signals = gave_way(law, torque=torque)
         assert [*memory.rotation.torque] == pytest.approx(torque, abs=1e-9)
         assert memory.rotation.hearing.heard == 1.0
-        rate = 0.2 * 0.005 / J * (1.0 - D * law.par.admittance.rotation.body.lead / J)
+        rate = 0.2 * 0.005 / J * (1.0 - D * law.par.parts.admittance.rotation.body.lead / J)
         assert [*memory.rotation.body.rate] == pytest.approx([rate * (i == axis) for i in range(3)], rel=0.02)
         rates = np.array([q.derivative(1) for q in signals[4:]])
         columns = [[*c.angular] for c in jacobian_columns(HEXAROTOR, HEXAROTOR.frame(), BENT)]
@@ -138,7 +138,7 @@ def test_nothing_is_learned_while_a_torque_is_heard():
     loud, _ = gave_way(law, torque=(0.0, 0.2, 0.0), quiet=9.0)
     calm, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 9.0})
     late, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 0.4})
-    assert [unmoved(law.par.admittance, m, (1.0,)) for m in (loud, late, calm)] == [(0.0,), (0.0,), (1.0,)]
+    assert [law.par.parts.admittance.rested(m) for m in (loud, late, calm)] == [0.0, 0.0, 1.0]
     assert [*loud.hearing.bias.torque, *loud.hearing.bias.efforts] == [0.0] * 9
     assert calm.hearing.bias.torque.y > 0.0
     # patience: it stays heard for 0.3 s
@@ -159,7 +159,7 @@ def test_a_sensor_tells_the_torque_in_the_axes_of_the_tip_without_its_bias():
     assert [*memory.rotation.torque] == pytest.approx(turned @ (share * told - bias))
     assert [*memory.rotation.felt] == pytest.approx(share * told)
     assert [*memory.rotation.hearing.felt] == [*bias]
-    assert law.par.admittance.rotation.body.lead == pytest.approx(1.0 / 60.0)
+    assert law.par.parts.admittance.rotation.body.lead == pytest.approx(1.0 / 60.0)
 
 
 def document(torque, seed=0, noisy=True, **changes) -> dict[str, Any]:
@@ -259,7 +259,7 @@ def test_an_arm_that_does_not_turn_its_tip_about_three_axes_is_refused():
     other = Model(vehicle=skyarm.load_vehicle("hexarotor12_arm5"))
     with pytest.raises(ValueError, match="without force_sensor: the joints of 'hexarotor12_arm5' do not move its tip"):
         make_centroidal(other, **five)
-    assert make_centroidal(other, **five, force_sensor=True).par.admittance.senses_torque
+    assert make_centroidal(other, **five, force_sensor=True).par.parts.admittance.senses_torque
     with pytest.raises(ValueError, match=r"admittance\.mass = .*above 0 along an axis"):
         law_of(HELD)
     with pytest.raises(ValueError, match=r"admittance\.rotation = 3\.0: must be a table"):
@@ -270,12 +270,12 @@ def test_a_law_that_turns_is_kept_told_of_and_varied_by_its_numbers():
     scenario = scenario_from(document((0.0, 0.1, 0.0)))
     par = scenario.controller.par
     assert restore(plain(par)) == par
-    assert par.admittance.rotation.body.lead == pytest.approx(2.0 / 60.0 + 0.005)
-    varied = with_numbers(scenario, {"controller.admittance.rotation.body.stiffness.1": 0.2})
-    assert varied.controller.par.admittance.rotation.body.stiffness == (K, 0.2, K)
-    assert law_of(SOFT).par.admittance.rotation is None
-    assert law_of(SOFT).memory.admittance.rotation == ()
-    tilted = law_of({**SOFT, "normal": [0.0, 0.0, 2.0], "rotation": TURNS}).par.admittance
+    assert par.parts.admittance.rotation.body.lead == pytest.approx(2.0 / 60.0 + 0.005)
+    varied = with_numbers(scenario, {"controller.parts.admittance.rotation.body.stiffness.1": 0.2})
+    assert varied.controller.par.parts.admittance.rotation.body.stiffness == (K, 0.2, K)
+    assert law_of(SOFT).par.parts.admittance.rotation is None
+    assert law_of(SOFT).memory.parts.admittance.rotation == ()
+    tilted = law_of({**SOFT, "normal": [0.0, 0.0, 2.0], "rotation": TURNS}).par.parts.admittance
     assert tilted.rotation.body.axes == tilted.tip.axes
 
 
@@ -311,17 +311,17 @@ def test_the_sensor_of_a_flight_tells_the_torque_about_the_tip_wherever_on_the_h
 def test_exported_c_turns_by_the_same_numbers(sensor, tmp_path):
     law = law_of({**SOFT, "rotation": TURNS}, force_sensor=sensor)
     found = export_c(law, name="law", period=0.005)
-    assert "admittance_rotation_stiffness" in found.parameters
+    assert "parts_admittance_rotation_stiffness" in found.parameters
     in_c = Loaded(found.text, tmp_path, ("-O0", "-ffp-contract=off"))
     reference = Reference(joints=BENT, **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0,) * 6)).dense()
     still = blank_measurement(6, 6, tip_force=3 * sensor, tip_torque=3 * sensor)
-    hearing = dataclasses.replace(law.memory.admittance.hearing, age=2.0)
-    memory = dataclasses.replace(law.memory, admittance=dataclasses.replace(law.memory.admittance, hearing=hearing))
-    in_c.memory.admittance_hearing_age = 2.0
+    hearing = dataclasses.replace(law.memory.parts.admittance.hearing, age=2.0)
+    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, hearing=hearing))
+    in_c.memory.parts_admittance_hearing_age = 2.0
     for i in range(8):
         told = {"tip_force": (-0.6, 0.0, 0.8), "tip_torque": (0.1, 0.2, 0.0)} if sensor else {}
         # fast enough that an observer alone finds more than the 0.05 N m above which a torque is heard
         seen = dataclasses.replace(still, joints=BENT, joint_rates=(0.0,) * 4 + (-2.0 * i, 0.0), **told)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
-    assert max(abs(each) for each in memory.admittance.rotation.arm.joints) > 1e-6
+    assert max(abs(each) for each in memory.parts.admittance.rotation.arm.joints) > 1e-6

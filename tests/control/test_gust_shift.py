@@ -1,6 +1,7 @@
 """The least tip error in gusts, by two roads; the filter of the shift that comes from it, and a flight with it."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,17 +13,17 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import setting_of
 from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.force_trend import believed_share, first_trend
 from skyarm.control.blocks.series_kinematics import posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.force_trend import believed_share, first_trend
 from skyarm.control.laws.centroidal.gust_shift import (
     GustMemory,
     SlowForce,
-    foretold,
     gust_gains,
     shift_acceleration,
     slow_force,
+    steady_force,
 )
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -92,10 +93,11 @@ def model():
 def test_the_shift_goes_to_a_force_that_stays_as_a_critically_damped_system(model):
     """Against the matrix exponential of c'' = -w^2 (c - d) - 2 w c', with the pace held by a force far beyond noise."""
     par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
-    assert par.gust == gust_gains(1.0, model.vehicle, G)
-    w = float(par.gust.pace)
+    assert par.tip.shift.gust == gust_gains(1.0, model.vehicle, G)
+    w = float(par.tip.shift.gust.pace)
     assert w == pytest.approx(np.sqrt(G / 0.3))
-    par = dataclasses.replace(par, gust=dataclasses.replace(par.gust, size=1e-9))
+    shift = dataclasses.replace(par.tip.shift, gust=dataclasses.replace(par.tip.shift.gust, size=1e-9))
+    par = dataclasses.replace(par, tip=dataclasses.replace(par.tip, shift=shift))
     force, memory, t = Vec3(0.0, 0.0, 0.0), GustMemory(rate=Vec3(0.0, 0.0, 0.0)), 0.0
     A = np.array([[0.0, 1.0], [-w * w, -2.0 * w]])
     for _ in range(60):
@@ -113,10 +115,10 @@ def test_small_changes_are_followed_slowly(model):
     par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
     still = Vec3(0.0, 0.0, 0.0), GustMemory(rate=Vec3(0.0, 0.0, 0.0))
     paces = []
-    for size in (1e-4, float(par.gust.size), 1e3):
+    for size in (1e-4, float(par.tip.shift.gust.size), 1e3):
         rate = float(slow_force(par, *still, Vec3(0.0, size, 0.0), 1e-6).rate.y)
         paces.append(np.sqrt(rate / (size * 1e-6)))
-    slow, quick = float(par.tip.shift_rate), float(par.gust.pace)
+    slow, quick = float(par.tip.shift_rate), float(par.tip.shift.gust.pace)
     np.testing.assert_allclose(paces, [slow, 0.5 * (slow + quick), quick], rtol=1e-4)
 
 
@@ -162,8 +164,8 @@ def test_it_is_refused_where_the_tip_is_not_held_and_no_pace_is_below_nothing(mo
     law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", gust_shift=1.0)
     for name, value in (("pace", -1.0), ("size", 0.0)):
         with pytest.raises(ValueError, match=rf"gust\.{name}"):
-            skyarm.Batch(dataclasses.replace(scenario, controller=law), [f"controller.gust.{name}"]).fly(
-                {f"controller.gust.{name}": [value]}
+            skyarm.Batch(dataclasses.replace(scenario, controller=law), [f"controller.tip.shift.gust.{name}"]).fly(
+                {f"controller.tip.shift.gust.{name}": [value]}
             )
 
 
@@ -171,14 +173,16 @@ def test_what_is_foretold_passes_the_filter_by(model):
     """As far as the trend is believed: force, rate and bend against the mixture written out."""
     par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
     trend = dataclasses.replace(
-        first_trend(par.trend), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
+        first_trend(par.parts.trend), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
     )
     slow = SlowForce(Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.5, 0.0), Vec3(-1.0, 2.0, 0.5))
-    steady, rate, late = np.array([4.0, 5.0, 6.0]), np.array([0.2, -0.1, 0.05]), 0.07
+    adapted, rate, late = np.array([2.5, 4.8, 5.9]), np.array([0.2, -0.1, 0.05]), 2.0 / 27.0
+    steady = adapted + np.array([1.5, 0.2, 0.1])
     for engaged in (0.0, 0.5, 1.0):
-        share = float(believed_share(par.trend, trend)) * (1.0 - engaged)
+        share = float(believed_share(par.parts.trend, trend)) * (1.0 - engaged)
         assert (share > 0.1) == (engaged < 1.0)
-        force, found = foretold(par, Vec3(*steady), slow, trend, Vec3(*rate), late, engaged)
+        step = SimpleNamespace(rate=Vec3(*rate), trend=(trend.level, share), force=None)
+        force, found = steady_force(par, step, slow, Vec3(*adapted))
         level, held = np.array([*trend.level]), np.array([*slow.force])
         np.testing.assert_allclose([*force], steady + (level - held) * share + rate * late, rtol=1e-12)
         np.testing.assert_allclose([*found.rate], np.array([*slow.rate]) * (1.0 - share) + rate, rtol=1e-12)

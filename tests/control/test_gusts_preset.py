@@ -9,7 +9,7 @@ from skyarm.compare.envelope_axes import TIP
 from skyarm.compare.envelope_setting import PAPER
 from skyarm.control.catalogue import LAWS as CATALOGUE
 from skyarm.control.catalogue import PRESETS, make_named
-from skyarm.control.laws.centroidal.gain_presets import PRESETS as GAINS
+from skyarm.control.laws.centroidal.presets import PRESETS as GAINS
 from skyarm.control.model import Model
 from thorough import sampled
 
@@ -69,6 +69,6 @@ def test_it_is_made_for_any_arm_in_both_modes(mode, vehicle):
     model = Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
     made, adaptive = (make_named(f"centroidal_{mode}{end}", model) for end in ("_gusts", ""))
     assert made.name == f"centroidal_{mode}_gusts"
-    assert made.par.accelerometer is not None
-    assert (made.par.gust is None) == (mode == "joint")
+    assert made.par.observation.accelerometer is not None
+    assert (made.par.tip.shift is None) == (mode == "joint")
     assert made.par.tip.damping == adaptive.par.tip.damping

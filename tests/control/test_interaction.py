@@ -13,9 +13,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction
-from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.control.laws.centroidal.surface_normal import leaning, slid
+from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.control.model import Model
@@ -186,17 +184,17 @@ def test_the_reference_moves_along_the_normal_with_its_derivatives():
 
 def test_pressing_is_left_out_by_default_and_without_a_push_the_law_is_the_same():
     off, on = (make_centroidal(MODEL, mode="tip", interaction=pair) for pair in ((0.0, 0.0), (0.3, 0.1)))
-    assert off.par.interaction is None
+    assert off.par.parts.interaction is None
     assert off.memory == make_centroidal(MODEL, mode="tip").memory
-    assert off.memory.interaction == ()
-    assert "pressing on surfaces" in on.par.choices()
+    assert off.memory.parts.interaction == ()
+    assert "parts.interaction" in on.par.choices()
     reading, reference = (
         blank_measurement(2, 4, 0),
         Reference(joints=(0.1, 0.2), joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2),
     )
     commands = [each.law(each.memory, reading, reference, DT, par=each.par) for each in (off, on)]
     assert commands[0][1] == commands[1][1]
-    assert commands[1][0].interaction == on.memory.interaction
+    assert commands[1][0].parts.interaction == on.memory.parts.interaction
 
 
 @pytest.mark.parametrize("pair", [(0.3, 0.3), (0.3, 0.0), (0.0, 0.1), (-1.0, 0.1), (10001.0, 0.1), 0.3, ("a", 0.1)])

@@ -125,12 +125,12 @@ def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
 
 def test_only_the_adaptive_preset_bounds_and_only_joints_that_have_limits():
     model, free = Model(vehicle=ARM1), Model(vehicle=with_limits(-np.inf, np.inf))
-    assert make_centroidal(model, mode="tip", preset="adaptive").par.ends == ((True, True),)
-    assert make_centroidal(free, mode="tip", preset="adaptive").par.ends == ()
+    assert make_centroidal(model, mode="tip", preset="adaptive").par.joint_ends == ((True, True),)
+    assert make_centroidal(free, mode="tip", preset="adaptive").par.joint_ends == ()
     for preset in ("robust", "stiff"):
-        assert make_centroidal(model, mode="tip", preset=preset).par.ends == ()
-    assert make_centroidal(model, preset="robust", joint_limits=True).par.ends == ((True, True),)
-    assert make_centroidal(model, preset="adaptive", joint_limits=False).par.ends == ()
+        assert make_centroidal(model, mode="tip", preset=preset).par.joint_ends == ()
+    assert make_centroidal(model, preset="robust", joint_limits=True).par.joint_ends == ((True, True),)
+    assert make_centroidal(model, preset="adaptive", joint_limits=False).par.joint_ends == ()
 
 
 def test_a_reference_beyond_a_limit_is_followed_up_to_it():

@@ -10,7 +10,8 @@ import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe
-from skyarm.control.blocks.lag_estimate import (
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.lag_estimate import (
     CANDIDATES,
     IGNORED,
     PRIOR,
@@ -22,9 +23,8 @@ from skyarm.control.blocks.lag_estimate import (
     shares,
     stride_of,
 )
-from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.model import Model
 from skyarm.sensors.measurement import Measurement
 from thorough import sampled

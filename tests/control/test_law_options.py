@@ -36,8 +36,8 @@ WRONG = [
     ("l1_adaptive", "thrust_filter", float("nan"), r"controller\.thrust_filter = nan: must be a finite number"),
     ("kim2013", "boundary", (0.1, 0.0, 0.1), r"controller\.boundary\[1\] = 0\.0: must be above 0"),
     ("kim2013", "limit", 3.0, r"controller\.limit = 3\.0: must be three numbers"),
-    ("ct_observer", "observer", (1.0, 2.0, -3.0), r"controller\.observer\[2\] = -3\.0: must be above 0"),
-    ("ct_lag_inversion", "reference_period", 0, r"controller\.reference_period = 0: must be above 0"),
+    ("ct_ladder", "observer", (1.0, 2.0, -3.0), r"controller\.observer\[2\] = -3\.0: must be above 0"),
+    ("ct_ladder", "reference_period", 0, r"controller\.reference_period = 0: must be above 0"),
     ("nmpc", "weights", 3, r"controller\.weights = 3: must be Weights"),
     ("nmpc", "bandwidths", None, r"controller\.bandwidths = None: must be Bandwidths"),
     ("nmpc", "horizon", True, r"controller\.horizon = True: must be a number of s"),
@@ -54,7 +54,7 @@ WRONG = [
     ("hybrid_computed_torque", "rate_error", [1], r"controller\.rate_error = \[1\]: must be one of"),
 ]
 
-GAINED = ("decoupled_pd", "hybrid_computed_torque", "ct_observer", "indi", "kim2013")
+GAINED = ("decoupled_pd", "hybrid_computed_torque", "ct_ladder", "indi", "kim2013")
 GAINED += ("l1_adaptive", "learned_compensator")
 
 
@@ -127,7 +127,7 @@ def test_a_wrong_value_is_refused_by_name(law, option, value, words):
         make_controller(law, MODEL, **{option: value})
 
 
-@pytest.mark.parametrize("law", ["guo2023", "ct_observer"])
+@pytest.mark.parametrize("law", ["guo2023", "ct_ladder"])
 def test_joint_gains_for_another_number_of_joints_are_refused(law):
     with pytest.raises(ControllerError, match=r"joint_gains\.stiffness: 1 values, must be 2"):
         make_controller(law, MODEL, joint_gains=JointGains(stiffness=(1.0,), damping=(1.0, 2.0)))
@@ -138,11 +138,6 @@ def test_the_compensated_force_and_torque_of_l1_are_half_of_the_weight_and_that_
     weight = 9.81 * sum(float(body.mass) for body in vehicle.bodies)
     reach = max(np.linalg.norm([float(c) for c in rotor.position]) for rotor in vehicle.rotors)
     assert (par.force_limit, par.torque_limit) == pytest.approx((0.5 * weight, 0.25 * weight * reach))
-
-
-def test_what_a_name_fixes_is_no_option():
-    with pytest.raises(ControllerError, match="law 'l1_adaptive_lateral' has no such option"):
-        make_controller("l1_adaptive_lateral", MODEL, lateral=False)
 
 
 def test_a_controller_is_named_as_its_law():

@@ -4,6 +4,8 @@ import dataclasses
 import json
 import math
 import re
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from flown import ARM2, MODEL, cases, hovering, pushes
 from log_metrics import Errors
+from logs_synthetic import synthetic_log
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
@@ -24,18 +27,20 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered
 from skyarm.control.laws.learned.law import compensated
 from skyarm.control.laws.learned.network import read_network, shipped_network, write_network
-from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.model import Model
-from skyarm.learn.learning_flights import random_scenario
-from skyarm.learn.samples import residuals, samples
-from skyarm.learn.training import Budget, Trainer
-from skyarm.learn.training_rounds import learn, training_record
+from skyarm.dynamics import array_front as arrays
 from skyarm.onboard.export_c import export_c
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
+TRAINING = runpy.run_path(str(Path(__file__).parents[2] / "examples/learned_compensator/train.py"))
+Budget, Trainer, random_scenario, residuals, samples, learn, training_record = (
+    TRAINING[name]
+    for name in ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record")
+)
+TINY = Budget(flights=2, rounds=1, duration=0.4, hidden=8, epochs=20, batch=16, seed=5)
 
 
 def learned(**options):
@@ -73,7 +78,7 @@ def test_answers_beyond_what_training_saw_are_limited():
 
 def test_the_file_says_how_it_was_made_and_reads_back_as_written():
     network, training = shipped_network()
-    assert training["command"] == "python -m skyarm.learn FILE"
+    assert training["command"] == "python examples/learned_compensator/train.py FILE"
     assert training["inputs"] == list(feature_names(2))
     assert len(training["outputs"]) == len(training["held_out_rms_error"]) == 8
     text = write_network(network, training)
@@ -248,24 +253,88 @@ def test_a_noisy_flight_is_seen_through_every_channel_of_the_bench_s_noise():
         assert off.std() == pytest.approx(sigma, rel=0.08), group
 
 
-def test_the_gradient_of_training_is_that_of_the_loss():
-    rng = np.random.default_rng(0)
-    trainer, x, y = Trainer((3, 4, 4, 2), rng), rng.normal(size=(9, 3)), rng.normal(size=(9, 2))
-    before = [part.copy() for part in trainer.parts]
+BETA = (0.9, 0.999)
 
-    def loss(parts):
-        z = np.tanh(np.tanh(x @ parts[0] + parts[1]) @ parts[2] + parts[3]) @ parts[4] + parts[5]
-        return float(np.mean((z - y) ** 2))
 
-    assert trainer.step(x, y, 1e-4) == pytest.approx(loss(before))
-    for i, part in enumerate(before):
+def loss(parts, x, y):
+    """Mean squared error of a perceptron with tanh between its layers; complex numbers may pass."""
+    value = x.astype(complex)
+    for i in range(0, len(parts), 2):
+        value = value @ parts[i] + parts[i + 1]
+        if i + 2 < len(parts):
+            value = np.tanh(value)
+    return ((value - y) ** 2).sum() / y.size
+
+
+def gradient(parts, x, y):
+    """By complex steps, exact to rounding."""
+    found = []
+    for i, part in enumerate(parts):
+        slope = np.empty(part.shape)
         for place in np.ndindex(part.shape):
-            nudged = [p.copy() for p in before]
-            nudged[i][place] += 1e-6
-            slope = (loss(nudged) - loss(before)) / 1e-6
-            # the first step of Adam goes down by the rate, whatever the size of the slope
-            if abs(slope) > 1e-4:
-                assert trainer.parts[i][place] - part[place] == pytest.approx(-1e-4 * np.sign(slope), rel=1e-2)
+            moved = [each.astype(complex) for each in parts]
+            moved[i][place] += 1e-30j
+            slope[place] = loss(moved, x, y).imag / 1e-30
+        found.append(slope)
+    return found
+
+
+@pytest.mark.parametrize("sizes", [(3, 4, 5, 2)])
+def test_steps_are_those_of_adam_as_published(sizes):
+    """Kingma, Ba 2015, algorithm 1, with the gradient by complex steps: five steps on changing batches."""
+    rng = np.random.default_rng(3)
+    trainer = Trainer(sizes, np.random.default_rng(4))
+    parts = [part.copy() for part in trainer.parts]
+    m, v = ([np.zeros_like(part) for part in parts] for _ in range(2))
+    for t in range(1, 6):
+        x, y, rate = rng.normal(size=(7, sizes[0])), rng.normal(size=(7, sizes[-1])), 0.1 / t
+        g = gradient(parts, x, y)
+        told = loss(parts, x, y).real
+        for i, slope in enumerate(g):
+            m[i] = BETA[0] * m[i] + (1.0 - BETA[0]) * slope
+            v[i] = BETA[1] * v[i] + (1.0 - BETA[1]) * slope**2
+            parts[i] = parts[i] - rate * (m[i] / (1.0 - BETA[0] ** t)) / (np.sqrt(v[i] / (1.0 - BETA[1] ** t)) + 1e-8)
+        assert trainer.step(x, y, rate) == pytest.approx(told, rel=1e-12)
+        for ours, theirs in zip(trainer.parts, parts, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9)
+
+
+def test_what_a_model_leaves_out_is_found_sample_by_sample():
+    """At each instant alone, rotated by SciPy: force and torque that the rotors' thrust and drag do not give."""
+    vehicle = load_vehicle("hummingbird_arm2")
+    rng = np.random.default_rng(8)
+    log, count = synthetic_log("case1", "rigid_body", "CT", seconds=0.03), 6
+    xyzw = Rotation.random(count, random_state=1).as_quat()
+    log = dataclasses.replace(
+        log,
+        position=rng.normal(size=(count, 3)),
+        quaternion=xyzw[:, [3, 0, 1, 2]],
+        velocity=rng.normal(size=(count, 3)),
+        rate=rng.normal(size=(count, 3)),
+        joints=rng.normal(size=(count, 2)),
+        joint_rates=rng.normal(size=(count, 2)),
+        efforts=rng.normal(size=(count, 2)),
+        rotor_speeds=rng.uniform(300.0, 700.0, size=(count, 4)),
+    )
+    found = residuals(Model(vehicle=vehicle, gravity=9.81), log)
+    assert found.shape == (count - 1, 8)
+    velocity = np.hstack([log.velocity, log.rate, log.joint_rates])
+    for k in range(count - 1):
+        slope = (velocity[k + 1] - velocity[k]) / 0.005
+        needed = arrays.inverse_dynamics(
+            vehicle, log.position[k], log.quaternion[k], log.joints[k], velocity[k], slope, gravity=9.81
+        )
+        push, turn = np.zeros(3), np.zeros(3)
+        for rotor, speed in zip(vehicle.rotors, 0.5 * (log.rotor_speeds[k] + log.rotor_speeds[k + 1]), strict=True):
+            thrust = np.array([*rotor.axis], dtype=float) * float(rotor.thrust_coefficient) * speed**2
+            push += thrust
+            spin = float(rotor.moment_coefficient * rotor.thrust_coefficient) * speed**2
+            turn += np.cross(np.array([*rotor.position], dtype=float), thrust)
+            turn -= float(rotor.direction) * spin * np.array([*rotor.axis], dtype=float)
+        R = Rotation.from_quat(xyzw[k]).as_matrix()
+        np.testing.assert_allclose(found[k, :3], R.T @ needed[:3] - push, atol=1e-9)
+        np.testing.assert_allclose(found[k, 3:6], needed[3:6] - turn, atol=1e-9)
+        np.testing.assert_allclose(found[k, 6:], needed[6:] - log.efforts[k], atol=1e-9)
 
 
 def test_training_learns_and_repeats_bit_for_bit():

@@ -15,8 +15,15 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError, learns_load
 from skyarm.control.found_by_law import found_by_law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.learned_load import hang, learn_load, missing, with_learned
-from skyarm.control.laws.centroidal.load_records import LoadGains, LoadMemory, first_load
+from skyarm.control.laws.centroidal.load import (
+    LoadGains,
+    LoadMemory,
+    first_load,
+    hang,
+    learn_load,
+    missing,
+    with_learned,
+)
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import blank_measurement
@@ -208,16 +215,16 @@ def test_the_model_holds_the_load_with_its_inertia():
 def test_it_is_left_out_by_default_and_does_nothing_where_nothing_is_held():
     model = MODEL
     off, on = (make_centroidal(model, mode="tip", load=limit) for limit in (0.0, 0.5))
-    assert off.memory.load == ()
-    assert off.par.load is None
+    assert off.memory.parts.load == ()
+    assert off.par.parts.load is None
     assert off.memory == make_centroidal(model, mode="tip").memory
-    assert "learned load" in on.par.choices()
-    assert (off.par.adapts_load, on.par.adapts_load) == (True, False)
+    assert "parts.load" in on.par.choices()
+    assert (off.par.parts.adaptation.load is None, on.par.parts.adaptation.load is None) == (False, True)
     reading, held = blank_measurement(ARM.n, len(ARM.rotors)), (0.0,) * ARM.n
     reference = Reference(joints=held, joint_rates=held, joint_accelerations=held)
     first = [each.law(each.memory, reading, reference, DT, par=each.par) for each in (off, on)]
     assert [*first[0][1].efforts] == pytest.approx([*first[1][1].efforts], abs=1e-12)
-    assert first[1][0].load == on.memory.load
+    assert first[1][0].parts.load == on.memory.parts.load
     told = dataclasses.replace(reference, load=(1.0,))
     assert off.law(off.memory, reading, told, DT, par=off.par)[1] == first[0][1]
 

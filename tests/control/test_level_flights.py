@@ -19,9 +19,8 @@ from skyarm.environment import ForceWind
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Ramp, Sine
-from skyarm.scenario.changes import Change
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.scenario.scenario_record import Change, Delays, Scenario
 from skyarm.simulate import run
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md"
@@ -94,7 +93,7 @@ def test_under_noise_the_tip_is_kept_where_a_tilting_base_does_not():
 def test_a_roll_and_pitch_are_held_while_the_base_moves_and_turns():
     trajectory = dataclasses.replace(across(2.5), yaw=Sine(amplitude=1.0, frequency_hz=0.2))
     planned = scenario(HEXA, trajectory, sideways=0.9, attitude=[-0.06, 0.001])
-    turned = Change(at=2.0, path="controller.attitude.1", value=0.1)
+    turned = Change(at=2.0, path="controller.center.sideways.attitude.1", value=0.1)
     log = run(dataclasses.replace(planned, changes=(turned,)))
     assert np.linalg.norm(log.position - log.position_reference, axis=1)[log.time >= 1.0].max() < 2.0e-3
     # a turning heading is followed 0.2 deg late

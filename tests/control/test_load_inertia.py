@@ -14,9 +14,8 @@ from skyarm import dynamics
 from skyarm.algebra import Mat3, Motion, Quaternion, Sym3, Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.learned_load import with_learned
+from skyarm.control.laws.centroidal.load import InertiaGains, LoadGains, first_inertia, first_load, stout, with_learned
 from skyarm.control.laws.centroidal.load_inertia import consistent, learn_inertia, unit_torques
-from skyarm.control.laws.centroidal.load_records import InertiaGains, LoadGains, first_inertia, first_load, stout
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.plain import plain
@@ -280,8 +279,8 @@ def test_the_moments_are_an_option_that_stands_in_files_and_logs(tmp_path):
     scenario = scenario_from(document(noisy=False))
     par = scenario.controller.par
     assert restore(plain(par)) == par
-    assert "moments of a learned load" in par.choices()
-    assert scenario_from(document(li=False)).controller.memory.load.inertia == ()
+    assert "parts.load.inertia" in par.choices()
+    assert scenario_from(document(li=False)).controller.memory.parts.load.inertia == ()
     short = skyarm.run(dataclasses.replace(scenario, duration=1.2))
     kept = skyarm.load_log(skyarm.save_log(short, tmp_path / "x.npz"))
     assert np.array_equal(kept.load_inertia_found, short.load_inertia_found)

@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.outside_force import Hearing, first_hearing, hear
+from skyarm.control.laws.centroidal.outside_force import Hearing, first_hearing, hear
 
 DT, GAINS, ZERO = 0.005, Hearing(), Vec3(0.0, 0.0, 0.0)
 CALM = dataclasses.replace(first_hearing(1), age=5.0)

@@ -117,7 +117,7 @@ def test_a_swing_under_a_steady_tilt_is_no_motion_along_the_path():
     asked = [Vec3(0.0, -0.3 * s, 0.3 * (c - 1.0)), Vec3(0.0, -rate * s, rate * (c - 1.0)), zero]
     arguments = Taylor((0.0,) * 5), level, level, Attitude(R, zero, zero)
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
-    par = make_centroidal(model, path_rate=2.0, shift_bandwidth=60.0).par
+    par = make_centroidal(model, mode="tip", path_rate=2.0, shift_bandwidth=60.0).par
     with pytest.raises(ControllerError, match=r"controller\.path_rate = 2\.0: must be 0 without shift_bandwidth"):
         make_centroidal(model, path_rate=2.0)
     base = sine(0.0, 2.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_predictive_belief import belief, drawn, goal_of, true_accelerations
+from test_predictive_memory import belief, drawn, goal_of, true_accelerations
 
 import skyarm
 from flown import MODEL, cases, vec
@@ -19,17 +19,16 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.observed_push import PushAlone, observed_push
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.contact_force import Contact, under_contact
-from skyarm.control.laws.predictive.cost import input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Contact, input_residuals, state_residuals, under_contact
+from skyarm.control.laws.predictive.engine import WEIGHTS
+from skyarm.control.laws.predictive.law import problem_at
 from skyarm.control.laws.predictive.linearise import examples
-from skyarm.control.laws.predictive.motion_plan import Inputs
-from skyarm.control.laws.predictive.parameters import WEIGHTS
-from skyarm.control.laws.predictive.problem import problem_at
+from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 from skyarm.vehicle.vehicle_files import load_vehicle
 from vehicles_random import PinocchioTwin, RandomState
 

@@ -12,14 +12,14 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.predictive import command_delay, fallback, law, preview
+from skyarm.control.laws.predictive import fallback, law, observer, preview
 from skyarm.control.laws.predictive.engine import engine_for
-from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
+from skyarm.control.laws.predictive.law import BEARABLE, bearable
 from skyarm.control.laws.predictive.linearise import examples
-from skyarm.control.laws.predictive.motion_plan import accelerations, base_accelerations, carried
-from skyarm.control.laws.predictive.problem import BEARABLE, bearable
-from skyarm.control.laws.predictive.solve import NoPlanError, Plan
-from skyarm.control.laws.predictive.stance import shift
+from skyarm.control.laws.predictive.observer import Fresh, filled, frozen, taken_over
+from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, carried
+from skyarm.control.laws.predictive.preview import shift
+from skyarm.control.laws.predictive.riccati import NoPlanError, Plan
 from skyarm.dynamics import frame_pose
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
@@ -215,19 +215,19 @@ def test_of_a_disturbance_no_more_torque_is_foreseen_than_the_arm_can_bear():
 def test_the_delay_of_commands_is_found_from_rotor_speeds_with_noise(late):
     rng = np.random.default_rng(late)
     modelled = 500.0 + np.cumsum(rng.normal(size=(80, 4)), axis=0)
-    found = command_delay.first_lateness(modelled[0])
+    found = observer.first_lateness(modelled[0])
     for k in range(1, 80):
         seen = modelled[max(k - late, 0)] + 0.1 * rng.normal(size=4)
-        found = command_delay.compared(found, modelled[k], seen, DT)
+        found = observer.compared(found, modelled[k], seen, DT)
     assert found.periods == late
 
 
 def test_rotors_that_say_nothing_or_nonsense_leave_the_delay_as_it_is():
     rng = np.random.default_rng(1)
     for nonsense in (np.zeros(4), np.full(4, np.nan), None):
-        found = command_delay.first_lateness(np.full(4, 500.0))
+        found = observer.first_lateness(np.full(4, 500.0))
         for _ in range(60):
-            found = command_delay.compared(found, 500.0 + rng.normal(size=4), nonsense, DT)
+            found = observer.compared(found, 500.0 + rng.normal(size=4), nonsense, DT)
         assert found.periods == 0
 
 

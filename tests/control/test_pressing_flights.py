@@ -73,9 +73,9 @@ def test_the_impact_is_that_of_the_tips_mass(scenario, log):
 
 def test_the_wanted_contact_and_the_thresholds_are_numbers_of_the_scenario(scenario):
     assert number_at(scenario, "reference.push.force.value") == WANTED
-    changed = with_numbers(scenario, {"reference.push.normal.2": 0.2, "controller.interaction.touch": 0.4})
+    changed = with_numbers(scenario, {"reference.push.normal.2": 0.2, "controller.parts.interaction.touch": 0.4})
     assert changed.trajectory.at(2.0).push[4] == pytest.approx(0.2 / np.sqrt(1.04))
-    assert changed.controller.par.interaction.touch == 0.4
+    assert changed.controller.par.parts.interaction.touch == 0.4
 
 
 def test_a_push_is_kept_with_the_scenario(scenario):

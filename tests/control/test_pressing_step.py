@@ -9,17 +9,17 @@ import pytest
 
 import skyarm
 from flying_engines import evaluate
+from law_parts import with_parts
 from skyarm.actuation import Command
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
-from skyarm.control.blocks.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
-from skyarm.control.laws.centroidal.pressing_step import press
-from skyarm.control.laws.centroidal.surface_normal import slid
+from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, slid, wanted_of
+from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
+from skyarm.control.laws.centroidal.pressing import press
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -90,7 +90,9 @@ def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=4
     )
     signals = [Taylor((0.0, rate, 0.0, 0.0, 0.0)) for rate in (*led, 0.0, 0.0, 0.0)]
     sent = Command(rotor_speeds=(400.0, speed, 400.0, 400.0), efforts=efforts)
-    return par, press(par, memory, PUSH, signals, observed, sent, state, disturbance(observed), (), DT)
+    return par, press(
+        par.parts.interaction, par, memory, PUSH, signals, observed, sent, state, disturbance(observed), (), DT
+    )
 
 
 def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():
@@ -142,7 +144,7 @@ def pressed_in_motion(memory, push, unknown=None, tip_force=()):
     )
     signals = [Taylor((0.0, rate, 0.0, 0.0, 0.0)) for rate in (0.0, 0.2, 0.1, 0.0, 0.0, 0.0)]
     sent = Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0))
-    return d, press(par, memory, push, signals, observed, sent, MOVING, d, tip_force, DT, 0.5)
+    return d, press(par.parts.interaction, par, memory, push, signals, observed, sent, MOVING, d, tip_force, DT, 0.5)
 
 
 def tip_of(state, seconds):
@@ -188,15 +190,14 @@ def test_a_sensor_is_turned_by_the_attitude_and_posture_in_which_it_read():
 def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
-    fast = dataclasses.replace(made.memory.following.trend, rates=(Vec3(2.0, 0.0, 0.0),) * 4, agreement=4.0, size=4.0)
+    fast = dataclasses.replace(made.memory.parts.trend, rates=(Vec3(2.0, 0.0, 0.0),) * 4, agreement=4.0, size=4.0)
     fast = dataclasses.replace(fast, rate=Vec3(2.0, 0.0, 0.0))
 
     def command(trend, held):
-        following = dataclasses.replace(made.memory.following, trend=trend)
-        memory = dataclasses.replace(made.memory, started=1.0, following=following, interaction=held)
+        memory = with_parts(dataclasses.replace(made.memory, started=1.0), trend=trend, interaction=held)
         return made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[1]
 
-    before = made.memory.following.trend
+    before = made.memory.parts.trend
     assert command(fast, HELD) == command(before, HELD)
     free = first_interaction(2)
     assert command(fast, free) != command(before, free)
@@ -206,11 +207,11 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
     bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
-    lag = dataclasses.replace(made.memory.lag, count=100.0, past=((1.0,) * 5,) * 8, base=bank, arm=bank)
+    lag = dataclasses.replace(made.memory.parts.lag, count=100.0, past=((1.0,) * 5,) * 8, base=bank, arm=bank)
 
     def banks(held):
-        memory = dataclasses.replace(made.memory, started=1.0, lag=lag, interaction=held)
-        after = made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[0].lag
+        memory = with_parts(dataclasses.replace(made.memory, started=1.0), lag=lag, interaction=held)
+        after = made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[0].parts.lag
         return after.base.means != bank.means, after.arm.means != bank.means
 
     assert banks(HELD) == (False, False)
@@ -229,7 +230,8 @@ def test_friction_is_let_go_by_what_was_sent_last():
     idle, limit = made.memory.sent[0], float(ARM.links[0].joint.effort_limit)
 
     def efforts(sent):
-        memory = dataclasses.replace(made.memory, started=1.0, observed=observed, interaction=HELD, sent=sent)
+        memory = dataclasses.replace(made.memory, started=1.0, observed=observed, sent=sent)
+        memory = with_parts(memory, interaction=HELD)
         return np.array(made.law(memory, reading, reference, instant, par=made.par)[1].efforts)
 
     queue = [idle] * len(made.memory.sent)

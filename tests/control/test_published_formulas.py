@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from flown import pushes
-from law_flights import scalars
+from law_flights import make_law, scalars
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
@@ -20,7 +20,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.published.guo import center_reference
 from skyarm.control.laws.published.kim import sliding_rates
-from skyarm.control.laws.published.l1_predictor import adaptation, predict_velocities
+from skyarm.control.laws.published.l1 import adaptation, predict_velocities
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
@@ -84,7 +84,7 @@ def wanted(seed: int) -> Reference:
 
 def soft(law: str, vehicle=ARM, **options):
     """The law with a heading loop too weak to clip a rotor."""
-    controller = make_controller(law, dataclasses.replace(MODEL, vehicle=vehicle), **options)
+    controller = make_law(law, dataclasses.replace(MODEL, vehicle=vehicle), **options)
     gains = controller.par.gains
     weak = dataclasses.replace(gains, attitude=gains.attitude * 0.05, rate=gains.rate * 0.05)
     return dataclasses.replace(controller, par=dataclasses.replace(controller.par, gains=weak))

@@ -27,7 +27,7 @@ def test_at_rest_on_its_reference_it_holds_what_pinocchio_says(joints, yaw):
     state = RandomState(
         position=position, quaternion=np.array([w, x, y, z]), joints=np.array(joints), velocity=np.zeros(8)
     )
-    par = with_safety_layer(make_controller("ct_lag_inversion", MODEL)).par
+    par = with_safety_layer(make_controller("ct_ladder", MODEL)).par
     reference = Reference(position=vec(position), yaw=yaw, joints=joints, joint_rates=(0.0, 0.0)).dense()
     mixer = make_controller("hybrid_computed_torque", MODEL).par.mixer
     command = recover(par.recovery, MODEL, mixer, measured(state), reference)
@@ -42,7 +42,7 @@ def test_joints_are_pulled_by_its_own_gains_towards_their_reference():
     state = RandomState(
         position=np.zeros(3), quaternion=np.array([1.0, 0, 0, 0]), joints=np.array([0.1, -0.2]), velocity=np.zeros(8)
     )
-    par = with_safety_layer(make_controller("ct_lag_inversion", MODEL)).par
+    par = with_safety_layer(make_controller("ct_ladder", MODEL)).par
     mixer = make_controller("hybrid_computed_torque", MODEL).par.mixer
     moving = dataclasses.replace(measured(state), joint_rates=(0.3, 0.4))
     reference = Reference(joints=(0.15, -0.1), joint_rates=(0.1, -0.1)).dense()

@@ -10,17 +10,14 @@ import pytest
 import skyarm
 from flown import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 from skyarm.algebra import Vec3
-from skyarm.control.catalogue import make_controller
-from skyarm.control.catalogue.tuned_gains import rescale
+from skyarm.control.catalogue import make_controller, rescale
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.control.laws.pressing.admittance_pd import yielded
-from skyarm.control.laws.pressing.hybrid_ct import freed, level_tip, pressed
-from skyarm.control.laws.pressing.tip_observer import Touch, listen, moved
+from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.pressing import Touch, freed, level_tip, listen, moved, pressed, yielded
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scalars.fold import data
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 
 DT = 0.005
 BASIS = {"hybrid_ct": "hybrid_computed_torque", "admittance_pd": "decoupled_pd"}

@@ -10,12 +10,12 @@ import pytest
 
 import skyarm
 from flown import G, cases, controller, step, vec
+from rotors_node import rotors_sim_lee_command
 from skyarm.actuation import mix
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
 from skyarm.control.blocks.geometric import message_quaternion, yaw_of
 from skyarm.control.catalogue import HUMMINGBIRD
-from skyarm.control.laws.paper.rotors_node import rotors_sim_lee_command
 from skyarm.control.model import Model
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text(encoding="utf-8"))

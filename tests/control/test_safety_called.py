@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_vehicles import random_flyer
 from skyarm.actuation import Command
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import LawError, checked_law
-from skyarm.control.model import Model
 from skyarm.control.safety import safety_layer, with_safety_layer
-from skyarm.control.safety.law_stiffness import USUAL, law_stiffness
+from skyarm.control.safety.limits import USUAL, law_stiffness
 from skyarm.environment.payload import Payload
 from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run
@@ -126,29 +124,6 @@ def test_a_called_law_under_guard_is_made_ready_to_be_looked_at_once(monkeypatch
     assert len(made) == 1
 
 
-def test_one_law_of_two_vehicles_is_looked_at_for_each():
-    class Two:
-        """Has no hash, and commands two joints whatever the vehicle."""
-
-        __hash__ = None
-
-        def __call__(self, memory, measurement, reference, dt, *, par):
-            return memory, Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0))
-
-    law = Two()
-    pars = [
-        with_safety_layer(make_controller("ct_lag_inversion", Model(vehicle=random_flyer(1, n)))).par for n in (2, 1)
-    ]
-    both = [safety_layer._once_checked(safety_layer._Asked(law, par)) for par in pars]
-    again = safety_layer._once_checked(safety_layer._Asked(law, dataclasses.replace(pars[0])))
-    rotors = {len(par.model.vehicle.rotors) for par in pars}
-    assert rotors == {4}
-    assert again is both[0]
-    both[0]((), None, None, 0.01, par=None)
-    with pytest.raises(LawError, match="gives 2 efforts: must be 1"):
-        both[1]((), None, None, 0.01, par=None)
-
-
 def counted(controller):
     """A traceable law that is called with floats, and how often it was."""
     calls = []
@@ -161,7 +136,7 @@ def counted(controller):
 
 
 def test_a_called_law_under_guard_flies_the_bits_of_a_traced_one():
-    law = make_controller("ct_lag_inversion", WIND.controller.par.model)
+    law = make_controller("ct_ladder", WIND.controller.par.model)
     tight = {"rotor_slew": 2e3, "effort": 0.05, "stiffness": 5.0, "damping": 2.7}
     called, calls = counted(law)
     scenario = dataclasses.replace(WIND, duration=0.5)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from flown import cases, controller, vec
 from skyarm.algebra import Quaternion
 from skyarm.control.safety.limits import limits_for
-from skyarm.control.safety.supervisor import Confidence, update_confidence
+from skyarm.control.safety.recovery import Confidence, update_confidence
 
 DT = 0.01
 LIMITS = limits_for(

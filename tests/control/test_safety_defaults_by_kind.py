@@ -21,7 +21,7 @@ def sliding():
     return dataclasses.replace(ARM2, links=(first, dataclasses.replace(second, joint=joint)))
 
 
-def limits(vehicle=ARM2, law="ct_lag_inversion", **given):
+def limits(vehicle=ARM2, law="ct_ladder", **given):
     return limits_for(make_controller(law, Model(vehicle=vehicle, gravity=9.81)), stiffness=5.0, damping=3.0, **given)
 
 

@@ -17,12 +17,17 @@ from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.command_limits import limit_slew, reachable, with_priorities
+from skyarm.control.safety.command_limits import (
+    _bounded,
+    apply_joint_barrier,
+    floating_inertia_times,
+    limit_slew,
+    reachable,
+    with_priorities,
+)
 from skyarm.control.safety.governor import govern_base, govern_joints
-from skyarm.control.safety.joint_barrier import _bounded, apply_joint_barrier, floating_inertia_times
 from skyarm.control.safety.limits import FINITE, MOST, Limits, limits_for
-from skyarm.control.safety.recovery import steep_error, stowed
-from skyarm.control.safety.supervisor import Confidence, update_confidence
+from skyarm.control.safety.recovery import Confidence, steep_error, stowed, update_confidence
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)

@@ -19,10 +19,18 @@ from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
-from skyarm.control.blocks.sideways_force import applied, gauge, leaning, planned_rate, reach_of, slightest, thrust_axis
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.sideways_force import (
+    applied,
+    gauge,
+    leaning,
+    planned_rate,
+    reach_of,
+    slightest,
+    thrust_axis,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.plant.interface import Truth

@@ -9,8 +9,7 @@ from test_published_formulas import DT, MODEL, gentle, measured, vec
 
 from skyarm.actuation import Command
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.ladder import law as room
-from skyarm.control.laws.ladder.make import LADDER
+from skyarm.control.laws import ladder as room
 from skyarm.reference import Reference
 
 SAMPLE = Reference(
@@ -25,12 +24,9 @@ SAMPLE = Reference(
     joint_accelerations=(1.7, 1.8),
 ).dense()
 
-EXTRAPOLATED = next(name for name, steps in LADDER.items() if steps.extrapolation)
-OBSERVED = next(name for name, steps in LADDER.items() if steps.observer)
-
 
 def test_at_a_fresh_sample_the_continued_reference_is_that_sample_in_every_field():
-    controller = make_controller(EXTRAPOLATED, MODEL)
+    controller = make_controller("ct_ladder", MODEL, steps=room.EXTRAPOLATION)
     now, _, _ = room._present(controller.memory, SAMPLE, DT, controller.par)
     for name in (
         "position",
@@ -51,7 +47,7 @@ def test_at_a_fresh_sample_the_continued_reference_is_that_sample_in_every_field
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_observer_is_told_the_command_that_left_when_its_measurement_was_taken(monkeypatch, delay):
     """The queue holds the commands since: the oldest acts on what is measured, the newest was sent a period ago."""
-    controller = make_controller(OBSERVED, MODEL, delay_periods=delay)
+    controller = make_controller("ct_ladder", MODEL, steps=room.OBSERVER, delay_periods=delay)
     sent = tuple(Command(rotor_speeds=(400.0 + 10.0 * k,) * 4, efforts=(0.01 * k, 0.0)) for k in range(delay + 1))
     memory = dataclasses.replace(controller.memory, sent=sent)
     told = []

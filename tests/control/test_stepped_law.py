@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -12,22 +11,22 @@ from scipy.spatial.transform import Rotation
 from test_published_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
 from flown import pushes
-from law_flights import STEPS, scalars
+from law_flights import make_law, scalars
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
-from skyarm.control.laws.ladder.law import _force_series, _turn
-from skyarm.control.laws.ladder.make import LADDER
-from skyarm.control.model import Model, Terms
+from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
+from skyarm.control.laws.ladder import _force_series, _turn
+from skyarm.control.model import Model
+from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.tune.trials import Together, Trial
+from skyarm.simulate.batch import Batch
 from vehicles_random import PinocchioTwin
 
 NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
 
 
 def commanded(law, state, reference, **options):
-    controller = make_controller(law, MODEL, **options)
+    controller = make_law(law, MODEL, **options)
     weak = dataclasses.replace(
         controller.par.gains, attitude=controller.par.gains.attitude * 0.05, rate=controller.par.gains.rate * 0.05
     )
@@ -37,26 +36,12 @@ def commanded(law, state, reference, **options):
     return command
 
 
-def test_every_rung_has_the_steps_of_the_one_below():
-    taken = [{name for name, on in dataclasses.asdict(steps).items() if on} for steps in LADDER.values()]
-    assert [len(each) for each in taken] == [1, 2, 3, 4, 5, 6]
-    assert all(below < above for below, above in itertools.pairwise(taken))
-    assert tuple(LADDER) == STEPS
-
-
-def test_the_lowest_rung_is_the_papers_text_with_gravity_at_a_level_base():
-    state, reference = gentle(2), wanted(2)
-    plain = commanded("ct_level_gravity", state, reference)
-    assert plain == commanded("hybrid_computed_torque", state, reference, terms=Terms(full_gravity=False))
-    assert plain != commanded("hybrid_computed_torque", state, reference)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_the_coupled_force_is_pinocchios_without_the_bases_angular_acceleration(seed):
     """Thrust along the present axis is that force's component; a tilted arm moves the direction, not the size of R."""
     state, reference = gentle(seed), wanted(seed)
-    thrust = pushes(ARM, commanded("ct_consistent", state, reference))[1]
-    controller = make_controller("ct_consistent", MODEL)
+    thrust = pushes(ARM, commanded("ct_ladder 2", state, reference))[1]
+    controller = make_law("ct_ladder 2", MODEL)
     gains, m = controller.par.gains, float(ARM.mass)
     up = -(scalars(gains.position) * (state.position - scalars(reference.position))) / m
     up -= scalars(gains.velocity) * (state.velocity[:3] - scalars(reference.velocity)) / m
@@ -74,12 +59,12 @@ def test_the_coupled_force_is_pinocchios_without_the_bases_angular_acceleration(
 def test_a_consistent_law_gets_the_joint_accelerations_it_wants(seed):
     """Its command through Pinocchio's forward dynamics; the paper's law, which assumes another base, does not."""
     state, reference = gentle(seed), wanted(seed)
-    joint = make_controller("ct_consistent", MODEL).par.joint_gains
+    joint = make_law("ct_ladder 2", MODEL).par.joint_gains
     qdd = np.array(joint.stiffness) * (np.array(reference.joints) - state.joints)
     qdd += np.array(joint.damping) * (np.array(reference.joint_rates) - state.velocity[6:])
     qdd += np.array(reference.joint_accelerations)
     found = []
-    for law in ("ct_consistent", "ct_coupled_thrust"):
+    for law in ("ct_ladder 2", "ct_ladder 1"):
         command = commanded(law, state, reference)
         torque, thrust = pushes(ARM, command)
         applied = np.concatenate([rotation(state).as_matrix()[:, 2] * thrust, torque, scalars(command.efforts)])
@@ -98,7 +83,7 @@ def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust
     rng = np.random.default_rng(seed)
     series = rng.normal(size=(5, 3)) * [[0.02], [0.1], [0.5], [1.0], [2.0]]
     push, R0, w = rng.normal(size=3), rotation(state), state.velocity[3:6]
-    par = make_controller("ct_feedforward", MODEL).par
+    par = make_law("ct_ladder 4", MODEL).par
     kp, kv = scalars(par.gains.position), scalars(par.gains.velocity)
 
     def goal(t, k):
@@ -132,7 +117,7 @@ def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust
     np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-3 * (1 + np.abs(second).max()))
 
 
-@pytest.mark.parametrize("law", ["ct_observer", "ct_lag_inversion"])
+@pytest.mark.parametrize("law", ["ct_ladder 3", "ct_ladder 6"])
 def test_friction_of_the_observers_model_is_given_back(law):
     """Viscous at the measured rate, dry at the reference's: 0.002 qd + 0.003 tanh(qd_d / 0.1)."""
     state, reference = gentle(1), wanted(1)
@@ -141,7 +126,7 @@ def test_friction_of_the_observers_model_is_given_back(law):
     for friction in ((0.0, 0.0), (0.002, 0.003)):
         damping, coulomb = friction
         vehicle = ARM.with_joints(damping=damping, coulomb=coulomb, coulomb_rate=0.1)
-        controller = make_controller(law, Model(vehicle=vehicle, gravity=MODEL.gravity))
+        controller = make_law(law, Model(vehicle=vehicle, gravity=MODEL.gravity))
         command = controller.law(controller.memory, measured(state), reference, DT, par=controller.par)[1]
         found.append(np.array(command.efforts))
     qd, qd_d = state.velocity[6:], np.array(reference.joint_rates)
@@ -152,11 +137,20 @@ def test_friction_of_the_observers_model_is_given_back(law):
 def test_a_wanted_force_near_nothing_does_not_ask_for_endless_turning(force):
     """In free fall the direction of the wanted force is undefined: below the floor it has that of the floor."""
     state, reference = gentle(2), wanted(2)
-    par = make_controller("ct_feedforward", MODEL).par
+    par = make_law("ct_ladder 4", MODEL).par
     R = measured(state).quaternion.rotation()
     found = scalars(_turn(vec(force), measured(state), reference, R, NOTHING, par))
     # rad/s^2: a rotor craft of this size reaches some hundred; without the floor thousands and more
     assert np.abs(found).max() < 1e3
+
+
+def mean_errors(case, controller):
+    """Mean errors of base and joints against the continuous reference, from 10 s to 20 s."""
+    scenario = dataclasses.replace(load_scenario(case, duration=20.0), controller=controller)
+    names = ("position_error_mean_continuous", "joint_error_mean_continuous")
+    batch = Batch(scenario, (), metrics=names, windows=Windows(steady=Window(10.0, 20.0)))
+    found = batch.fly({}, episodes=np.zeros(1, dtype=int))
+    return [float(found.metrics[name][0]) for name in names]
 
 
 @pytest.mark.thorough
@@ -164,13 +158,12 @@ def test_each_step_buys_something_with_the_papers_gains():
     """Case 3 in wind for the observer, without for the rest: every rung against the one below, perfect sensors."""
     model = load_scenario("case3").controller.par.model
     flown = {}
-    for law in ("ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation", "ct_lag_inversion"):
-        course = Together(make_controller(law, model, gains=HUMMINGBIRD, joint_gains=ACCELERATION))
-        flown[law] = [course.fly(Trial(case=name), {}) for name in ("case3", "case3_wind")]
-    base = {law: float(scores[0].base[0]) for law, scores in flown.items()}
-    joint = {law: float(scores[0].joint[0]) for law, scores in flown.items()}
-    assert flown["ct_consistent"][1].base[0] > 0.5
-    assert flown["ct_observer"][1].base[0] < 0.02
-    assert base["ct_feedforward"] < 0.85 * base["ct_observer"]
-    assert joint["ct_extrapolation"] < 0.8 * joint["ct_feedforward"]
-    assert base["ct_lag_inversion"] < 0.85 * base["ct_extrapolation"]
+    for steps in (2, 3, 4, 5, 6):
+        controller = make_law(f"ct_ladder {steps}", model, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
+        flown[steps] = [mean_errors(name, controller) for name in ("case3", "case3_wind")]
+    base, joint = ({steps: found[0][k] for steps, found in flown.items()} for k in (0, 1))
+    assert flown[2][1][0] > 0.5
+    assert flown[3][1][0] < 0.02
+    assert base[4] < 0.85 * base[3]
+    assert joint[5] < 0.8 * joint[4]
+    assert base[6] < 0.85 * base[5]

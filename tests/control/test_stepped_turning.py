@@ -12,7 +12,7 @@ from test_stepped_law import MODEL, NOTHING
 
 from law_flights import scalars
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.ladder.law import _force_series, _turn
+from skyarm.control.laws.ladder import _force_series, _turn
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -23,7 +23,7 @@ def test_without_gains_the_body_keeps_the_rate_of_the_wanted_attitude_as_it_sees
     """
     state = gentle(seed)
     reference = dataclasses.replace(wanted(seed), yaw_rate=0.7, yaw_acceleration=-0.4)
-    controller = make_controller("ct_feedforward", MODEL)
+    controller = make_controller("ct_ladder", MODEL, steps=4)
     still = dataclasses.replace(controller.par.gains, attitude=vec(np.zeros(3)), rate=vec(np.zeros(3)))
     par = dataclasses.replace(controller.par, gains=still)
     R, now = measured(state).quaternion.rotation(), float(MODEL.vehicle.mass) * (np.array([2.0, -1.5, 0.5]) + UP)

@@ -56,19 +56,21 @@ def given(last):
 def test_numbers_of_a_sweep_that_a_table_refuses_are_refused(path, value, words):
     scenario = given(J)
     with pytest.raises(ValueError, match=words) as caught:
-        with_numbers(scenario, {f"controller.admittance.{path}": value})
+        with_numbers(scenario, {f"controller.parts.admittance.{path}": value})
     assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith("controller.admittance.")
+    assert str(caught.value).startswith("controller.parts.admittance.")
 
 
 def test_numbers_of_a_sweep_that_a_table_takes_are_taken_together():
     scenario = given(0.0)
-    at = "controller.admittance.rotation.body"
+    at = "controller.parts.admittance.rotation.body"
     varied = with_numbers(scenario, {f"{at}.inertia.0": 1.0, f"{at}.stiffness.0": 2500.0, f"{at}.damping.0": 50.0})
-    assert varied.controller.par.admittance.rotation.body.stiffness == (2500.0, K, 0)
-    assert with_numbers(scenario, {f"{at}.stiffness.0": 0.0}).controller.par.admittance.rotation.body.inertia[2] == 0
+    assert varied.controller.par.parts.admittance.rotation.body.stiffness == (2500.0, K, 0)
+    assert (
+        with_numbers(scenario, {f"{at}.stiffness.0": 0.0}).controller.par.parts.admittance.rotation.body.inertia[2] == 0
+    )
     lanes = with_numbers(scenario, {f"{at}.inertia.0": np.array([0.05, 0.1])})
-    assert lanes.controller.par.admittance.rotation.body.inertia[0].shape == (2,)
+    assert lanes.controller.par.parts.admittance.rotation.body.inertia[0].shape == (2,)
     par = scenario.controller.par
     assert restore(plain(par)) == par
 
@@ -83,6 +85,6 @@ def test_the_table_of_turning_that_the_page_shows_is_one():
         "reference": {"base": {"kind": "signals", "z": 1.5}, "joints": [0.0, -0.6, -0.97, 0.0, -0.8, 0.0]},
     }
     law = {"law": "centroidal", "mode": "tip", **tomllib.loads(shown)["controller"]}
-    gains = scenario_from({**document, "controller": law}).controller.par.admittance
+    gains = scenario_from({**document, "controller": law}).controller.par.parts.admittance
     assert [float(each) for each in gains.rotation.body.inertia] == [J] * 3
     assert [float(each) for each in gains.rotation.body.stiffness] == [K] * 3

@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.virtual_turn import RotationalCompliance, turned_by
-from skyarm.control.laws.centroidal.admittance_records import ArmTurn, RotationGains
 from skyarm.control.laws.centroidal.joint_room import ends_of
-from skyarm.control.laws.centroidal.turned_reference import turned_reference
+from skyarm.control.laws.centroidal.tip_rotation import ArmTurn, RotationGains, turned_reference
+from skyarm.control.laws.centroidal.virtual_body import RotationalCompliance, turned_by
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.scalars.taylor import Taylor
 from thorough import sampled

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from law_flights import STEPS, make_law
+from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.ladder.make import LADDER
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
@@ -23,7 +23,7 @@ LAWS = {
     "centroidal": lambda: make_centroidal(MODEL, delay=DT),
     "centroidal_tip": lambda: make_centroidal(MODEL, mode="tip", delay=DT),
     "centroidal_tip_stiff": lambda: make_centroidal(MODEL, mode="tip", preset="stiff"),
-    **{name: lambda name=name: make_controller(name, MODEL) for name in ("hybrid_computed_torque", *LADDER)},
+    **{name: lambda name=name: make_law(name, MODEL) for name in ("hybrid_computed_torque", *STEPS)},
 }
 
 
@@ -75,9 +75,8 @@ def commanded(name, yaw, seed):
     if hasattr(getattr(memory, "observed", None), "force"):
         memory = dataclasses.replace(memory, observed=dataclasses.replace(memory.observed, force=push))
     if hasattr(memory, "slow_force"):
-        memory = dataclasses.replace(
-            memory, slow_force=push, learned=dataclasses.replace(memory.learned, tip_mass=0.03)
-        )
+        adapted = dataclasses.replace(memory.parts.adaptation, tip_mass=0.03)
+        memory = with_parts(dataclasses.replace(memory, slow_force=push), adaptation=adapted)
     commands = []
     for measurement, reference in seen(yaw, rng):
         memory, command = controller.law(memory, measurement, reference, DT, par=controller.par)

@@ -13,8 +13,7 @@ import scipy.linalg
 
 import skyarm
 from skyarm.actuation import Command
-from skyarm.actuation.rotor_pairs import Force, speeds_of_pairs
-from skyarm.actuation.tilting import angle_after
+from skyarm.actuation.tilting import Force, angle_after, speeds_of_pairs
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
@@ -22,15 +21,13 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, turns_rotors, with_tilting
 from skyarm.environment import ForceWind
 from skyarm.log.log_columns import columns
-from skyarm.log.ros.instants import Part
+from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
-from skyarm.reference.compose import Product
-from skyarm.reference.signals import Constant, Ramp, Sine
+from skyarm.reference.signals import Constant, Product, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensors.measurement import blank_measurement
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise, blank_measurement
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.stability.frozen_scenario import nominal

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.virtual_tip import AT_REST, Compliance, moved_tip
+from skyarm.control.laws.centroidal.virtual_body import AT_REST, Compliance, moved_tip
 
 DT = 0.005
 

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.virtual_turn import (
+from skyarm.control.laws.centroidal.virtual_body import (
     NOT_TURNED,
     SMALL,
     RotationalCompliance,

@@ -21,6 +21,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensors.measurement import blank_measurement, measurement_of
 from skyarm.simulate.loop import run
+from skyarm.simulate.user_code import check_law
 from skyarm.vehicle.vehicle_files import load_vehicle
 from wrong_laws import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, returning
 
@@ -50,7 +51,7 @@ def planned(folder: Path, mistake: Mistake):
 def test_every_mistake_is_one_line_with_file_and_line(tmp_path, name):
     mistake = EVERYTHING[name]
     with pytest.raises(ValueError, match="law 'mine'") as caught:
-        run(planned(tmp_path, mistake))
+        check_law(planned(tmp_path, mistake))
     line = str(caught.value)
     assert f"{tmp_path / 'mine.py'}:{mistake.line}: law 'mine' " in line
     assert line.endswith(mistake.words)

@@ -13,7 +13,7 @@ import pytest
 from film_flights import needs_display
 from skyarm.contact import FreeObject, Mechanism, Surface
 from skyarm.drawing.meshes import mesh_of
-from skyarm.drawing.shapes import Shape
+from skyarm.drawing.shapes import Shape, Solid
 from skyarm.drawing.world_shapes import surface_shape, world_shapes
 from skyarm.figures.projection import surface as outline_points
 from skyarm.files.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
@@ -22,7 +22,7 @@ from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.scenario.world_meshes import with_meshes
+from skyarm.scenario.scenario_tables import with_meshes
 from world_flights import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
@@ -158,7 +158,6 @@ def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gon
 def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     """A mesh beside the origin of its body, that is turned, against a box there: MuJoCo moves a mesh's vertices."""
     from skyarm.film.camera_paths import CameraPath
-    from skyarm.film.solids import Solid
     from skyarm.film.stage import Panel, open_stage
 
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
@@ -167,7 +166,7 @@ def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     mesh = dataclasses.replace(BOX, mesh=str(file))
     panels = []
     for i, (shape, place) in enumerate(((mesh, at), (BOX, at + turn @ SHIFT), (BOX, at))):
-        solid = Solid(shape, (0.8, 0.2, 0.1, 1.0), place[None], turn[None])
+        solid = Solid(shape, place[None], turn[None], (0.8, 0.2, 0.1, 1.0))
         panels.append(Panel(0, 64 * i, 96, 64, path, [solid], lambda k: ()))
     with open_stage(panels, 96, 192) as stage:
         pictures = np.split(stage.draw(0).astype(int), 3)

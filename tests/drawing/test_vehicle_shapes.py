@@ -49,12 +49,12 @@ def test_bodies_are_where_mujoco_has_them(name: str) -> None:
     addresses, _ = joint_addresses(vehicle, model)
     data.qpos[addresses] = joints
     mujoco.mj_kinematics(model, data)
-    poses = body_poses(vehicle, position, quaternion, joints)
+    poses = body_poses(vehicle, position[None], quaternion[None], joints[None])
     for body, (R, p) in poses.items():
         at = 1 if body == BASE else model.body(vehicle.links[body].name).id
         # rounding of a chain of six rotations
-        np.testing.assert_allclose(p, data.xpos[at], atol=1e-12)
-        np.testing.assert_allclose(R, data.xmat[at].reshape(3, 3), atol=1e-12)
+        np.testing.assert_allclose(p[0], data.xpos[at], atol=1e-12)
+        np.testing.assert_allclose(R[0], data.xmat[at].reshape(3, 3), atol=1e-12)
 
 
 def solid_at(shape: Shape, point: np.ndarray) -> bool:

@@ -13,18 +13,22 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.contact import Contact, ContactPoint, Material, Surface
 from skyarm.contact.free_object import FreeObject
-from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.mechanism_effort import MechanismMotion
-from skyarm.drawing.carried_poses import held_poses, logged_poses
-from skyarm.drawing.hole_parts import without_holes
+from skyarm.contact.mechanism import Mechanism, MechanismMotion
 from skyarm.drawing.meshes import AROUND, mesh_of
-from skyarm.drawing.moving_poses import moving_poses
-from skyarm.drawing.poses import body_poses
-from skyarm.drawing.sight_lines import hidden_share, inside
-from skyarm.drawing.tilted_rotors import disc_name, rotor_turns, turned_shape
-from skyarm.drawing.touch_arrows import touch_arrows
+from skyarm.drawing.poses import body_poses, disc_name, rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.drawing.world_shapes import PATCH, ground_height, point_shapes, world_shapes
+from skyarm.drawing.world_shapes import (
+    PATCH,
+    ground_height,
+    held_poses,
+    hidden_share,
+    inside,
+    logged_poses,
+    point_shapes,
+    touch_arrows,
+    without_holes,
+    world_shapes,
+)
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.signal_vector import SignalVector
@@ -190,7 +194,7 @@ def test_arrows_are_the_forces_on_the_points() -> None:
     assert (normal > 0.0).sum() >= 3
     q = state.quaternion
     where = ([*state.position], [q.w, q.x, q.y, q.z], [*state.joints])
-    poses = moving_poses(vehicle, *(np.array([each]) for each in where))
+    poses = body_poses(vehicle, *(np.array([each]) for each in where))
     arrows = touch_arrows(contact, vehicle, poses, np.zeros(1), normal, held_poses([contact], [memory]))
     assert {each.surface for each in arrows} == {"tilted", "box"}
     for arrow in arrows:
@@ -214,12 +218,13 @@ def test_points_are_marked_where_the_contact_has_them_and_the_tip_has_no_second_
     assert set(shapes) == {"point/ball", "stalk/ball", "point/elbow", "stalk/elbow"}
     assert shapes["point/ball"].size == (0.05,)
     q = state.quaternion
-    poses = body_poses(vehicle, [*state.position], [q.w, q.x, q.y, q.z], state.joints)
+    where = ([*state.position], [q.w, q.x, q.y, q.z], [*state.joints])
+    poses = body_poses(vehicle, *(np.array([each]) for each in where))
     for point in contact.points[1:]:
         shape, stalk = shapes[f"point/{point.name}"], shapes[f"stalk/{point.name}"]
         R, p = poses[shape.body]
         expected = [float(c) for c in PointMotion(vehicle, state).position(*point.place(vehicle))]
-        np.testing.assert_allclose(p + R @ np.array(shape.position), expected, atol=1e-12)
+        np.testing.assert_allclose(p[0] + R[0] @ np.array(shape.position), expected, atol=1e-12)
         end = np.array(stalk.position) + 0.5 * stalk.size[1] * np.array(stalk.rotation)[:, 2]
         np.testing.assert_allclose(end, shape.position, atol=1e-12)
     assert point_shapes([], vehicle) == ()

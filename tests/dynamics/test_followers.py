@@ -14,7 +14,7 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
-from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
 from vehicles_random import PinocchioTwin, random_state, random_vehicle, rotation_matrix, with_armature
 

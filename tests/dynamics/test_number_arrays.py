@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from skyarm.dynamics.broadcast import components, finite_numbers, one_number
+from skyarm.dynamics.array_front import components, finite_numbers, one_number
 
 
 def test_objects_that_are_real_numbers_are_taken():

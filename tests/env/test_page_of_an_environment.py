@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm.env  # noqa: F401 - registers the environments
-from skyarm.env import lane_page
-from skyarm.env.lane_page import OPTIONS, options_of_modes
+from skyarm.env import rendering
+from skyarm.env.rendering import OPTIONS, options_of_modes
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.watched_episode import LONGEST_WAIT
 
@@ -45,7 +45,7 @@ def made(task: str = "skyarm/Hover-v0", **options: Any) -> Any:
 def test_every_step_and_every_beginning_is_shown_with_the_numbers_of_its_episode(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(lane_page, "EpisodePage", Shown)
+    monkeypatch.setattr(rendering, "EpisodePage", Shown)
     env = made("skyarm/Recover-v0", port=8123)
     page: Any = env.page._page
     assert (page.options, page.title) == ({**OPTIONS, **QUIET, "port": 8123}, "skyarm: recover")
@@ -85,10 +85,10 @@ def test_a_page_is_on_loopback_and_asks_for_its_token() -> None:
         connection.close()
     found._drawn = -math.inf  # however little of the wall's time has passed
     env.step(np.zeros(env.action_space.shape, np.float32))
-    placed = found._episode.placed(found._episode.state)
+    placed = found._episode.placed()
     np.testing.assert_allclose(placed.positions[0], [float(c[0]) for c in env.lanes.state.position], atol=1e-6)
     env.reset(seed=1)
-    assert [each.time for each in found._episode._seen] == [0.0], "the same seed begins anew"
+    assert [each.time for each in found._episode.sights] == [0.0], "the same seed begins anew"
     with pytest.raises(ScenarioError, match=rf"render_options: port = {address.port}: .*must be free"):
         made(port=address.port)
     env.close()
@@ -114,13 +114,13 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
     for _ in range(10):
         env.step(still)
     assert sum(waited) == pytest.approx(10 / rate / 2.0), "an episode's second in half a second"
-    seen = page._episode.tick
+    seen = page._episode.session.tick
     assert 0 < seen < 10, "thirty times a second, not at every step"
     now[0] += LONGEST_WAIT - 0.1
     before = len(waited)
     env.step(still)
     assert len(waited) == before, "late: nothing is waited for"
-    assert page._episode.tick == 11
+    assert page._episode.session.tick == 11
     now[0] += 10.0
     env.step(still)
     env.step(still)

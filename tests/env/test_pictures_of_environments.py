@@ -15,7 +15,7 @@ from gymnasium.wrappers import RenderCollection
 
 import skyarm
 from film_flights import needs_display
-from skyarm.env import lane_pictures, single_environment
+from skyarm.env import rendering, single_environment
 from skyarm.env.named_tasks import make_single
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
@@ -144,7 +144,7 @@ def test_without_a_mode_nothing_is_drawn_and_nothing_loaded(monkeypatch):
     def loaded(name):
         raise AssertionError(name)
 
-    monkeypatch.setattr(lane_pictures, "import_module", loaded)
+    monkeypatch.setattr(rendering, "import_module", loaded)
     env = Environment(**bare())
     env.reset(seed=0)
     with pytest.warns(UserWarning, match='render_mode="rgb_array"'):

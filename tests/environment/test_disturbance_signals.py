@@ -99,9 +99,9 @@ def test_noise_of_what_is_not_there_is_refused_by_name(where, kind, field, there
     noise = {field: [0.0, 0.3, 0.0], "bandwidth_hz": 1.0}
     tables = {"name": "noisy", "duration": 1.0, "plant": {"vehicle": "hummingbird"}}
     tables |= {"controller": {"law": "decoupled_pd"}, "environment": {where: [{"kind": kind, "noise": noise}]}}
-    with pytest.raises(ValueError, match=rf"environment\.{where}\[0\]: noise") as error:
+    with pytest.raises(ValueError, match=rf"environment\.{where}\[0\]\.noise") as error:
         skyarm.scenario_from(tables)
-    said = f"environment.{where}[0]: noise.{field} = [0.0, 0.3, 0.0]: must be left out; here there is {there}"
+    said = f"environment.{where}[0].noise.{field} = [0.0, 0.3, 0.0]: must be left out; here there is {there}"
     assert str(error.value).endswith(said)
     noise[field] = [0.0, 0.0, 0.0]
     skyarm.scenario_from(tables)

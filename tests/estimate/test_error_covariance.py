@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.estimate.error_covariance import (
+from skyarm.estimate.error_state import (
+    Navigated,
+    corrected,
     diagonal,
     gate_of,
+    innovations,
+    level_attitude,
+    navigate,
+    of_specific_force,
     predict_covariance,
     scaled_covariance,
     transition,
+    turn_between,
     update_by_scalar,
 )
-from skyarm.estimate.inertial_navigation import Navigated, corrected, level_attitude, navigate
-from skyarm.estimate.innovations import innovations, of_specific_force, turn_between
-from skyarm.sensors.sensor_readings import HeadingReading, ImuReading, PoseReading
+from skyarm.sensors.sensor_kinds import HeadingReading, ImuReading, PoseReading
 
 RNG = np.random.default_rng(4)
 BEGINNING = RNG.bit_generator.state

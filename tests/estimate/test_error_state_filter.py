@@ -14,8 +14,8 @@ import skyarm
 from estimated_flight import GPS, estimated, with_satellites
 from flying_vehicles import tumbling
 from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.estimate.filter_memory import FilterMemory
-from skyarm.estimate.modelled_force import modelled_force
+from skyarm.estimate.filter_constants import FilterMemory
+from skyarm.estimate.filter_models import modelled_force
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate
 from skyarm.plant.surroundings import Surroundings

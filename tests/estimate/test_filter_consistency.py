@@ -52,7 +52,7 @@ CHOSEN = {
     "controller.observer.torque": 26.3,
     "controller.observer.joints": 16.2,
     "controller.observer.pose": 889.0,
-    "controller.lag_inversion": 0.816,
+    "controller.rotors.lag_inversion": 0.816,
     "estimator.push_walk": 0.01,
     "estimator.push_turn": 0.05,
 }

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from skyarm.estimate.filter_memory import in_turn
+from skyarm.estimate.filter_constants import in_turn
 
 
 @dataclass(frozen=True)

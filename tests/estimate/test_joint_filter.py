@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.estimate.joint_filter import FilteredJoints, filter_joints
-from skyarm.sensors.sensor_readings import EncoderReading
+from skyarm.estimate.filter_models import FilteredJoints, filter_joints
+from skyarm.sensors.sensor_kinds import EncoderReading
 
 DT = 0.005
 BANDWIDTH = 60.0

@@ -10,9 +10,8 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.contour import ContourSet
 
 from logs_synthetic import WINDOWS, all_logs
-from skyarm.figures import paper_figures
-from skyarm.figures.basin_map import basin_figure
-from skyarm.figures.quantities import joint_error, position_error, tool_error
+from skyarm.figures.paper_figures import JOINT_ERRORS, POSITION_ERRORS, TOOL_ERRORS, paper_figures
+from skyarm.figures.share_maps import basin_figure
 from skyarm.stability.basin import Basin
 
 FLIGHTS, LIMIT = 10_000, 12.0
@@ -73,6 +72,6 @@ def test_the_range_of_a_hold_hides_no_curve():
 def test_an_error_is_the_measured_value_less_the_held_one():
     """The synthetic flight is off by (0.03, 0, -0.04) m, its tip by 0.01 m along y, its first joint by -0.02 rad."""
     log = all_logs()["rigid_body"]["case1"]["CT"]
-    drawn = [position_error(0), position_error(1), position_error(2), tool_error(0), tool_error(1), joint_error(0)]
+    drawn = [*POSITION_ERRORS, *TOOL_ERRORS[:2], JOINT_ERRORS[0]]
     for quantity, off in zip(drawn, (0.03, 0.0, -0.04, 0.0, 0.01, -0.02), strict=True):
         assert quantity.of(log) == pytest.approx(np.full(log.time.size, off), abs=1e-12), quantity.label

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skyarm.figures.envelope_panels import HIGH, LOW, LOWEST, TOP, envelope_figure
+from skyarm.figures.comparison_figures import HIGH, LOW, LOWEST, TOP, envelope_figure
 
 
 def point(error, *, lost=False):

@@ -12,10 +12,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from logs_synthetic import WINDOWS, all_logs, synthetic_log
-from skyarm.figures import PAPER_CATALOGUE, paper_figures
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.quantities import POSITION_ERROR, TOOL_ERROR, by_hold, end_time, gust_interval, joint_error_size
-from skyarm.figures.style import LOOKS, OTHER_LOOKS, limits
+from skyarm.figures.flight_facts import end_time, gust_interval
+from skyarm.figures.paper_figures import (
+    JOINT_ERROR_SIZES,
+    PAPER_CATALOGUE,
+    POSITION_ERROR,
+    TOOL_ERROR,
+    by_hold,
+    paper_figures,
+)
+from skyarm.figures.style import PAPER, image_bytes, limits
 
 PANELS = {3: 2, 4: 4, 5: 1, 6: 2, 7: 4, 8: 2, 9: 1, 10: 3, 11: 2, 12: 3, 13: 3, 14: 3, 15: 3, 16: 1, 17: 2, 18: 1}
 """Counted in the paper's captions."""
@@ -121,18 +127,18 @@ def test_the_window_of_the_metrics_and_the_gust_are_shaded(drawn: dict[int, Figu
 
 def test_controllers_differ_in_dash_and_in_lightness() -> None:
     """Grey print: dash alone tells them apart, and so does lightness; 3 is the usual minimum for graphics."""
-    ct, pd, reference = LOOKS["CT"], LOOKS["PD"], LOOKS["reference"]
+    (ct, pd, *others), reference = PAPER.looks, PAPER.desired
     assert len({ct.dash, pd.dash, reference.dash}) == 3
     assert ct.dash == ()
     assert contrast(ct.color, pd.color) >= 3.0
     assert contrast(pd.color, "#ffffff") >= 2.9
-    assert len({look.dash for look in OTHER_LOOKS}) == len(OTHER_LOOKS)
+    assert len({look.dash for look in others}) == len(others)
 
 
 def test_drawn_lines_keep_their_looks(drawn: dict[int, Figure]) -> None:
     lines = lines_of(drawn[13].axes[0])
     assert [lines[name].get_color() for name in ("CT", "PD", "desired")] == [
-        LOOKS[name].color for name in ("CT", "PD", "reference")
+        look.color for look in (*PAPER.looks[:2], PAPER.desired)
     ]
     assert [lines[name].is_dashed() for name in ("CT", "PD", "desired")] == [False, True, True]
 
@@ -165,12 +171,12 @@ def test_threads_draw_the_same_pixels() -> None:
     def work() -> None:
         found.append(image_bytes(paper_figures(logs, WINDOWS)[5], dpi=60))
 
-    threads = [threading.Thread(target=work) for _ in range(3)]
+    threads = [threading.Thread(target=work) for _ in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(found) == 3
+    assert len(found) == 2
     assert len(set(found)) == 1
     assert found[0][:8] == b"\x89PNG\r\n\x1a\n"
 
@@ -216,7 +222,7 @@ def test_quantities_are_errors_against_the_held_reference() -> None:
     moved = dataclasses.replace(log, position_reference=log.position_reference + 7.0)
     assert POSITION_ERROR.of(moved) == pytest.approx(np.full(log.time.size, 0.05), abs=1e-12)
     assert TOOL_ERROR.of(log) == pytest.approx(np.full(log.time.size, 0.01), abs=1e-12)
-    assert joint_error_size(0).of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
+    assert JOINT_ERROR_SIZES[0].of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
 
 
 def test_limits_keep_a_smallest_span_and_ignore_what_is_not_finite() -> None:

@@ -18,11 +18,10 @@ from matplotlib.transforms import Bbox
 import skyarm
 from estimated_flight import estimated
 from logs_synthetic import synthetic_log
-from skyarm.figures.flight_facts import flight_facts
-from skyarm.figures.flight_labels import LONGEST, flight_labels
+from skyarm.figures.flight_facts import LONGEST, flight_facts, flight_labels
 from skyarm.figures.flight_panels import KINDS
 from skyarm.figures.flight_plot import MOST, plot
-from skyarm.figures.picture_styles import PAPER, TALK, TALK_DARK, name_axis, panels
+from skyarm.figures.style import PAPER, TALK, TALK_DARK
 
 GUST = (0.3, 0.7)
 FAULT = 0.8
@@ -237,9 +236,9 @@ def test_the_window_sets_both_axes() -> None:
 
 def test_words_longer_than_a_panel_is_high_take_two_lines() -> None:
     for words in ("Tip x", "wrist_pitch torque", "a joint of this length"):
-        figure, axes = panels(PAPER, 3)
+        figure, axes = PAPER.stacked(3)
         for ax in axes:
-            name_axis(ax, PAPER, words, "N m")
+            PAPER.name_axis(ax, words, "N m")
         require_words_apart(figure)
 
 
@@ -277,7 +276,13 @@ def require_words_apart(figure: Figure) -> None:
         assert box.y1 <= figure.bbox.y1 + 0.5
 
 
-@pytest.mark.parametrize(("kind", "style"), [("all", "paper"), ("rotors", "talk"), ("attitude", "talk")])
+@pytest.mark.parametrize(
+    ("kind", "style"),
+    [
+        ("rotors", "talk"),
+        *(pytest.param(*each, marks=pytest.mark.thorough) for each in (("all", "paper"), ("attitude", "talk"))),
+    ],
+)
 def test_labels_and_legends_have_room(kind: str, style: str) -> None:
     log = flights()["paper_ct"]
     many = {f"a law with a rather long name, number {i}": log for i in range(5)} | flights()

@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from logs_synthetic import all_logs, synthetic_log
-from skyarm.figures import damping_figure, experiment_figure, tool_path_figure
-from skyarm.figures.interactive_spec import STYLES, Choice, Shade, figure_json
-from skyarm.figures.quantities import by_hold
+from skyarm.figures.interactive import (
+    STYLES,
+    Choice,
+    Shade,
+    damping_figure,
+    experiment_figure,
+    figure_json,
+    tool_path_figure,
+)
+from skyarm.figures.paper_figures import by_hold
 from skyarm.simulate import Window
 
 

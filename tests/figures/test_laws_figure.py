@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.figures.laws import APART, Share, laws_figure
+from skyarm.figures.comparison_figures import APART, Share, laws_figure
 
 
 def test_series_that_agree_stand_beside_each_other_in_their_law_s_row():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from skyarm.figures.metric_figure import metric_figure, plot_sweep
-from skyarm.figures.picture_styles import PAPER
+from skyarm.figures.style import PAPER
 from skyarm.sweep.banded_curves import (
     FEWEST_OF_BAND,
     PER_CELL,

@@ -15,10 +15,16 @@ import numpy as np
 import pytest
 
 from logs_synthetic import all_logs
-from skyarm.figures import experiment_figure, tool_path_figure
-from skyarm.figures import interactive_spec as spec
-from skyarm.figures.embed import SCRIPTS, plot_script, plot_style
-from skyarm.figures.interactive_spec import STYLES, figure_json
+from skyarm.figures import interactive as spec
+from skyarm.figures.interactive import (
+    SCRIPTS,
+    STYLES,
+    experiment_figure,
+    figure_json,
+    plot_script,
+    plot_style,
+    tool_path_figure,
+)
 from skyarm.simulate import Window
 
 NODE = shutil.which("node")
@@ -436,6 +442,4 @@ def test_each_script_is_javascript(name: str, tmp_path: Path) -> None:
 
 
 def _file(name: str) -> str:
-    from skyarm.figures import embed
-
-    return (Path(embed.__file__).parent / name).read_text("utf-8")
+    return (Path(str(spec.__file__)).parent / name).read_text("utf-8")

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.figures.contact_curves import wanted_push
+from skyarm.figures.flight_facts import wanted_push
+from skyarm.figures.path_views import _view, task_figure
 from skyarm.figures.projection import BEHIND, SIDE, TOP
-from skyarm.figures.task_figure import _view, task_figure
-from skyarm.reference.compose import Windowed
-from skyarm.reference.signals import Constant
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.signals import Constant, Windowed
+from skyarm.reference.tip_motion import TipPush
 from world_flights import touching
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from logs_synthetic import STEADY, synthetic_log
-from skyarm.figures.tip_trace import SMALLEST, tip_figure
+from skyarm.figures.paper_figures import SMALLEST, tip_figure
 
 
 def test_lines_are_the_largest_errors_of_short_stretches_in_millimetres():

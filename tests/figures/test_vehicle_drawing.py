@@ -15,9 +15,9 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.drawing.shapes import between
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.figures.drawing_pose import BENT, drawing_angles, pose
-from skyarm.figures.picture_styles import TALK_DARK
+from skyarm.figures.drawing_marks import BENT, drawing_angles, pose
 from skyarm.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
+from skyarm.figures.style import TALK_DARK
 from skyarm.figures.vehicle_drawing import AZIMUTH, ELEVATION, vehicle_drawing
 from skyarm.vehicle.vehicle_files import list_vehicles
 from thorough import sampled
@@ -29,7 +29,7 @@ def words(ax: Any) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
 
-@pytest.mark.parametrize("name", sampled(list_vehicles(), 4))
+@pytest.mark.parametrize("name", sampled(list_vehicles(), 6))
 def test_everything_of_a_vehicle_is_named_and_no_word_covers_another(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
     figure = vehicle_drawing(vehicle, style="talk", dark=True)
@@ -61,7 +61,7 @@ def turning(points: np.ndarray) -> float:
     return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
-@pytest.mark.parametrize("name", ["hummingbird", "hexarotor_arm6", "octo_coaxial_two_arms"])
+@pytest.mark.parametrize("name", sampled(["octo_coaxial_two_arms", "hummingbird", "hexarotor_arm6"], 3))
 def test_rotors_turn_as_their_records_say(name: str) -> None:
     """Seen from above, ccw turns to the left on paper; all rotors of these push up."""
     vehicle = skyarm.load_vehicle(name)

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.control.laws.paper.computed_torque import decoupled_pd
+from skyarm.control.laws.paper import decoupled_pd
 from skyarm.environment import ForceWind, MovingAir
-from skyarm.files.code_place import failure, own_code, place_of, place_of_error
+from skyarm.files.user_code import failure, own_code, place_of, place_of_error
 from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def test_what_stands_elsewhere_is_someones_own(thing):
 AT_ONCE = """
 from dataclasses import dataclass
 import functools
-from skyarm.files.code_place import own_code, place_of
+from skyarm.files.user_code import own_code, place_of
 
 def law(x):
     return x
@@ -118,7 +118,7 @@ def test_a_law_that_python_runs_at_once_is_looked_at():
 def test_a_place_is_file_and_line():
     assert place_of(mine) == f"{__file__}:{mine.__code__.co_firstlineno}"
     assert place_of(Mine) == f"{__file__}:{Mine.method.__code__.co_firstlineno}"
-    assert place_of(decoupled_pd).endswith(f"computed_torque.py:{decoupled_pd.__code__.co_firstlineno}")
+    assert place_of(decoupled_pd).endswith(f"paper.py:{decoupled_pd.__code__.co_firstlineno}")
     assert place_of(len) == "len"
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from skyarm.files import Fields, number, shown
-from skyarm.files.one_line import LONGEST
+from skyarm.files.messages import LONGEST
 
 
 @pytest.mark.parametrize("length", [LONGEST - 1, LONGEST, LONGEST + 1, 5 * LONGEST])

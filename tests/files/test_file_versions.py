@@ -6,8 +6,8 @@ import platform
 from importlib import metadata
 
 import skyarm
-from skyarm.bench import machine
-from skyarm.files.versions import ABSENT, versions
+from skyarm.bench.timing import describe
+from skyarm.files.packages import ABSENT, versions
 
 
 def test_skyarm_s_version_is_that_of_the_source_that_runs(monkeypatch) -> None:
@@ -25,7 +25,7 @@ def test_a_log_and_the_bench_name_every_library_that_flew() -> None:
     log = skyarm.run(skyarm.load_scenario("case1", duration=0.01, plant="mujoco"))
     assert set(log.info["versions"]) == {"python", "skyarm", "numpy", "mujoco-core"}
     assert ABSENT not in log.info["versions"].values()
-    about = machine.describe()
+    about = describe()
     assert about["python"] == platform.python_version()
     assert [about[name] for name in ("skyarm", "numpy", "llvmlite", "mujoco-core")] == [
         skyarm.__version__,

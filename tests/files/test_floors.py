@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.files.floors import FLOORS, UNSPLIT, below_floor, installed
+from skyarm.files.packages import FLOORS, UNSPLIT, below_floor, installed
 
 
 def distribution(folder: Path, *names: str) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.files import one_writer as module
-from skyarm.files.one_writer import LOCK, TakenError, one_writer
+from skyarm.files import writing as module
+from skyarm.files.writing import LOCK, TakenError, one_writer
 
 
 def test_a_second_writer_is_refused_until_the_first_is_done(tmp_path: Path) -> None:

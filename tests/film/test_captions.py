@@ -9,9 +9,8 @@ import pytest
 
 from film_flights import flight
 from skyarm.figures.error_strip import Curve, error_strip
-from skyarm.film.captions import INK, LOST, Captions, error_words, state_words
+from skyarm.film.captions import INK, LOST, Box, Captions, FrameLayout, error_words, frame_layout, state_words
 from skyarm.film.filmed_flight import FilmedFlight, film_flights
-from skyarm.film.frame_layout import Box, FrameLayout, frame_layout
 
 TIMES = np.arange(10) * 0.1
 MAGENTA = (255, 0, 255)

@@ -151,6 +151,7 @@ def test_a_size_and_a_rate_that_are_left_out_are_those_of_the_file(film: Film, l
 
 
 @needs_display
+@pytest.mark.thorough
 def test_a_film_that_is_cut_off_leaves_nothing(tmp_path: Path) -> None:
     flown = skyarm.save_log(flight(), tmp_path / "pd.npz")
     work, scratch = tmp_path / "work", tmp_path / "scratch"

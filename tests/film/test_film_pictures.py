@@ -10,11 +10,12 @@ import pytest
 from PIL import Image
 
 from film_flights import flight, needs_display
+from skyarm.drawing.shapes import Solid
 from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.film.make_film import film_frames, make_film
-from skyarm.film.solids import Solid, ghost_solids, vehicle_solids
+from skyarm.film.marks import ghost_solids, vehicle_solids
 from skyarm.film.stage import Panel, open_stage
 
 pytestmark = needs_display
@@ -62,7 +63,7 @@ def only(solids: list[Solid], role: str) -> list[Solid]:
     ]
 
 
-@pytest.mark.parametrize("camera", ["follow", "orbit"])
+@pytest.mark.parametrize("camera", ["follow", pytest.param("orbit", marks=pytest.mark.thorough)])
 def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them(camera: str) -> None:
     (one,) = filmed("paper_pd")
     path = CAMERAS[camera]([one], TIMES, WIDTH / HEIGHT)
@@ -98,7 +99,7 @@ def test_the_vehicle_moves_in_the_picture() -> None:
     assert np.linalg.norm(pixel(path, 9, one.position[9]) - pixel(path, 0, one.position[0])) > 10
 
 
-@pytest.mark.parametrize("layout", ["side", "over"])
+@pytest.mark.parametrize("layout", ["over", pytest.param("side", marks=pytest.mark.thorough)])
 def test_both_vehicles_are_in_the_picture_and_the_ghost_when_it_is_wanted(layout: str) -> None:
     flights = filmed("paper_pd", "centroidal_tip")
     settings = FilmSettings(layout=layout, width=320, height=240, camera="fixed", plot=False)

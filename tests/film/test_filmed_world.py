@@ -12,18 +12,16 @@ from matplotlib.colors import to_rgba
 
 from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
-from skyarm.drawing.world_shapes import WorldShape
-from skyarm.figures.contact_curves import APART, touchings
+from skyarm.drawing.shapes import OBJECT, SURFACE, Solid
+from skyarm.figures.flight_facts import APART, touchings
 from skyarm.figures.flight_plot import plot
 from skyarm.film import camera_paths
-from skyarm.film.captions import state_words
+from skyarm.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, looking_towards
+from skyarm.film.captions import frame_layout, state_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import COLORS, FilmedFlight, film_flight
-from skyarm.film.frame_layout import frame_layout
-from skyarm.film.free_view import AZIMUTH, ELEVATION, free_azimuth, looking_towards
 from skyarm.film.make_film import film_frames, film_panels
-from skyarm.film.marks import LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks
-from skyarm.film.solids import OBJECT, SURFACE, vehicle_solids
+from skyarm.film.marks import LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks, vehicle_solids
 from skyarm.log.flight_log import Log
 from world_flights import WALL_ANGLE, touching
 
@@ -139,7 +137,7 @@ def test_the_wall_is_seen_in_a_picture() -> None:
     assert (np.abs(raised - empty).max(axis=2) > 3).mean() > 0.02, "the ground is where the world has it"
 
 
-def _moved(solid: WorldShape, away: float) -> WorldShape:
+def _moved(solid: Solid, away: float) -> Solid:
     return dataclasses.replace(solid, position=solid.position - away * np.array([0.0, 0.0, 1.0]))
 
 
@@ -154,7 +152,7 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
     from skyarm.film.recording import record
 
     messages = unpacked(record(touching(), FilmSettings(fps=20)).content)["messages"]
-    root = "/flight1/world"
+    root = "/flight1/solids/world"
     np.testing.assert_allclose(
         place_at(messages, f"{root}/wall", "SetPositionMessage", "position", 0.0), [0.29, 0.0, 0.45], atol=1e-4
     )
@@ -164,7 +162,7 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
         height = np.interp(k / 20, touching().time, touching().object_position[:, 2])
         place = place_at(messages, f"{root}/parcel", "SetPositionMessage", "position", k / 20)
         np.testing.assert_allclose(place, [-1.0, 0.0, height], atol=2e-4)
-    name = "/flight1/touch/wall/tip"
+    name = "/flight1/touches"
     seen = [(at, m["visible"]) for at, m in messages if "Visibility" in m["type"] and m["name"] == name]
     first = TIMES[np.flatnonzero(filmed().contact > 0.02)[0]]
     assert not any(visible for at, visible in seen if at < first - 1e-9)

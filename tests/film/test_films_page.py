@@ -13,8 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from film_flights import needs_display
-from skyarm.cli.app import app
-from skyarm.cli.commands import perform
+from skyarm.cli.commands import perform, program
 from skyarm.film.film_settings import CAMERA_NAMES, LAYOUTS
 from skyarm.film.recording import SUFFIXES
 from skyarm.film.video_files import FILM_FORMATS
@@ -74,7 +73,7 @@ def test_the_python_shown_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 
 def test_every_option_and_every_choice_is_on_the_page() -> None:
-    told = CliRunner().invoke(app, ["film", "--help"], env={"COLUMNS": "200"}).output
+    told = CliRunner().invoke(program(["film"]), ["film", "--help"], env={"COLUMNS": "200"}).output
     options = set(re.findall(r"--[\w-]+", told)) - {"--help", "--json", "--quiet", "--ghost", "--plot", "--no"}
     assert len(options) > 12
     assert {option for option in options if option not in PAGE} == set()

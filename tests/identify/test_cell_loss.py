@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.identify.cell_loss import losses, slack_distance, tally, within
-from skyarm.identify.records import Cell
+from skyarm.identify.candidates import losses, slack_distance, tally, within
+from skyarm.identify.study import Cell
 
 
 def cell(measured: float, half: float = 0.0) -> Cell:

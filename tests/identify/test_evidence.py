@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from test_identification import METRICS, STUDY, THICK
 
-from skyarm.identify.cell_loss import losses
+from skyarm.identify.candidates import losses
 from skyarm.identify.evidence import Evidence, _range
-from skyarm.identify.study_reader import read_identification
+from skyarm.identify.study import read_identification
 
 TEXT = STUDY.replace("CELLS", "\n".join(f'{name} = "1.000"' for name in METRICS)).replace("[fit]", f"{THICK}[fit]")
 STUDIED = dataclasses.replace(read_identification(TEXT.encode(), Path(), "small.toml"), generations=0, population=8)

@@ -13,10 +13,9 @@ import skyarm
 from skyarm.identify.candidates import Candidates
 from skyarm.identify.evidence import Evidence
 from skyarm.identify.identification import identify, result_digest, study_digest
-from skyarm.identify.records import IdentificationStudy, laid_over
-from skyarm.identify.study_reader import IdentificationError, read_identification
+from skyarm.identify.study import IdentificationError, IdentificationStudy, laid_over, read_identification
 from skyarm.metrics.score import score
-from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 
@@ -270,7 +269,7 @@ def test_the_digest_is_of_study_cells_and_scenarios(study: IdentificationStudy) 
         ('"sines/joint_*", ', '"sines/jaw_*", ', r"groups\.joints = 'sines/jaw_\*': must fit a cell"),
         ('scenario = "case2"', 'scenario = "case9"', r"flights\[0\]\.scenario = 'case9': must be a file"),
         ("knee = 3.0", "knee = 0.0", r"loss\.knee = 0\.0: must be above 0"),
-        ('seen = "joints"', 'seen = "all"', r"predictions\[0\]\.seen = 'all': must be one of joints, rest"),
+        ('seen = "joints"', 'seen = "all"', r"predictions\[0\]\.seen = 'all': must be one of the groups: joints, rest"),
         ("seed = 2", "seed = 2\nsead = 3", r"sead = 3: unknown field"),
     ],
 )
@@ -288,6 +287,7 @@ def test_tables_laid_over_others() -> None:
     assert below == {"a": {"b": 1, "c": [1, 2]}, "d": 4}
 
 
+@pytest.mark.thorough
 def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """A study that goes on after a stop asks in another order, and must find the same bits.
 

@@ -11,12 +11,17 @@ import pytest
 
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
-from skyarm.identify.attitude_age import attitude_age, turns
-from skyarm.identify.lag_records import Estimated, LoopLags
-from skyarm.identify.lag_tables import lag_tables
-from skyarm.identify.lagged_inputs import Followed, wrench_of_pushes
-from skyarm.identify.loop_lags import joint_lag, loop_lags, rotor_lag
-from skyarm.identify.needed_forces import Needed, needed, to_base
+from skyarm.identify.lagged_inputs import Followed, Needed, needed, to_base, wrench_of_pushes
+from skyarm.identify.loop_lags import (
+    Estimated,
+    LoopLags,
+    attitude_age,
+    joint_lag,
+    lag_tables,
+    loop_lags,
+    rotor_lag,
+    turns,
+)
 from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import first_state
 from skyarm.tune.excitation import excited, of_vehicle
@@ -211,7 +216,7 @@ def test_a_log_that_does_not_fit_is_refused_in_a_line(flown, changed, message):
 @pytest.mark.parametrize("period", [0.0002, 0.005, 0.01])
 @pytest.mark.parametrize("late", [0.12, -0.12])
 def test_the_age_of_an_attitude_is_found_from_rates_within_the_log_alone(late, period, monkeypatch):
-    from skyarm.identify import attitude_age as module
+    from skyarm.identify import loop_lags as module
 
     time = period * np.arange(round(2.0 / period))
     yaw = 0.3 * np.sin(4.0 * (time - late))

@@ -9,12 +9,11 @@ import pytest
 
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
+from shared_programs import fly
 from skyarm.identify.loop_lags import loop_lags
 from skyarm.log.flight_log import rows_of
 from skyarm.log.sensor_data import fields_of
-from skyarm.simulate import compiled_flight
 from skyarm.simulate.assemble_log import assemble
-from skyarm.simulate.inputs import episode_inputs
 from skyarm.tune.excitation import excited, of_vehicle
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -22,10 +21,9 @@ pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
 def as_measured(scenario):
     """The log of a flight as a vehicle keeps it: what its sensors said in place of the true state."""
-    inputs = episode_inputs(scenario)
-    flown = compiled_flight.fly(scenario, inputs)
-    found = compiled_flight.samples(flown)
-    log = assemble(scenario, inputs, found, None)
+    engine = fly(scenario).engine
+    found = engine.samples(0, engine.tick)
+    log = assemble(scenario, engine.inputs, found, None)
     # the log has what the law received; a reading stands at the instant at which it was taken
     late = round(scenario.delays.measurement * scenario.rates.control)
     measured = {name: array[late:] for name, _, array in fields_of(found.measurement, len(log.time))}

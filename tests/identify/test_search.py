@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.identify.records import Parameter
 from skyarm.identify.search import compass, decoded, differential_evolution, encoded
+from skyarm.identify.study import Parameter
 
 
 def rugged(points):

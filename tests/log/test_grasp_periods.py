@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from skyarm.log.grasp_periods import grasp_periods
+from skyarm.log.periods import grasp_periods
 
 
 def log_of(taken, lost=None, force=None):

@@ -15,7 +15,7 @@ from skyarm.actuation.servo import VelocityServo
 from skyarm.figures.flight_facts import flight_facts
 from skyarm.figures.flight_panels import panels_of
 from skyarm.log.log_columns import names_of
-from skyarm.log.ros.instants import Part
+from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.log.viewer_layouts import plots
 from skyarm.metrics.metric_catalogue import metric_names

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skyarm.log.ros.world_markers import THIN, _marker
+from skyarm.drawing.shapes import Solid
+from skyarm.log.ros.scene import THIN, _marker
 
 CUBE, SPHERE, CYLINDER = 1, 2, 3
 """Of visualization_msgs/Marker's definition."""
@@ -24,6 +25,6 @@ SOLIDS = {
 def test_a_solid_is_a_marker_of_its_type_and_extents(kind):
     size, number, extents = SOLIDS[kind]
     shape = SimpleNamespace(kind=kind, size=size, name="world/it", role="surface")
-    found = _marker(4, SimpleNamespace(shape=shape, position=np.zeros((1, 3)), rotation=np.eye(3)[None]), 0, 0)
+    found = _marker(4, Solid(shape, np.zeros(3), np.eye(3)[None]), "world", 0, fixed=False)  # type: ignore[arg-type]
     assert (found["type"], found["id"], found["ns"]) == (number, 4, "world/it")
     assert tuple(found["scale"][axis] for axis in "xyz") == pytest.approx(extents)

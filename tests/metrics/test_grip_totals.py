@@ -47,7 +47,7 @@ def numbers_of(*instants):
     memory = totals.start()
     for each in instants:
         memory = totals.count(memory, each)
-    return {name: float(value(memory)) for name, (_, value) in VALUES.items()}
+    return {name: float(value(memory)) for name, (_, value, *_) in VALUES.items()}
 
 
 def test_force_along_the_true_radius_and_lag_count_while_the_handle_is_held():

@@ -12,7 +12,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as command
-from skyarm.cli.flight_summary import episode, facts
+from skyarm.cli.run_command import facts, summary
 from skyarm.log.flight_log import rows_of
 from skyarm.metrics.shortfall import LARGEST_ERROR
 
@@ -34,7 +34,7 @@ def text(log):
     from rich.console import Console
 
     console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(episode(log))
+    console.print(*summary(log, facts(log)), sep="\n")
     return console.export_text()
 
 

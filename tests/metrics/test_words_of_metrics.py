@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skyarm.metrics.metric_catalogue import measures
-from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.metrics.metric_catalogue import measures, metric_words
 
 
 @pytest.mark.parametrize("name", sorted(measures(2)))

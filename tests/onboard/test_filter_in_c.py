@@ -23,7 +23,7 @@ from skyarm.onboard.estimated_law import (
 from skyarm.onboard.export_c import export_c
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
-from skyarm.sensors.sensor_readings import EncoderReading
+from skyarm.sensors.sensor_kinds import EncoderReading
 
 
 class WithReadings(Loaded):
@@ -73,7 +73,7 @@ def test_a_force_sensor_goes_past_the_filter_to_the_law():
     for told in ((0.0, 0.0, 0.0), (0.6, 0.0, 0.8)):
         first = first_estimated_memory(law, estimator)
         following, _ = estimated_law(law)(constants, dataclasses.replace(readings, tip_force=told), reference, first)
-        felt.append(np.linalg.norm([*following.law.interaction.felt]))
+        felt.append(np.linalg.norm([*following.law.parts.interaction.felt]))
     assert felt == pytest.approx([0.0, 1.0 - np.exp(-60.0 * 0.005)])
 
 

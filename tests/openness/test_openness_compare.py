@@ -59,7 +59,7 @@ def test_it_is_compared_on_every_plant_and_each_flight_is_one_of_its_own(tmp_pat
 
 
 @pytest.mark.thorough
-def test_what_was_flown_is_not_flown_again_and_another_plugin_is_one_line(tmp_path: Path) -> None:
+def test_what_was_flown_is_not_flown_again_but_with_another_plugin(tmp_path: Path) -> None:
     words = ["added.toml", "--out", "out", "--laws", f"angles,{LAW}", "--seeds", "2"]
     first = compare(tmp_path, *words)
     assert first.code == 0, first.err
@@ -71,11 +71,11 @@ def test_what_was_flown_is_not_flown_again_and_another_plugin_is_one_line(tmp_pa
     plugin = tmp_path / "gps.py"
     plugin.write_text(plugin.read_text("utf-8") + "\n# better\n", "utf-8")
     changed = compare(tmp_path, *words)
-    assert changed.code == 2
-    (line,) = changed.err.strip().splitlines()
-    assert line.startswith("skyarm: plugin 'gps.py' = sha256:")
-    assert "choose another --out" in line
-    assert {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "cells").iterdir()} == cells
+    assert changed.code == 0, changed.err
+    assert (
+        not cells.items()
+        & {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "cells").iterdir()}.items()
+    )
 
 
 def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_path: Path) -> None:

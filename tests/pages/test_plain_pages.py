@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from skyarm.pages import html_page as plain
+from skyarm.pages import markup as plain
 
 
 def parsed(text):

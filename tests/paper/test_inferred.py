@@ -12,13 +12,12 @@ import pytest
 from skyarm.identify.candidates import Candidates
 from skyarm.paper import inference_tables as shown
 from skyarm.paper.campaign import Campaign
-from skyarm.paper.counted_cells import counts, in_group, inferred, published_cells, sentence, stated
+from skyarm.paper.counted_cells import counts, impossible, in_group, inferred, published_cells, sentence, stated
 from skyarm.paper.flights import Flight, results, scenario, settings
-from skyarm.paper.impossible import impossible
-from skyarm.paper.infer import infer
 from skyarm.paper.inferred_settings import (
     INFERRED,
     PREDICTED,
+    infer,
     inferred_scenario,
     is_of_this_study,
     settings_in,
@@ -26,9 +25,8 @@ from skyarm.paper.inferred_settings import (
     unstated_study,
 )
 from skyarm.paper.published import PRINTED
-from skyarm.paper.report.report_inferred import inferred_section
-from skyarm.paper.report.report_page import report_pages
-from skyarm.paper.short_table import markdown
+from skyarm.paper.report_pages import inferred_section, report_pages
+from skyarm.paper.report_tables import markdown_tables as markdown
 from skyarm.simulate import run
 
 PLANTS = ("rigid_body", "mujoco")
@@ -182,7 +180,7 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
     text = markdown(table, {})
     assert text.index(words) < text.index("Not reproduced")
     page = report_pages(table, {}, {}, {})["report.html"]
-    assert page.index(html.escape(words)) < page.index("<table")
+    assert page.index(html.escape(words).replace("&#x27;", "&#39;")) < page.index("<table")
 
 
 def test_a_table_without_inferred_numbers_still_reads() -> None:
@@ -207,9 +205,9 @@ def test_the_evidence_reads_as_tables() -> None:
     evidence = shipped_evidence()
     tables = shown.evidence_tables(evidence)
     assert all(len(row) == len(each.head) for each in tables for row in each.rows)
-    ladder = next(each for each in tables if each.title.startswith("Ladder"))
+    ladder = next(each for each in tables if each.caption.startswith("Ladder"))
     assert len(ladder.rows) == 1 + len(unstated_study().ladder)
-    rivals = next(each for each in tables if each.title.startswith("Rivals"))
+    rivals = next(each for each in tables if each.caption.startswith("Rivals"))
     assert len(rivals.rows) == len(unstated_study().rivals)
     assert shown.markdown_of(tables).count("\n## ") == len(tables)
 

@@ -10,8 +10,8 @@ import pytest
 
 import skyarm
 from skyarm.film.offscreen import NoDisplayError, offscreen
-from skyarm.paper import opening_film as room
-from skyarm.paper.opening_film import opening_film
+from skyarm.paper import report_pages as room
+from skyarm.paper.report_pages import opening_film
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def test_it_shows_both_laws_and_moves(flown: dict[str, dict[str, skyarm.Log]], m
             pass
     except NoDisplayError as error:
         pytest.skip(str(error))
-    monkeypatch.setattr(room, "SETTINGS", dataclasses.replace(room.SETTINGS, width=320, height=180, fps=2))
+    monkeypatch.setattr(room, "FILM_SETTINGS", dataclasses.replace(room.FILM_SETTINGS, width=320, height=180, fps=2))
     drawn = opening_film(flown)
     assert drawn is not None
     content, words = drawn

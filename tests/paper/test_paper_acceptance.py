@@ -12,9 +12,9 @@ import pytest
 
 from log_metrics import motion
 from skyarm.paper.campaign import Campaign, run_campaign
-from skyarm.paper.flights import CONTINUOUS, STEADY, Flight, results, scenario, settings
-from skyarm.paper.published import CASES, CONTROLLERS, PAPER, PRINTED
-from skyarm.paper.short_table import short_markdown
+from skyarm.paper.flights import STEADY, Flight, results, scenario, settings
+from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, PRINTED
+from skyarm.paper.report_tables import short_markdown
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
 

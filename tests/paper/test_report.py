@@ -15,12 +15,9 @@ import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
 from skyarm.figures import paper_figures
-from skyarm.paper.published import TITLES
-from skyarm.paper.report.report_frame import MAIN, page_script
-from skyarm.paper.report.report_headlines import CLAIMS, meets, ordered, tally
-from skyarm.paper.report.report_markup import bound_cell, difference_cell, number_cell, shown
-from skyarm.paper.report.report_opening import MOST_FILM, Opening
-from skyarm.paper.report.report_page import report_pages
+from skyarm.paper.published import CLAIMS, TITLES, ordered, tally
+from skyarm.paper.report_pages import MAIN, MOST_FILM, Opening, page_script, report_pages
+from skyarm.paper.report_tables import bound_cell, difference_cell, number_cell, typographic
 from skyarm.paper.variations import GROUPS, variations
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
@@ -290,7 +287,7 @@ def test_every_number_of_the_sensitivity_appears(main: Page) -> None:
 
 
 def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
-    assert number_cell(None) == '<td class="num none">&ndash;</td>'
+    assert (number_cell(None).text, number_cell(None).value) == ("\N{EN DASH}", None)
     assert number_cell(float("nan")) == number_cell(None) == number_cell(float("inf"))
     assert not any(value in ("nan", "inf", "None") for value in page.values)
     assert not re.search(r"\b(nan|NaN|None|inf)\b", page.text)
@@ -389,29 +386,30 @@ def test_page_stays_small(sources: dict[str, str]) -> None:
     assert all(len(source.encode()) < 1_000_000 for source in sources.values())
 
 
-def test_difference_is_relative_signed_and_graded_without_colour() -> None:
-    assert 'class="num near">+4&nbsp;% <span class="sign" aria-hidden="true">&#9679;' in difference_cell(1.04, 1.0)
-    assert 'class="num fair">&minus;12&nbsp;%' in difference_cell(0.88, 1.0)
-    assert 'class="num far">+100&nbsp;%' in difference_cell(2.0, 1.0)
-    assert "&minus;50&nbsp;%" in difference_cell(-0.14, -0.28)
-    assert "+6&nbsp;%" in difference_cell(-0.339, -0.32)
-    assert ">0&nbsp;%" in difference_cell(0.999999, 1.0)
-    assert ">0&nbsp;%" in difference_cell(1.000001, 1.0)
-    assert "&ndash;" in difference_cell(1.0, 0.0)
-    assert "(within 20 %)" in difference_cell(0.88, 1.0)
+def test_difference_is_relative_signed_and_graded_without_colour(pages: dict[str, Page]) -> None:
+    space = "\N{NO-BREAK SPACE}"
+    near, fair, far = difference_cell(1.04, 1.0), difference_cell(0.88, 1.0), difference_cell(2.0, 1.0)
+    assert (near.grade, near.text, near.sign, near.words) == ("near", f"+4{space}%", "\N{BLACK CIRCLE}", "within 5 %")
+    assert (fair.grade, fair.text, fair.words) == ("fair", f"\N{MINUS SIGN}12{space}%", "within 20 %")
+    assert (far.grade, far.text) == ("far", f"+100{space}%")
+    assert difference_cell(-0.14, -0.28).text == f"\N{MINUS SIGN}50{space}%"
+    assert difference_cell(-0.339, -0.32).text == f"+6{space}%"
+    assert {difference_cell(each, 1.0).text for each in (0.999999, 1.000001)} == {f"0{space}%"}
+    assert difference_cell(1.0, 0.0).text == "\N{EN DASH}"
+    signs = [held for tag, held in pages["case1.html"].tags if held.get("class") == "sign"]
+    assert signs
+    assert all(held["aria-hidden"] == "true" for held in signs)
 
 
 def test_a_bound_is_met_below_and_missed_above() -> None:
-    assert "below" in bound_cell(3.0, 10)
-    assert "above" in bound_cell(11.0, 10)
-    assert "&ndash;" in bound_cell(None, 10)
+    assert (bound_cell(3.0, 10).text, bound_cell(3.0, 10).grade) == ("below", "near")
+    assert (bound_cell(11.0, 10).text, bound_cell(11.0, 10).words) == ("above", "not met")
+    assert bound_cell(None, 10).text == "\N{EN DASH}"
 
 
 def test_numbers_have_three_significant_digits_and_a_typographic_minus() -> None:
-    assert shown(0.00001) == "1.00e&minus;05"
-    assert shown(0.0) == "0"
-    assert shown(-0.28) == "&minus;0.280"
-    assert shown(123.4) == "123"
+    assert number_cell(0.00001).text == typographic("1.00e-05") == "1.00e\N{MINUS SIGN}05"
+    assert [number_cell(value).text for value in (0.0, -0.28, 123.4)] == ["0", "\N{MINUS SIGN}0.280", "123"]
 
 
 def test_published_numbers_keep_their_printed_digits() -> None:
@@ -484,22 +482,22 @@ def claim_results(claim: Any, value: float) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.title)
-def test_a_claim_is_met_inside_its_range_only(claim: Any) -> None:
-    margin = 0.01 * (claim.high - claim.low)
-    assert claim.low < claim.high
-    assert meets(claim, claim_results(claim, 0.5 * (claim.low + claim.high)), "rigid_body") is True
-    assert meets(claim, claim_results(claim, claim.high + margin), "rigid_body") is False
-    assert meets(claim, claim_results(claim, claim.low - margin), "rigid_body") is False
-    assert meets(claim, claim_results(claim, 0.5 * (claim.low + claim.high)), "mujoco") is None
+def test_a_claim_is_met_inside_its_range_only() -> None:
+    for claim in CLAIMS:
+        margin, middle = 0.01 * (claim.high - claim.low), 0.5 * (claim.low + claim.high)
+        assert claim.low < claim.high
+        assert claim.meets(claim_results(claim, middle), "rigid_body") is True, claim
+        assert claim.meets(claim_results(claim, claim.high + margin), "rigid_body") is False, claim
+        assert claim.meets(claim_results(claim, claim.low - margin), "rigid_body") is False, claim
+        assert claim.meets(claim_results(claim, middle), "mujoco") is None, claim
 
 
 def test_one_cell_outside_breaks_a_claim_over_many() -> None:
     claim = CLAIMS[0]
     results = claim_results(claim, 0.0348)
-    assert meets(claim, results, "rigid_body") is True
+    assert claim.meets(results, "rigid_body") is True
     results["case3"]["PD"]["hover_offset"]["rigid_body"] = 0.04
-    assert meets(claim, results, "rigid_body") is False
+    assert claim.meets(results, "rigid_body") is False
 
 
 def test_orderings_count_where_ct_lies_below_pd() -> None:

@@ -11,7 +11,7 @@ import pytest
 from test_reproduce import _few
 
 from commanded import skyarm
-from skyarm.compare import comparison, envelope_suite
+from skyarm.compare import comparison, envelope
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.suite import conditions
 from skyarm.identify.identification import result_digest
@@ -51,8 +51,8 @@ def test_a_small_comparison_is_shown_in_the_report(tmp_path: Path, monkeypatch: 
     entrants = {name: ENTRANTS[name] for name in LAWS}
     made = partial(comparison.Comparison, entrants=entrants, conditions={"perfect": conditions()["perfect"]})
     monkeypatch.setattr(comparison, "Comparison", made)
-    small = partial(envelope_suite.Envelope, laws=LAWS, axes=("circle",), quick=True)
-    monkeypatch.setattr(envelope_suite, "Envelope", small)
+    small = partial(envelope.Envelope, laws=LAWS, axes=("circle",), quick=True)
+    monkeypatch.setattr(envelope, "Envelope", small)
     done = skyarm("reproduce", "--compare", "--plant", "rigid_body", "--out", str(tmp_path))
     assert done.code == 0, done.err
     page = (tmp_path / "report.html").read_text("utf-8")

@@ -12,10 +12,10 @@ from skyarm.compile import rebuild
 from skyarm.dynamics import kinetic_energy
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_state
-from skyarm.plant.integrators import INTEGRATORS
 from skyarm.plant.interface import Truth, flat
+from skyarm.plant.joint_rate import STOP_STEP, joint_rate, stop_frequency
+from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.stop_rate import STOP_STEP, joint_rate, stop_frequency
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Joint

@@ -17,7 +17,7 @@ from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.surroundings import Surroundings
-from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame

@@ -19,13 +19,11 @@ from skyarm.contact.plant_contact import Felt, plant_contact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Fault, SignalVector, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.coupled_memory import places_in
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco_material import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.reference import Sine
-from skyarm.scenario.mujoco_contact_checks import usual_integrator
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_file import scenario_from, usual_integrator
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.linkage import Follower
 from standing_vehicles import GRAVITY, SKIDS, at_rest, limp, states

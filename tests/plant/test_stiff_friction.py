@@ -10,8 +10,8 @@ from independent_flight import Flight
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_command
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.interface import Truth, flat
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError

@@ -13,8 +13,7 @@ import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import trace
 from skyarm.environment import Dryden
-from skyarm.records.coerce import RecordError
-from skyarm.records.directions import near_rotation, near_unit_quaternion, near_unit_vector
+from skyarm.records.coerce import RecordError, near_rotation, near_unit_quaternion, near_unit_vector
 
 HALF = math.sqrt(0.5)
 

@@ -17,11 +17,9 @@ import pytest
 import skyarm
 from added_components import registry_kept
 from skyarm.compare.cells import key
-from skyarm.compare.own_scenario import own_flights
-from skyarm.files.code_digests import source_of
-from skyarm.files.code_place import PACKAGE, is_beside
-from skyarm.records.identity import FOR_PEOPLE, _without, identity
-from skyarm.records.own_files import all_files, own_files
+from skyarm.compare.own_scenario import OwnScenario
+from skyarm.files.user_code import PACKAGE, is_beside, source_of
+from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import Plugin, identities, load_again, load_plugin, loaded
@@ -343,7 +341,7 @@ def test_a_cell_of_a_comparison_is_of_the_code_that_flew(tmp_path: Path) -> None
     file = tmp_path / "push_cell.py"
     file.write_text(FORCE.format(top="GAIN = 1.0"))
     imported(file)
-    _, flights = own_flights(str(tmp_path / "pushed.toml"), ["paper_pd"], plant="rigid_body", seeds=1, seed=0)
+    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).planned()[0][1]
     first = key(flights)
     assert key(flights) == first
     file.write_text(FORCE.format(top="GAIN = 2.0"))
@@ -378,7 +376,7 @@ def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[st
                 file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
                 load_plugin(file)
             origin = prepare(small_study()).origin
-            cell = own_flights("case1", ["paper_pd"], plant="rigid_body", seeds=1, seed=0)[0]
+            cell = OwnScenario(scenario="case1", laws=["paper_pd"]).planned()[0][0]
             found.append((origin.text, key(cell), list(identities().items()), list(origin.study["plugins"])))
     assert found[0] == found[1]
     assert len(found[0][2]) == len(found[0][3]) == 2

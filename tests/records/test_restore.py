@@ -17,7 +17,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
@@ -87,9 +87,9 @@ WRONG: list[tuple[Any, str]] = [
     (of("skyarm.simulate.session:Session"), "is no frozen dataclass"),
     (of("skyarm.compile.llvm.llvm_text:Writer"), "is no frozen dataclass"),
     (of("skyarm.control.controller:Command"), "is no frozen dataclass"),
-    (of("skyarm.scenario.scenario_parts:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
+    (of("skyarm.scenario.scenario_record:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
     (of("function", name="os:system"), "nothing of this module is registered here"),
-    (of("function", name="skyarm.files.atomic:write_atomically"), "must be a function of a law"),
+    (of("function", name="skyarm.files.writing:write_atomically"), "must be a function of a law"),
     (of("function", name="skyarm.control.controller:os.system"), "is not there any more"),
     (of("function", name="skyarm.control.controller:dataclasses.replace"), "is another function than was written"),
     (of("partial", function=of("function", name="os:system"), arguments=["true"], keywords={}), "nothing of this"),

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.reference.setting import Setting
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 
 START = [0.6, 0.0, 1.2]
 GRASP = {"kind": "grasp", "gripper": "hand", "dwell": 1.0}

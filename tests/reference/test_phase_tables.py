@@ -10,9 +10,9 @@ import pytest
 from skyarm.files import Fields
 from skyarm.reference.contact_phases import MOST_TURNS
 from skyarm.reference.phases import KINDS, phases_table
-from skyarm.reference.setting import Setting
-from skyarm.reference.task_tables import MOST_POINTS
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
+from skyarm.reference.waypoints import MOST_POINTS
 
 START = [0.2, 0.0, 0.8]
 PRESS = {"kind": "press", "force": 2.0, "normal": [-2.0, 0.0, 0.0]}

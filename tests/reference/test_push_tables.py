@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.setting import Setting
-from skyarm.reference.tip_push import counted_error
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
+from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import Trajectory
 
 PUSH = {"force": {"kind": "constant", "value": 2.0, "start": 1.0, "stop": 3.0}, "normal": [-3.0, 0.0, 4.0]}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from skyarm.reference.setting import Setting
+from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.task_records import Setting
 
 
 def swing(times, values):

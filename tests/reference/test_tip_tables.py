@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference.feasibility import _tilted, feasibility
-from skyarm.reference.setting import Setting
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
@@ -125,6 +125,7 @@ def test_what_the_arm_cannot_do_is_told():
     assert (name, seconds) == (narrow.name, pytest.approx(4.0 * at_limit, abs=0.05))
 
 
+@pytest.mark.thorough
 def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
     last, second = ARM6.links[-1], ARM6.links[1]
     narrow = dataclasses.replace(second, joint=dataclasses.replace(second.joint, upper=0.61, lower=-2.0))
@@ -146,6 +147,7 @@ def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
     assert [seconds for _, seconds in found[1]] == pytest.approx([seconds for _, seconds in found[0]], abs=0.05)
 
 
+@pytest.mark.thorough
 def test_no_joint_is_planned_faster_than_it_may_be():
     table = {"tip": WORLD["tip"] | {"joint_speed": 0.1}}
     plan = reference_from(table, 6, "reference", SIX)

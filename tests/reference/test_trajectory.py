@@ -20,7 +20,7 @@ from skyarm.reference import (
     circle,
     hover,
 )
-from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.task_records import Guard, Phase
 
 
 def case3_joint(amplitude, phase):

@@ -99,7 +99,7 @@ WRONG = [
     ),
     (
         {"environment__air": [{"kind": "own_turbulence", "time": 0.0}]},
-        r"environment\.air\[0\]: time = 0\.0: must be above",
+        r"environment\.air\[0\].time = 0\.0: must be above",
     ),
     ({"environment__air": [{"kind": "own_turbulence", "sigma": "x"}]}, r"environment\.air\[0\]\.sigma = 'x'"),
     ({"environment__forces": [{"kind": "own_tether", "anchor": [1.0]}]}, r"environment\.forces\[0\]\.anchor"),

@@ -26,7 +26,7 @@ from skyarm.registry.plugins import (
     register_law_of_file,
     register_loaded_law,
 )
-from skyarm.scenario.registered_tables import require_plugins
+from skyarm.scenario.scenario_tables import require_plugins
 
 OWN = Path(__file__).parents[1] / "own_plugin.py"
 

@@ -18,17 +18,15 @@ from hypothesis import strategies as st
 from added_components import Fix
 from simulate_flights import FULL, document
 from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
-from skyarm.files.write_toml import toml_text
+from skyarm.files.toml import toml_text
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore
-from skyarm.scenario.change_checks import require_changes
-from skyarm.scenario.changes import Change
-from skyarm.scenario.in_flight import overrides_at, stretches
-from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
-from skyarm.scenario.scenario_record import NamedSensor
+from skyarm.scenario.scenario_record import Change, NamedSensor
 from skyarm.scenario.scenario_text import scenario_text, with_changes_text
 from thorough import sampled
 
@@ -144,13 +142,14 @@ def test_without_changes_a_scenario_is_written_as_before() -> None:
 
 
 def test_changes_are_written_into_plain_data_and_read_back() -> None:
-    scenario = changing(
+    changes = (
         at(0.1, GAIN, 3),
-        at(0.2, "controller", {"law": "ct_extrapolation", "delay_periods": 2, "safety": {"calm": math.inf}}),
+        at(0.2, "controller", {"law": "ct_ladder", "delay_periods": 2, "safety": {"calm": math.inf}}),
         at(0.3, "environment.faults", [{"rotor": "front", "effectiveness": 0.5}]),
         at(0.4, "environment.ground", False),
         at(0.5, "reference.yaw", 0.1),
     )
+    scenario = dataclasses.replace(scenario_from(BASE), changes=tuple(Change(**each) for each in changes))
     again = restore(json.loads(json.dumps(plain(scenario))))
     assert again == scenario
     assert [type(each.value) for each in again.changes] == [float, dict, tuple, bool, float]
@@ -328,7 +327,7 @@ def test_what_was_said_beside_the_file_is_saved_too() -> None:
     found = scenario_from({**tomllib.loads(saved), "name": wanted.name, "changes": []})
     assert found.windows == Windows(last=5.0), "windows of a flight of 30 s are general in one of 5 s"
     assert dataclasses.replace(found, windows=wanted.windows) == wanted
-    for controller in ("indi_tuned", "centroidal", "exact_joint"):
+    for controller in ("indi_tuned", "centroidal", "centroidal_joint"):
         text = with_changes_text(TEXT, (), controller=controller)
         assert (
             scenario_from(tomllib.loads(text)).controller

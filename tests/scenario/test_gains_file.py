@@ -10,10 +10,10 @@ import pytest
 
 import skyarm
 from added_components import registry_kept
-from skyarm.cli.export_command import export
+from commanded import skyarm as command
 from skyarm.files import read_toml
 from skyarm.registry.plugins import load_plugin
-from skyarm.scenario.gains_file import controller_of_file
+from skyarm.scenario.controller_table import controller_of_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 
 GAINS = """
@@ -142,7 +142,7 @@ def test_a_file_of_gains_is_a_controller_in_python(tmp_path):
     path = Path(write(tmp_path, adaptive + '"base.position" = 20.0\n'))
     found = skyarm.load_controller(path, model, delay=0.01, control_period=0.0025).par
     assert (tuple(found.base.position), found.delay_periods) == ((20.0, 20.0, 20.0), 4)
-    assert found.lag.stride == 2, "the period reaches the law"
+    assert found.parts.lag.stride == 2, "the period reaches the law"
     for wrong, words in (({"delay": -1.0}, "delay = -1.0: must be"), ({"control_period": 0.0}, "control_period = 0.0")):
         with pytest.raises(ValueError, match=words):
             skyarm.load_controller(path, model, **wrong)
@@ -152,10 +152,11 @@ def test_a_file_of_gains_is_a_controller_in_python(tmp_path):
 
 def test_a_file_of_gains_is_exported(tmp_path):
     path, out = write(tmp_path, GAINS, "calm gains.toml"), tmp_path / "law.c"
-    told = export(path, str(out), vehicle="hummingbird_arm2")
+    words = ("-o", str(out), "--vehicle", "hummingbird_arm2")
+    told = command("export", path, "--to", "c", *words).out
     assert "calm_gains_step, hybrid_computed_torque for hummingbird_arm2" in told
     assert "{8.0, 8.0, 8.0}, /* gains_position */" in out.read_text()
-    with pytest.raises(ValueError, match=r"--vehicle: is missing; controller '.*calm gains.toml'"):
-        export(path, str(out))
-    with pytest.raises(ValueError, match=r"did you mean 'position'"):
-        export(write(tmp_path, GAINS.replace("gains.position", "gains.positon")), str(out), vehicle="hummingbird_arm2")
+    refused = command("export", path, "--to", "c", "-o", str(out)).err
+    assert re.search(r"--vehicle: is missing; controller '.*calm gains.toml'", refused)
+    wrong = write(tmp_path, GAINS.replace("gains.position", "gains.positon"))
+    assert "did you mean 'position'" in command("export", wrong, "--to", "c", *words).err

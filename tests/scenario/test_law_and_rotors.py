@@ -14,9 +14,8 @@ from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
-from skyarm.scenario.law_and_rotors import law_without_priorities
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_numbers import unlikely_numbers
+from skyarm.scenario.unlikely_numbers import law_without_priorities, unlikely_numbers
 from skyarm.vehicle.vehicle_records import MountedDrive
 
 BIRD = skyarm.load_vehicle("hummingbird")

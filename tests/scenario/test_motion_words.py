@@ -6,9 +6,9 @@ import dataclasses
 
 import pytest
 
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import part
 from skyarm.reference import Constant, Sine, Sum, Trajectory, circle, hover
-from skyarm.scenario.names_of_fields import names
+from skyarm.scenario.paths import names
 
 CIRCLE = circle(center=(0.1, 0.2, 1.5), radius=0.4, frequency_hz=0.3, start=1.0, stop=9.0)
 HOVER = hover((0.1, 0.2, 1.5))

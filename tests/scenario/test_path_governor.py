@@ -18,13 +18,11 @@ from skyarm.assess.along_reference import follow
 from skyarm.assess.flight_loads import flight_parts
 from skyarm.contact.gripper import Command
 from skyarm.reference import Constant, Sine, Sum, Trajectory
-from skyarm.reference.compose import Product, Windowed, sequence
-from skyarm.reference.path_time import governed
-from skyarm.reference.signals import Ramp, Signal
-from skyarm.scenario.governor_limits import GovernorOptions, Limits
-from skyarm.scenario.path_governor import GovernorWarning, _require_no_instants
+from skyarm.reference.governor.path_time import governed
+from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
+from skyarm.scenario.in_flight import with_part
+from skyarm.scenario.path_governor import GovernorOptions, GovernorWarning, Limits, _require_no_instants
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.scenario.whole_parts import with_part
 from skyarm.vehicle.vehicle_records import MountedDrive
 
 DOCUMENT = {
@@ -254,10 +252,10 @@ def test_a_step_is_told_of_since_no_rate_makes_it_smaller():
     ("governor", "words"),
     [
         ({"reserve": 1.5}, "reference.governor.reserve = 1.5: must be at most 0.9"),
-        ({"tilt": 0}, "reference.governor.tilt = 0.0: must be above 0"),
+        ({"tilt": 0}, "reference.governor.tilt = 0: must be above 0"),
         ({"fastest": 0.5}, "reference.governor.fastest = 0.5: must be at least 1"),
         ({"fastest": 3}, "reference.governor.fastest = 3.0: must be at most 2"),
-        ({"joint_speed": -1}, "reference.governor.joint_speed = -1.0: must be above 0"),
+        ({"joint_speed": -1}, "reference.governor.joint_speed = -1: must be above 0"),
         ({"turning": "fast"}, "reference.governor.turning = 'fast': must be a finite number"),
         ({"speed": 1.0}, "allowed: reserve, tilt, turning, joint_speed, fastest"),
         ("yes", "reference.governor = 'yes': must be true, false or a table of limits"),

@@ -11,11 +11,10 @@ from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, Material, Surface
 from skyarm.environment import Fault, TimedPayload
-from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
-from skyarm.scenario.places import ROOTS, roots
+from skyarm.scenario.paths import ROOTS, roots
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.scenario.scenario_record import JointDrive, NamedSensor, ScenarioError
+from skyarm.scenario.scenario_record import Change, JointDrive, NamedSensor, ScenarioError
 
 
 @pytest.fixture(scope="module")

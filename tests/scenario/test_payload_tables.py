@@ -38,7 +38,7 @@ def test_kinds_have_their_own_numbers():
         ({"mass": -1, "pick": 1}, r"payloads\.0\.mass = -1"),
         ({"mass": 0.1}, r"payloads\.0\.pick"),
         ({"mass": 0.1, "pick": "now"}, r"payloads\.0\.pick = 'now': must be a finite number"),
-        ({"mass": 0.1, "pick": 5, "drop": 5}, r"payloads\.0: drop = 5\.0: must be after pick = 5\.0 s"),
+        ({"mass": 0.1, "pick": 5, "drop": 5}, r"payloads\.0\.drop = 5\.0: must be after pick = 5\.0 s"),
         ({"mass": 0.1, "pick": {"within": 0, "of": [0, 0, 0]}}, r"payloads\.0\.pick\.within = 0"),
         ({"mass": 0.1, "pick": {"within": 0.1, "of": [0, 0]}}, r"payloads\.0\.pick\.of"),
         (
@@ -47,7 +47,7 @@ def test_kinds_have_their_own_numbers():
         ),
         (
             {"mass": 0.1, "pick": 1, "inertia": [1, 1, 3]},
-            r"payloads\.0: inertia = \[1\.0, 1\.0, 3\.0\]: no moment may",
+            r"payloads\.0\.inertia = \[1\.0, 1\.0, 3\.0\]: no moment may",
         ),
         ({"mass": 0.1, "pick": 1, "cord": 1}, r"payloads\.0\.cord = 1: unknown field"),
         ({"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0]}, r"payloads\.0\.com = .*: unknown field"),
@@ -79,7 +79,7 @@ def test_a_wrong_payload_is_one_line(table, words):
         ({"kind": "disturbance", "frame": "hand"}, r"environment\.forces\.0\.frame = 'hand': .*there are"),
         (
             {"kind": "disturbance", "axes": "body"},
-            r"environment\.forces\.0: axes = 'body': must be one of world, frame",
+            r"environment\.forces\.0\.axes = 'body': must be one of world, frame",
         ),
         (
             {"kind": "disturbance", "force": [1, 2]},
@@ -90,7 +90,7 @@ def test_a_wrong_payload_is_one_line(table, words):
         ({"kind": "link_drag", "area": [0.1]}, r"environment\.forces\.0\.area: 1 numbers, must be 2"),
         (
             {"kind": "ground_effect", "radius": -1},
-            r"environment\.forces\.0: ground_effect\.radius = -1\.0: must be above",
+            r"environment\.forces\.0\.radius = -1: must be above",
         ),
     ],
 )

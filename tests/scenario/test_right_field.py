@@ -12,9 +12,9 @@ import pytest
 import skyarm
 from skyarm.files import Fields
 from skyarm.reference.phases import phases_table
-from skyarm.reference.setting import Setting, TaskEvent
-from skyarm.scenario.scenario_parts import ScenarioError
-from skyarm.scenario.task_payloads import with_instants
+from skyarm.reference.task_records import Setting, TaskEvent
+from skyarm.scenario.payload_tables import with_instants
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle

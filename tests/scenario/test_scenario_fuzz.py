@@ -52,7 +52,7 @@ def test_a_mutated_document_is_a_scenario_or_an_error_of_one_line(seed: int) -> 
     rng = random.Random(seed)
     documents = [*SHIPPED.values(), FULL, FULL, FULL]
     flown = refused = 0
-    for _ in range(100):
+    for _ in range(50):
         document = copy.deepcopy(rng.choice(documents))
         for _ in range(rng.randint(1, 3)):
             _mutate(document, rng)
@@ -66,15 +66,15 @@ def test_a_mutated_document_is_a_scenario_or_an_error_of_one_line(seed: int) -> 
             continue
         flown += 1
         assert scenario.steps >= 1
-    assert flown > 2, "the mutations should not all be fatal, or nothing is tested"
-    assert refused > 50
+    assert flown > 1, "the mutations should not all be fatal, or nothing is tested"
+    assert refused > 25
 
 
 @pytest.mark.parametrize("seed", sampled(range(3), 3))
 def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int) -> None:
     rng = random.Random(100 + seed)
     flown = 0
-    while flown < 8:
+    while flown < 4:
         document = copy.deepcopy(FULL)
         _mutate(document, rng)
         try:
@@ -87,7 +87,7 @@ def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int
         assert bool(log.info["cause"]) == (log.status != "completed")
 
 
-@pytest.mark.parametrize("share", sampled([23, 2], 2))
+@pytest.mark.parametrize("share", sampled([97, 2], 2))
 def test_every_entry_of_every_table_is_checked_against_junk(share: int) -> None:
     for index, (_, key) in enumerate(_places(FULL)):
         for junk in JUNK[index % share :: share]:  # a share of the junk for each entry

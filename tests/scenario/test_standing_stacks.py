@@ -9,9 +9,8 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.scenario.shared_places import require_places_apart
-from skyarm.scenario.standing_objects import with_standing_objects
-from skyarm.scenario.standing_stacks import stacks_of
+from skyarm.scenario.standing_start import stacks_of, with_standing_objects
+from skyarm.scenario.start_in_world import require_places_apart
 from standing_vehicles import at_rest, limp
 
 G = 9.8
@@ -81,10 +80,14 @@ def test_a_stack_is_set_down_from_below_in_whatever_order_and_from_however_far_a
     assert stacks_of(one) == [[0, 1]]
 
 
+@pytest.mark.thorough
 def test_boxes_of_one_size_that_pass_each_other_are_refused_with_the_reason():
     """Their corners are on each other's edges."""
     with pytest.raises(ValueError, match="must start outside of each other; a box carries another only where corners"):
         require_places_apart(settled(box("a", 0.2, 0.3, 0.0, 0.03), box("b", 0.2, 0.3, 0.0, 0.08)), G, 2.0)
+
+
+def test_boxes_in_one_place_are_refused():
     apart = [dataclasses.replace(each, standing=False) for each in (LOWER, dataclasses.replace(LOWER, name="b"))]
     with pytest.raises(ValueError, match=r"must start outside of each other$"):
         require_places_apart(Contact(surfaces=(GROUND,), objects=tuple(apart)), G, 2.0)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from skyarm.scenario.numbers import number_at
+from skyarm.scenario.numbers import labelled, number_at, unit_at, words_of
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.units_of_numbers import labelled, unit_at, words_of
 from skyarm.sweep import load_study
 
 
@@ -46,7 +45,7 @@ def test_a_joint_that_slides_has_the_other_unit() -> None:
         for link in load_vehicle(name).links:
             units.setdefault(link.joint.kind, link)
     assert "revolute" in units
-    from skyarm.scenario.units_of_numbers import _unit
+    from skyarm.scenario.numbers import _unit
 
     for kind, link in units.items():
         found = _unit(link, ("joint", "damping"))

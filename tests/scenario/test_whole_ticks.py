@@ -8,15 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skyarm.dynamics.broadcast import unit_quaternion
+import skyarm
+from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
-from skyarm.scenario.clock_checks import check_clocks, require_whole
-from skyarm.scenario.law_table import _require_clock
-from skyarm.scenario.scenario_checks import check_quaternion
+from skyarm.scenario.controller_table import _require_clock
+from skyarm.scenario.scenario_checks import _check_clocks_of_law, check_quaternion, require_whole
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
-from skyarm.simulate.staged_flight import StagedFlight
 
 SIDES = pytest.mark.parametrize("side", [-1.0, 1.0], ids=["less", "more"])
 OFF = pytest.mark.parametrize("off", [1e-5, 0.2, 0.4])
@@ -48,7 +47,8 @@ def test_no_time_is_no_tick_and_less_than_half_a_tick_is_none():
 @pytest.mark.parametrize("steps", [0, 3, 12])
 def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
     scenario = load_scenario("case1", duration=0.05)
-    StagedFlight(dataclasses.replace(scenario, delays=Delays(command=steps * 0.001)))
+    late = dataclasses.replace(scenario, plant="mujoco", delays=Delays(command=steps * 0.001))
+    skyarm.Session(late)
 
 
 @SIDES
@@ -56,9 +56,9 @@ def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
 def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped(off, side):
     scenario = load_scenario("case1", duration=0.05)
     # machine code takes any delay up to a longest one
-    late = dataclasses.replace(scenario, delays=Delays(command=(3 + side * off) * 0.001, longest_command=0.02))
+    late = Delays(command=(3 + side * off) * 0.001, longest_command=0.02)
     with pytest.raises(ScenarioError, match=r"delays\.command = .*whole number of physics steps"):
-        StagedFlight(late)
+        skyarm.Session(dataclasses.replace(scenario, plant="mujoco", delays=late))
 
 
 @SIDES
@@ -72,9 +72,9 @@ def test_a_law_that_believes_another_clock_is_refused(name, off, side):
         par = SimpleNamespace(**{name: period})
         return SimpleNamespace(controller=SimpleNamespace(par=par), rates=scenario.rates)
 
-    check_clocks(believing(1.0 / rate))
+    _check_clocks_of_law(believing(1.0 / rate))
     with pytest.raises(ValueError, match=f"controller.{name} = "):
-        check_clocks(believing((1.0 + side * off) / rate))
+        _check_clocks_of_law(believing((1.0 + side * off) / rate))
 
 
 @SIDES

@@ -7,7 +7,7 @@ import pytest
 import skyarm
 from skyarm.records.coerce import RecordError
 from skyarm.reference import Constant, Sine
-from skyarm.reference.signal_list import SignalList
+from skyarm.reference.signal_tables import SignalList
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensors.channel import Channel

@@ -144,10 +144,10 @@ def test_a_reading_that_does_not_come_leaves_the_one_before_with_its_instant():
 @pytest.mark.parametrize(
     ("sensor", "words"),
     [
-        ({"gyro": {"sigma": -1.0}}, r"sensors.imu.gyro: sigma = -1.0: must be at least 0"),
+        ({"gyro": {"sigma": -1.0}}, r"sensors.imu.gyro.sigma = -1.0: must be at least 0"),
         ({"gyro": {"noise": 1.0}}, r"sensors.imu.gyro.noise = 1.0: unknown field"),
         ({"gyro": {"bias": 1.0}}, r"sensors.imu.gyro.bias = 1.0: must be a list of numbers"),
-        ({"dropouts": {"share": 1.0}}, r"sensors.imu.dropouts: share = 1.0: must be at most 0.99"),
+        ({"dropouts": {"share": 1.0}}, r"sensors.imu.dropouts.share = 1.0: must be at most 0.99"),
         ({"dropouts": {"intervals": [1.0, 2.0]}}, r"sensors.imu.dropouts.intervals.0 = 1.0: must be a list of numbers"),
         ({"dropouts": {"intervals": 3}}, r"sensors.imu.dropouts.intervals = 3: must be a list of lists of numbers"),
         ({"dropouts": {"intervals": [[2.0, 1.0]]}}, r"intervals\[0\] = \[2, 1\]: must begin at 0 or later"),
@@ -162,7 +162,7 @@ def test_a_reading_that_does_not_come_leaves_the_one_before_with_its_instant():
         ),
         (
             {"kind": "encoders", "rate": {"sigma": 0.1}},
-            r"sensors.imu: rate: must be left out where rates = 'difference'",
+            r"sensors.imu.rate: must be left out where rates = 'difference'",
         ),
         ({"dropouts": {"intervals": [[2.0]]}}, r"intervals\[0\] = .*: must have 2 items"),
         ({"frequency": 70.0}, r"sensors.imu.frequency = 70: must divide rates.control = 200"),

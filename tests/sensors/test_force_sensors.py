@@ -21,11 +21,10 @@ from skyarm.records.coerce import RecordError
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensors.channel import Channel
-from skyarm.sensors.force_sensors import ForceTorque, TactileSwitch
 from skyarm.sensors.sensor import NO_PUSH, Push
-from skyarm.simulate.felt_pushes import beyond, push_at
+from skyarm.sensors.sensor_kinds import ForceTorque, TactileSwitch
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.stages import Stages, beyond, push_at
 from standing_vehicles import at_rest
 
 FORCE, TORQUE, WEIGHT = np.array([0.3, -0.2, 0.5]), np.array([0.01, 0.0, -0.02]), 0.05

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
-from skyarm.sensors.noise import SensorNoise, measure, noise_count
+from skyarm.sensors.measurement import SensorNoise, measure, noise_count
 
 STATE = tumbling(hummingbird_arm())
 COUNT = noise_count(2, 4)

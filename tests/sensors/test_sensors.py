@@ -8,7 +8,7 @@ import pytest
 from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.sensors.noise import SensorNoise, measure, noise_count
+from skyarm.sensors.measurement import SensorNoise, measure, noise_count
 from vehicles_random import rotation_matrix
 
 STATE = tumbling(hummingbird_arm())

@@ -15,7 +15,7 @@ from skyarm.scalars.philox import normal
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
@@ -132,15 +132,15 @@ def test_a_path_to_nothing_says_what_there_is(path, words):
         with_numbers(EVERYTHING, {path: 1.0})
 
 
-def test_a_thousand_lanes_with_their_own_numbers_are_the_single_flights():
+def test_a_hundred_lanes_with_their_own_numbers_are_the_single_flights():
     """Every path varies at once; three lanes are flown alone, to the bit."""
     short = dataclasses.replace(EVERYTHING, duration=0.1)
-    lanes, rng = 1000, np.random.default_rng(1)
+    lanes, rng = 100, np.random.default_rng(1)
     values = {path: number * rng.uniform(0.8, 1.2, lanes) for path, number in PATHS.items()}
     batch = Batch(short, tuple(PATHS), bit_exact=True, effort=0)
     outcome = batch.fly(values, seed=7)
     assert set(outcome.status) == {"completed"}
-    for lane in (0, 313, 999):
+    for lane in (0, 31, 99):
         numbers = {path: float(column[lane]) for path, column in values.items()}
         alone = dataclasses.replace(with_numbers(short, numbers), seed=7, episode=lane, duration=0.105)
         last = run(alone)
@@ -157,7 +157,6 @@ CALM = dataclasses.replace(
 def test_another_component_changes_no_others_draws():
     """A force that draws and pushes nothing, and one that draws nothing: the flight stays the same, value by value."""
     alone = run(CALM)
-    assert equal_logs(alone, run(dataclasses.replace(CALM, forces=(RandomPush(sigma=0.0),))))
     assert equal_logs(alone, run(dataclasses.replace(CALM, forces=(RandomPush(sigma=0.0), RandomPush(sigma=0.0)))))
     still = Shear(rate=0.0)
     assert equal_logs(alone, run(dataclasses.replace(CALM, air=(still, *CALM.air))))
@@ -176,6 +175,7 @@ def test_the_wind_of_the_library_keeps_its_draws_whatever_is_added():
     np.testing.assert_allclose(log.air_velocity - run(calm).air_velocity, blowing, rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.thorough
 def test_two_components_of_one_kind_draw_independent_numbers():
     one = dataclasses.replace(CALM, wind=MovingAir(), air=(Turbulence(time=1e-3),), duration=2.0)
     both = dataclasses.replace(one, air=(Turbulence(time=1e-3), Turbulence(time=1e-3)))

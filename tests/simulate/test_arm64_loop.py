@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from shared_programs import fly
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
@@ -14,8 +15,8 @@ from skyarm.compile.llvm.llvm_rounds import CLOSED, LEAD, PLACES, SIZE
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.sensors.noise import SensorNoise
-from skyarm.simulate.compiled_flight import fly, trace_scenario
+from skyarm.sensors.measurement import SensorNoise
+from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
@@ -71,7 +72,7 @@ def short(**changes):
 def on_arm(scenario, lanes):
     """Log of the scenario's first lanes: (steps, entries, lanes)."""
     inputs = episode_inputs(scenario)
-    traced = trace_scenario(scenario, inputs)
+    traced = EpisodeCode(scenario, commands=False, effort=0)
     content, listing = compiled(assembly(traced.loop, lanes, logging=True))
     width, dtype = lanes.width, np.float32 if lanes.single else np.float64
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)])
@@ -89,7 +90,7 @@ def test_two_lanes_of_a_neon_register_are_the_flights_of_python_floats(integrato
     log, listing, _, _ = on_arm(scenario, Lanes(2))
     assert ".2d" in listing  # vector instructions on two doubles
     for lane in (0, 1):
-        flown = fly(dataclasses.replace(scenario, episode=lane), episode_inputs(scenario), reference=True)
+        flown = fly(dataclasses.replace(scenario, episode=lane), python=True)
         assert np.array_equal(flown.rows, log[:, :, lane])
 
 

@@ -24,20 +24,13 @@ PATHS = (MASS, GAIN, DAMPING)
 WINDOWS = Windows(steady=Window(0.5, 1.0), transient=Window(0.0, 0.5))
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture(scope="module")
 def scenario():
     return scenario_from(document("case2_gust", duration=1.0, sensors=NOISE, seed=5), "test")
 
 
 @pytest.fixture(scope="module")
-def exact(scenario, _cache):
+def exact(scenario):
     return Batch(scenario, PATHS, windows=WINDOWS, bit_exact=True)
 
 

@@ -13,19 +13,12 @@ import pytest
 
 import skyarm
 from kernel_threads import queues, serving, wait_until
-from shared_programs import hurried
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, rounds
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.environment.environment_tables import wind_from
 
 MASS = "plant.payload.mass"
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 def scenario(**changes):
@@ -113,34 +106,6 @@ def test_a_new_seed_begins_as_a_session_made_with_it():
     assert batch.episodes.tolist() == other.episodes.tolist()
     for _ in range(7):
         assert np.array_equal(numbers(batch.step()), numbers(other.step()))
-
-
-def test_a_batch_steps_what_it_flies():
-    """``Batch.step`` is the session of the batch's own scenario, paths and kind of numbers."""
-    actions, masses = pushes(9, 10), np.linspace(0.0, 0.1, 9)
-    with skyarm.Batch(scenario(), [MASS], bit_exact=True) as batch:
-        batch.session({MASS: masses}, seed=2)
-        for each in actions:
-            state = batch.step(each)
-        session = skyarm.BatchSession(scenario(), 9, [MASS], bit_exact=True, seed=2)
-        session.set({MASS: masses})
-        session.reset(seed=2)
-        for each in actions:
-            session.step(each)
-        assert numbers(state).tobytes() == numbers(session.state).tobytes()
-        assert not batch.stepped.ended.any()
-        with pytest.raises(ValueError, match=r"values: 'plant\.payload\.mass' must be there exactly"):
-            batch.session({"x": masses})
-
-
-def test_the_first_step_of_a_batch_begins_its_lanes():
-    batch = skyarm.Batch(scenario(), single=True)
-    assert batch.stepped is None
-    state = batch.step(pushes(5, 1)[0])
-    assert np.asarray(state.position.z).shape == (5,)
-    assert np.asarray(state.position.z).dtype == np.float32
-    assert batch.stepped.lanes == 5
-    assert not batch.stepped.truncated.any()
 
 
 def test_lanes_end_and_begin_again_one_by_one():
@@ -322,13 +287,6 @@ def test_what_a_batch_cannot_fly_with_is_one_line():
             batch.fly({}, threads=threads)
     with pytest.raises(skyarm.ScenarioError, match=r"^values = 3: must be a mapping"):
         batch.fly(3)
-    for actions in (None, 3.0, np.zeros(6), np.zeros((6, 0))):
-        with pytest.raises(skyarm.ScenarioError, match=r"^actions = .*: must be an array of shape \(6, lanes\)"):
-            batch.step(actions)
-    with pytest.raises(skyarm.ScenarioError, match=r"^lanes = 0: must be"):
-        batch.session(lanes=0)
-    with pytest.raises(skyarm.ScenarioError, match=r"^actions: float64 of shape \(5, 2\), must be"):
-        batch.step(np.zeros((5, 2)))
 
 
 def test_a_law_that_cannot_be_traced_is_no_hindrance_to_actions():

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from skyarm.actuation import speeds_after
-from skyarm.actuation.time_aloft import time_aloft
+from skyarm.actuation.hover import time_aloft
 from skyarm.metrics.battery_use import battery_use
 from skyarm.plant.loads import supplied
 from skyarm.plant.surroundings import Surroundings
@@ -24,7 +24,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.staged_flight import StagedFlight
+from skyarm.simulate.session import Session
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -92,10 +92,10 @@ def test_power_is_the_tables_current_or_the_drag_torques():
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_the_loops_charge_is_that_of_its_log(plant):
     scenario = hovering(plant=plant, duration=0.2)
-    flight = StagedFlight(scenario)
+    flight = Session(scenario, machine_code=False)
     while flight.step():
         pass
-    use = battery_use(flight.log(), scenario.world.vehicle)
+    use = battery_use(flight.log, scenario.world.vehicle)
     charge, voltage = flight.now.components[-1]
     last = BATTERY.drained(use.charge[-1], use.power[-1], 0.005)
     assert charge == pytest.approx(last, rel=1e-12)

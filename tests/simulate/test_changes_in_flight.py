@@ -13,10 +13,10 @@ from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import BatchSession, Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
-from skyarm.scenario.changes import Change
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
-from skyarm.sensors.noise import SensorNoise
+from skyarm.scenario.scenario_record import Change
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python

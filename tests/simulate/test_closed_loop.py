@@ -20,7 +20,7 @@ from skyarm.plant.rigid_body import accelerate, step_rk4
 from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.noise import measure
+from skyarm.sensors.measurement import measure
 from skyarm.simulate import Log, Scenario, run
 from wind_samples import wind as blown
 
@@ -88,7 +88,7 @@ def _logged(log: Log, k: int) -> tuple[float, ...]:
     return tuple(float(v) for part in parts for v in part[k])
 
 
-@pytest.mark.parametrize("preset", ["paper_ct", "paper_pd", "paper_ct_euler"])
+@pytest.mark.parametrize("preset", ["paper_ct", "paper_pd"])
 def test_the_loop_equals_a_slow_loop_of_floats_bit_for_bit(preset: str) -> None:
     quick = document("case3_wind", reference__base__start=0.2, duration=0.5)
     quick["reference"]["joints"][0]["start"] = 0.1

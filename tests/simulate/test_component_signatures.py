@@ -22,7 +22,7 @@ from skyarm.registry.class_signatures import class_mistake
 from skyarm.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.simulate.component_trials import try_components
+from skyarm.simulate.user_code import check_components
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 BASE = load_scenario("case1", duration=0.25)
@@ -115,7 +115,7 @@ def test_a_reading_that_is_no_numbers_is_one_line(name):
         return memory, value
 
     with pytest.raises(ValueError, match="gps") as caught:
-        try_components(flown(skyarm.Sensor, measure=reads))
+        check_components(flown(skyarm.Sensor, measure=reads))
     assert str(caught.value).startswith(f"{__file__}:{reads.__code__.co_firstlineno}: sensors.gps (Own) {words}")
 
 
@@ -126,7 +126,7 @@ def test_a_measurement_of_other_joints_is_one_line(name, given, found):
         return memory, dataclasses.replace(readings["state"], **{name: given})
 
     with pytest.raises(ValueError, match="estimator") as caught:
-        try_components(flown(skyarm.Estimator, step=step))
+        check_components(flown(skyarm.Estimator, step=step))
     words = f"estimator (Own) gives {name} as {found}: must be a tuple of 2"
     assert str(caught.value) == f"{__file__}:{step.__code__.co_firstlineno}: {words}"
 

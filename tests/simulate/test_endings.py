@@ -109,7 +109,7 @@ def _pitched(degrees: float, controller: str) -> Scenario:
 
 
 def test_the_euler_form_is_undefined_at_a_pitch_of_90_degrees_and_says_so() -> None:
-    log = run(_pitched(90.0, "paper_ct_euler"))
+    log = run(_pitched(90.0, "bulut2019"))
     _same_ending(log, "controller_undefined")
     assert "pitch near 90 degrees" in log.info["cause"]
 

@@ -17,7 +17,7 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 
 LATE = [0, 1, 3]

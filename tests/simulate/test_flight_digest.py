@@ -58,7 +58,7 @@ CHANGES: list[dict[str, Any]] = [
     {"plant__joints__effort_limit": 0.41},
     {"model__gravity": 9.8},
     {"model__payload__mass": 0.011},
-    {"controller__law": "hybrid_computed_torque_euler", "controller__without": ["coriolis"], "model__payload": None},
+    {"controller__law": "hybrid_computed_torque", "controller__without": ["coriolis"], "model__payload": None},
     {"controller__gains__position": [4.0, 4.0, 4.1]},
     {"controller__gains__rate": [0.1, 0.11, 0.025]},
     {"controller__joint_gains__stiffness": [350.0, 151.0]},
@@ -122,7 +122,7 @@ def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(log: Log
 
 def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> None:
     record = log.info["scenario_record"]
-    kind = "skyarm.scenario.scenario_parts:Delays"
+    kind = "skyarm.scenario.scenario_record:Delays"
     delays = {"measurement": 0.005, "command": 0.003, "rotors": 0, "joints": 0, "longest_command": None}
     assert record["delays"] == {"type": kind, **delays}
     assert record["controller"]["law"]["name"].endswith(":hybrid_computed_torque")

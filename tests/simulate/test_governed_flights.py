@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.flight_summary import beside_errors, errors, facts
+from skyarm.cli.run_command import facts
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
-from skyarm.reference.path_time import governed
+from skyarm.reference.governor.path_time import governed
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
@@ -112,11 +112,11 @@ def test_the_distance_to_a_path_is_that_to_its_nearest_line():
 
 
 def test_a_run_s_summary_has_the_lag_beside_the_errors(log):
-    beside = beside_errors(log)
+    found = facts(log)
+    beside = found["governor"]
     assert set(beside) == {"lag", "base_to_path", "tip_to_path"}
     assert beside["lag"]["max_whole_flight"] == (log.time - log.path_time).max()
-    assert facts(log)["governor"] == beside
-    assert beside["base_to_path"]["max_whole_flight"] < errors(log)["position"]["max_whole_flight"]
+    assert beside["base_to_path"]["max_whole_flight"] < found["errors_continuous"]["position"]["max_whole_flight"]
     free = skyarm.run(dataclasses.replace(SLOWED, path_time=None, duration=0.02))
     assert "governor" not in facts(free)
 

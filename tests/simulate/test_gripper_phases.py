@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.scenario.scenario_record import ScenarioError
 
 CLAW = """
 schema = 1

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import skyarm
 from added_components import Lag, Servo, same_logs, with_law
 from skyarm.actuation import Command
 from skyarm.actuation.drive import TorqueDrive
@@ -18,10 +19,8 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import Delays, run
-from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.staged_flight import StagedFlight
 
 BASE = load_scenario("case1", duration=0.1)
 
@@ -67,13 +66,13 @@ def stepping(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any
     return memory, Command(rotor_speeds=(480.0,) * 4, efforts=(0.02 + measurement.time, 0.01 - measurement.time))
 
 
-@pytest.mark.parametrize("engine", [CompiledSteps, StagedFlight])
+@pytest.mark.parametrize("machine_code", [True, False])
 @pytest.mark.parametrize("delay", [0.0, 0.010])
-def test_a_drives_memory_follows_the_setpoints_that_act(engine, delay):
+def test_a_drives_memory_follows_the_setpoints_that_act(machine_code, delay):
     """m + (u - m)(1 - exp(-dt/T)) by hand, once a period, under the command that acts in it."""
     late = round(delay * 200)
     scenario = dataclasses.replace(with_law(BASE, stepping), delays=Delays(command=delay))
-    flight = engine(driven(scenario, joint2=Lag(lag=0.02)))
+    flight = skyarm.Session(driven(scenario, joint2=Lag(lag=0.02)), machine_code=machine_code)
     standing = first_loop_state(driven(scenario, joint2=Lag(lag=0.02))).queue[0].efforts[1]
     wanted = 0.0
     for k in range(10):

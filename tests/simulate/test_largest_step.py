@@ -24,17 +24,17 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
-from skyarm.simulate import run, short_steps
+from skyarm.simulate import lane_numbers, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.session import Session
-from skyarm.simulate.short_steps import require_short_steps
 from skyarm.simulate.stages import Stages
 from skyarm.sweep.design import extremes
 from skyarm.sweep.plan import prepare
@@ -309,7 +309,7 @@ def test_a_step_that_is_none_is_not_lost_among_others(mass):
 
 
 def test_of_what_never_states_a_step_no_lane_is_looked_at(monkeypatch):
-    monkeypatch.setattr(short_steps, "_borne", lambda *_: pytest.fail("was looked at"))
+    monkeypatch.setattr(lane_numbers, "_borne", lambda *_: pytest.fail("was looked at"))
     path = "environment.forces.0.force.z"
     require_short_steps(sprung(), {path: np.array([0.1, 0.2])}, 0.001)
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
+from shared_programs import fly
 from simulate_flights import circling
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
@@ -18,13 +17,12 @@ from skyarm.scalars import where
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.simulate import Delays, ScenarioError, compiled_flight, run
+from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import commands_waiting
-from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.stages import joined_reference
 from thorough import sampled
 
 ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"
@@ -33,12 +31,6 @@ ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"
 def moving(duration: float = 1.3, **delays: Any) -> Any:
     """0.3 s of hover, then the step on to the circle and the arm's sines."""
     return dataclasses.replace(scenario_from(circling(duration=duration)), delays=Delays(**delays))
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 def ends(outcome: Any, lane: int = 0) -> list[float]:
@@ -88,10 +80,9 @@ def test_each_part_arrives_when_its_own_delay_is_over(plant: str, rotors: float,
 def test_engines_agree_on_late_parts(rotors: float, joints: float) -> None:
     scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=0.7), joined=0.4)
     compiled = run(scenario)
-    inputs = episode_inputs(scenario)
-    floats = compiled_flight.fly(scenario, inputs, reference=True)
+    floats = fly(scenario, python=True)
     staged, other = run_in_python(scenario), run_in_python(dataclasses.replace(scenario, plant="mujoco"))
-    assert np.array_equal(compiled_flight.samples(floats).states[:, :3], compiled.position)
+    assert np.array_equal(floats.engine.samples(0, floats.engine.tick).states[:, :3], compiled.position)
     assert np.allclose(staged.joints, compiled.joints, rtol=0.0, atol=1e-12)
     # held forces make MuJoCo's steps first order
     assert np.allclose(other.position, compiled.position, atol=1e-3)

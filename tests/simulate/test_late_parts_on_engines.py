@@ -26,11 +26,10 @@ from skyarm.simulate import Delays
 from skyarm.simulate.command_line import issued, rotor_and_joint_delays, switches
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.plant_steps import RigidBodySteps
+from skyarm.simulate.stages import Stages, joined_reference
 
 VALUES = {
     "reference.joined": (0.0, 0.06, 0.121, 0.2),

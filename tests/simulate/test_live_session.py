@@ -7,7 +7,7 @@ import pytest
 
 import skyarm
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.simulate import live_steps
+from skyarm.simulate import live_session
 from skyarm.simulate.live_session import LiveSession
 
 PATHS = (
@@ -62,7 +62,7 @@ def test_numbers_that_are_read_fly_the_bits_of_constants(scenario, constants, mo
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a change compiles machine code")
 
-    monkeypatch.setattr(live_steps, "Kernel", refuse)
+    monkeypatch.setattr(live_session, "EpisodeCode", refuse)
     assert (flown(session) == constants).all()
 
 

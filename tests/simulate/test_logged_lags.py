@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.compare.suite import NOISE
-from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.simulate.loop import run_in_python
 
@@ -50,7 +50,7 @@ def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
     for _ in range(19):
         session.step()
     # the lag that the last period answered
-    assert session.now.memory.lag.found == tuple(log.lag_found[18])
+    assert session.now.memory.parts.lag.found == tuple(log.lag_found[18])
     while session.step():
         pass
     found = session.log.lag_found
@@ -66,7 +66,7 @@ def test_it_is_the_same_in_every_engine_and_under_guard(scenario, log):
     short = dataclasses.replace(scenario, duration=0.2)
     assert np.array_equal(run_in_python(short).lag_found, log.lag_found[:40])
     guarded = dataclasses.replace(short, controller=with_safety_layer(scenario.controller))
-    assert guarded.controller.memory.inner.lag.found == (0.0, 0.0)
+    assert guarded.controller.memory.inner.parts.lag.found == (0.0, 0.0)
     assert skyarm.run(guarded).lag_found.shape == (40, 2)
 
 

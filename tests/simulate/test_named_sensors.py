@@ -15,14 +15,14 @@ from skyarm.estimate.estimator import Estimator
 from skyarm.scalars.philox import normals, uniforms
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 
 BASE = load_scenario("case1", duration=0.2)

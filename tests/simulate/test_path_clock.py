@@ -15,20 +15,15 @@ from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.observed_push import observed_push
-from skyarm.reference.compose import Sum
-from skyarm.reference.minimum_snap import minimum_snap
-from skyarm.reference.path_offset import offset_reference
-from skyarm.reference.phase_guard import Guard, Phase
-from skyarm.reference.phase_words import PASSED, phase_numbers
-from skyarm.reference.signals import Constant
-from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.reference.governor.path_time import offset_reference
+from skyarm.reference.signals import Constant, Sum
+from skyarm.reference.splines import minimum_snap
+from skyarm.reference.task_records import Guard, Phase
+from skyarm.reference.trajectory import PASSED, Reference, Trajectory, phase_numbers
 from skyarm.scenario.in_flight import Overrides
-from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
-from skyarm.simulate.clock_records import PathClock, Seen
-from skyarm.simulate.due_period import due
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import carried
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clock_of_change, due, is_other_reference
 from thorough import sampled
 
 OUT = (0.6, 0.0, 0.8)

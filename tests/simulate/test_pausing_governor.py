@@ -14,19 +14,17 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
-from skyarm.reference.path_pause import PathPause
-from skyarm.reference.path_time import PathTime
-from skyarm.scenario.governor_limits import GovernorOptions
+from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.governor.pause import PathPause
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.path_governor import options_from
+from skyarm.scenario.path_governor import GovernorOptions, options_from
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.clock_of_change import clock_of_change
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import carried
-from skyarm.simulate.pace_clock import Paces
+from skyarm.simulate.reference_clock import Paces, clock_of_change
 from skyarm.simulate.tip_and_goal import tip_at
 
 POINTS = [[0, 0, 1], [2, 0, 1.5], [2, 2, 1]]

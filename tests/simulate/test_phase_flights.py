@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.flight_summary import facts, phase_lines
-from skyarm.log.phase_timeouts import timed_out
+from skyarm.cli.run_command import facts, sentences
+from skyarm.log.periods import timed_out
 from skyarm.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.check_endings import failed_phase
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Waits
+from skyarm.simulate.stages import joined_reference
 from skyarm.sweep.study_file import load_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -51,7 +51,7 @@ def same(a, b):
 def test_each_phase_begins_when_the_flight_has_shown_what_the_one_before_asks(log):
     names, ends = zip(*log.phase_ends, strict=True)
     assert names == ("hold", "press", "slide", "retreat")
-    assert "timeout" not in phase_lines(log)[0]
+    assert "timeout" not in sentences(facts(log))[0]
     assert [each["timeout"] for each in facts(log)["phase_ends"]] == [False] * 4
     touch = log.time[np.flatnonzero(log.contact_force[:, 0] > 0.0)[0]]
     # half the force is felt for 0.1 s, then it presses for 0.5 s; the wanted force is there at the end
@@ -165,7 +165,7 @@ def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
     assert log.status == "phase_failed"
     assert log.info["cause"] == "phase 1 'press': no contact of 0.5 N within 3 s"
     assert log.phase_ends[1:] == (("press", None), ("slide", None), ("retreat", None))
-    (said,) = phase_lines(log)
+    (said,) = sentences(facts(log))
     assert "press - (timeout), slide -, retreat -" in said
     # 0.55 s of the plan, 3 s of waiting, and the period in which it is noticed
     assert log.info["end_time"] == pytest.approx(3.555)
@@ -188,7 +188,7 @@ def test_a_guard_may_let_the_task_go_on(scenario):
     on = dataclasses.replace(away.trajectory, guards=(guard, *away.trajectory.guards[1:]))
     goes_on = skyarm.run(dataclasses.replace(away, trajectory=on, duration=4.5))
     assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
-    assert "press 4.055 s (timeout)" in phase_lines(goes_on)[0]
+    assert "press 4.055 s (timeout)" in sentences(facts(goes_on))[0]
 
 
 def test_a_phase_is_done_by_its_timeout_where_the_reference_rested_so_long():

@@ -15,15 +15,13 @@ import pytest
 import skyarm
 from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.reference.phase_guard import Guard, Phase
-from skyarm.reference.setting import Setting
+from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.signals import Constant
-from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.task_records import Guard, Phase, Setting
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
-from skyarm.simulate.clock_records import Seen
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Seen, Waits
 from thorough import sampled
 
 OUT = (-0.6, 0.0, 0.8)

@@ -17,7 +17,7 @@ from skyarm.control.actuator_layer import ActuatorParameters, plain_model, with_
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.metrics.score import score
-from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
@@ -34,7 +34,7 @@ from thorough import sampled
 
 DATA = Path(__file__).parents[1] / "data"
 CASE = load_scenario("case3", duration=14.0)
-OF_THE_PAPERS_VEHICLE = ("hybrid_computed_torque_euler", "learned_compensator")
+OF_THE_PAPERS_VEHICLE = ("learned_compensator",)
 """Laws that refuse any other vehicle."""
 
 IDEAL = PositionServo(stiffness=40.0, damping=0.5, inertia=2e-4)

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
 
 LIMIT = "plant.vehicle.links.0.joint.effort_limit"
 
 
 @pytest.fixture(autouse=True)
-def _quiet(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")), warnings.catch_warnings():
+def _quiet():
+    with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
 

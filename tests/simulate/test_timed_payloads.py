@@ -11,8 +11,7 @@ import pytest
 
 import skyarm
 from skyarm.compile import leaves
-from skyarm.plant.impact import after_impact
-from skyarm.plant.loaded_vehicle import loaded_vehicle
+from skyarm.plant.impact import after_impact, loaded_vehicle
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.first_state import first_loop_state, first_surroundings

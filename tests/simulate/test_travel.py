@@ -12,8 +12,7 @@ import skyarm
 from added_components import registry_kept, same_logs
 from skyarm.registry.plugins import load_plugin
 from skyarm.simulate.loop import run
-from skyarm.simulate.travel import packed
-from skyarm.simulate.workers import workers
+from skyarm.simulate.workers import packed, workers
 
 MADE_INSIDE = """
 import skyarm

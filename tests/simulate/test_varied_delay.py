@@ -7,10 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from shared_programs import hurried
 from simulate_flights import circling
 from skyarm.scenario.numbers import number_at
-from skyarm.scenario.places import LATE
+from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
@@ -22,12 +21,6 @@ DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 def moving(**delays):
     """0.3 s of hover and the step on to the circle, for a second."""
     return dataclasses.replace(scenario_from(circling(duration=1.3)), delays=Delays(**delays))
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 @pytest.fixture(scope="module")

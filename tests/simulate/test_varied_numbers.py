@@ -8,7 +8,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from shared_programs import hurried
 from simulate_flights import document
 from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
@@ -99,12 +98,6 @@ OTHERS = {
     "initial.rotor_speeds.0": 450.0,
 }
 """Paths through the records, and numbers that something is derived from."""
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.files.code_place import OwnCodeError
+from skyarm.files.user_code import OwnCodeError
 from skyarm.simulate.workers import workers
 
 CUT_OFF = """

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.safety import with_safety_layer
-from skyarm.figures.basin_map import basin_figure
+from skyarm.figures.share_maps import basin_figure
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate import run
 from skyarm.stability.along import hovering

@@ -13,8 +13,8 @@ from scipy import linalg, optimize
 
 from skyarm.stability import OpenLoop, margins
 from skyarm.stability.closed_loop import closed, gains
+from skyarm.stability.disk_margins import upper_bound
 from skyarm.stability.loop_channels import numbered_channels
-from skyarm.stability.structured_bound import upper_bound
 
 T = 1e-3
 """s, of loops that are continuous in the books: the hold costs half a period."""

@@ -13,7 +13,7 @@ from hand_made import T, double_integrator
 import skyarm
 from skyarm.environment import NO_WIND
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate import Rates
 from skyarm.stability.along import SETTLING, hovering
 from skyarm.stability.margins import LONGEST, STRIDE, _edge, delay_margin, radius

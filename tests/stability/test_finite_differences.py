@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion
-from skyarm.stability.finite_differences import STEP_SIZE, derivatives, stencil_points
+from skyarm.stability.open_loop import STEP_SIZE, derivatives, stencil_points
 
 ATTITUDE = Quaternion(math.cos(0.2), math.sin(0.2), 0.0, 0.0)
 PLAIN = (-2e8, 0.25, 40.0)

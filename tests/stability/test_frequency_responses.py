@@ -14,7 +14,7 @@ from skyarm.actuation.rotor import rotor_force
 from skyarm.algebra import ZERO3, Quaternion
 from skyarm.stability import margins
 from skyarm.stability.closed_loop import closed, spectral_radius
-from skyarm.stability.frequency_response import frequency_grid, response
+from skyarm.stability.disk_margins import frequency_grid, response
 from skyarm.stability.loop_channels import vehicle_channels
 from skyarm.stability.margins import STRIDE, _edge
 

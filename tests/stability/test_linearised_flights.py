@@ -11,6 +11,7 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.control.catalogue import make_controller
@@ -18,7 +19,6 @@ from skyarm.control.model import Model
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.simulate import Delays, run
-from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row
@@ -26,8 +26,7 @@ from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
 from skyarm.stability.closed_loop import closed_loop, radius
 from skyarm.stability.frozen_scenario import with_lag
-from skyarm.stability.open_loop import Differentiator
-from skyarm.stability.open_point import open_point
+from skyarm.stability.open_loop import Differentiator, open_point
 
 
 def even(scenario):
@@ -127,7 +126,7 @@ def growth(scenario, delay, **parts):
         scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay, **parts)
     )
     still = dataclasses.replace(begun, initial=state)
-    rows = [fly(each, episode_inputs(each)).rows[:, 1:] for each in (begun, still)]
+    rows = [fly(each).rows[:, 1:] for each in (begun, still)]
     size = np.linalg.norm((rows[0] - rows[1])[:, 10:13], axis=1)
     return size[-300:].max() / size[600:900].max()
 

@@ -11,6 +11,7 @@ import skyarm
 from skyarm.environment import Wrench
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.stability.frozen_scenario import disturbances, nominal
 from skyarm.stability.hover_delay import hover_delay
 from skyarm.stability.open_loop import Differentiator
 
@@ -22,6 +23,14 @@ GUSTY = dataclasses.replace(
 )
 
 
+def test_a_loop_is_that_of_the_scenario_without_weather_that_has_a_memory() -> None:
+    calm = dataclasses.replace(GUSTY, air=GUSTY.air[:1], forces=GUSTY.forces[1:])
+    assert nominal(GUSTY) == nominal(calm)
+    assert disturbances(GUSTY) == ("environment.air[1] = Turbulence", "environment.forces[0] = RandomPush")
+    assert disturbances(calm) == ()
+
+
+@pytest.mark.thorough
 def test_weather_with_a_memory_is_left_out_and_named() -> None:
     """The margins along the flight are those of the same scenario without it; hover is in calm air."""
     calm = dataclasses.replace(GUSTY, air=GUSTY.air[:1], forces=GUSTY.forces[1:])

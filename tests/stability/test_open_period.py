@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.stability.open_point import open_point
+from skyarm.stability.open_loop import open_point
 
 READINGS = ("oldest", "newer", "newest")
 LATE, AT_ONCE = SimpleNamespace(waiting=READINGS), SimpleNamespace(waiting=())

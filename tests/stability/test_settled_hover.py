@@ -62,10 +62,10 @@ def test_what_a_law_learns_is_held_also_under_guard():
     guarded = dataclasses.replace(learning, controller=with_safety_layer(learning.controller))
     for scenario in (learning, guarded):
         par = scenario.controller.par
-        assert getattr(par, "inner", par).adapts_load
+        assert getattr(par, "inner", par).parts.adaptation.load is not None
         held = without_adaptation(scenario).controller.par
         held = getattr(held, "inner", held)
-        assert (held.adapts_load, held.adapts_friction) == (False, False)
+        assert (held.parts.adaptation.load, held.parts.adaptation.friction) == (None, None)
 
 
 def test_a_hover_says_its_delay_margin_as_its_margins_do(scenario):

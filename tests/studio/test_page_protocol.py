@@ -16,9 +16,8 @@ from tab import CAMERA, Tab
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.studio.fleet import Fleet, load_fleet
-from skyarm.studio.guard import Guard
 from skyarm.studio.page import Page
-from skyarm.studio.server import NARROW, bound, close_server, open_server
+from skyarm.studio.server import NARROW, Guard, bound, close_server, open_server
 
 TOKEN = "0123456789abcdef"
 

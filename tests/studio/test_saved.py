@@ -8,8 +8,7 @@ import skyarm
 from skyarm.files import read_toml
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studio.documents import flown_document, prepare, read_document
-from skyarm.studio.fleet import Fleet, load_fleet, make_flight
-from skyarm.studio.saved import save_flights, saved_document
+from skyarm.studio.fleet import Fleet, load_fleet, make_flight, save_flights, saved_document
 
 BITS = (
     "position",
@@ -87,7 +86,14 @@ def test_an_untouched_flight_is_saved_as_the_scenario_was() -> None:
     assert kept == document
 
 
-@pytest.mark.parametrize("path", ["delays.command", "environment.wind.force.x", "environment.faults.0.effectiveness"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "environment.wind.force.x",
+        pytest.param("delays.command", marks=pytest.mark.thorough),
+        pytest.param("environment.faults.0.effectiveness", marks=pytest.mark.thorough),
+    ],
+)
 def test_parts_of_the_file_that_its_changes_need_are_saved(tmp_path: Path, path: str) -> None:
     values = {"delays.command": 0.01, "environment.wind.force.x": 2.0, "environment.faults.0.effectiveness": 0.9}
     document, folder = read_document("case1")

@@ -13,8 +13,8 @@ import pytest
 
 import skyarm
 from commanded import skyarm as typed
-from skyarm.studio.guard import Guard, is_loopback
-from skyarm.studio.page_words import fleet_under
+from skyarm.studio.fleet import fleet_under
+from skyarm.studio.server import Guard, is_loopback
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 
@@ -69,7 +69,7 @@ def test_a_scenario_and_its_laws_are_looked_at_first(source: str, laws: list[str
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)])
 def test_the_page_opens_quickly_and_a_signal_ends_it_cleanly(number: signal.Signals, tmp_path: Path) -> None:
     command = [*STUDIO, "case1", "--port", "0", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1) as child:

@@ -15,16 +15,13 @@ from scenes_without_browser import Scene
 from skyarm import scenario_from
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.drawing.carried_poses import held_poses
-from skyarm.drawing.pose_program import PoseProgram
-from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.drawing.poses import place, rotor_turns
+from skyarm.drawing.world_shapes import held_poses, world_shapes
 from skyarm.simulate.session import Session
-from skyarm.studio.arrows import NEWTON, Arrows
 from skyarm.studio.charts import Chart, charts
-from skyarm.studio.picture import APART, VIEWS, Picture, View
-from skyarm.studio.scene import VehicleNodes
-from skyarm.studio.sights import sight
-from skyarm.studio.world_nodes import TouchArrows, WorldNodes
+from skyarm.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, toned, touch_arrows
+from skyarm.studio.scene import Arrows, SolidNodes, VehicleNodes
+from skyarm.studio.sights import Watched, sight
 from skyarm.vehicle.vehicle_files import load_vehicle
 from world_flights import DOCUMENT, WALL_ANGLE
 
@@ -41,7 +38,7 @@ def session() -> Session:
 
 def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
     flown = Session(session().scenario, machine_code=False)
-    seen = sight(flown, PoseProgram(flown.scenario.world.vehicle))
+    seen = sight(flown)
     (wall,) = (each for each in seen.touching if each.normal > 0.0)
     assert wall.surface == "wall"
     outward = np.array([-np.cos(WALL_ANGLE), -np.sin(WALL_ANGLE), 0.0])
@@ -56,39 +53,36 @@ def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
 def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once() -> None:
     scenario, scene = session().scenario, Scene()
     begin = held_poses(scenario.components, session().now.components)
-    world = WorldNodes(scene, "/world1", scenario, begin, np.zeros(3), np.array([0.0, APART, 0.0]))
-    assert world.moves
+    world = SolidNodes(scene, "/world1")
+    world.place(world_shapes(scenario.contacts, np.zeros(1), carried=begin))
     wall, post, parcel = (scene.nodes[f"/world1/world/{name}"] for name in ("wall", "post", "parcel"))
     assert "/world1/world/ground" not in scene.nodes
     before = getattr(wall, "writes", 0)
     fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
-    world.place(scenario, 0.25, fallen)
-    np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45])
-    np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5])
-    np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0])
+    world.place(world_shapes(scenario.contacts, np.array([0.25]), carried=fallen))
+    np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45], atol=1e-4)
+    np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5], atol=1e-4)
+    np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0], atol=1e-4)
     assert getattr(wall, "writes", 0) == before
 
 
 def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
-    flown, scene = session(), Scene()
-    seen = sight(flown, PoseProgram(flown.scenario.world.vehicle))
-    arrows = TouchArrows(scene, "/touches1", len(seen.touching), np.zeros(3))
-    node, beside = scene.nodes["/touches1"], np.array([0.0, APART, 0.0])
-    arrows.point([], beside)
+    scene, seen = Scene(), sight(session())
+    arrows = Arrows(scene, "/touches1", [(1, 2, 3)] * len(seen.touching), 0.01, np.zeros((2, 3)))
+    node, ends = scene.nodes["/touches1"], touch_arrows(seen.touching)
+    arrows.point(0.0 * ends)
     assert not getattr(node, "visible", False)
-    arrows.point(seen.touching, beside)
+    arrows.point(ends)
     assert node.visible
     (acting,) = (i for i, each in enumerate(seen.touching) if each.normal > 0.0)
     wall = seen.touching[acting]
-    np.testing.assert_allclose(
-        node.points[acting], [wall.spot + beside, wall.spot + beside + NEWTON * wall.force], rtol=1e-5
-    )
+    np.testing.assert_allclose(node.points[acting], [wall.spot, wall.spot + NEWTON * wall.force], rtol=1e-5)
     assert np.all(node.points[[i for i in range(len(seen.touching)) if i != acting]] == node.points[acting][0])
     arrows.show(False)
     assert not node.visible
     arrows.show(True)
     assert node.visible
-    arrows.point([], beside)
+    arrows.point(0.0 * ends)
     assert not node.visible
 
 
@@ -114,15 +108,17 @@ def test_a_world_stands_once_or_beside_each_vehicle_and_a_tab_looks_round_the_wa
 def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_ground() -> None:
     picture, scene, _ = picture_of(session().scenario)
     flown = session()
-    start, program = flown.state, PoseProgram(flown.scenario.world.vehicle)
+    start, seen = flown.state, sight(flown)
     for follow in (True, False):
         picture.choose(View(follow=follow))
         for k in (1, 2):
             away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
-            now = SimpleNamespace(state=away, running=True, scenario=flown.scenario, time=0.0, now=flown.now)
-            placed = program(tuple(away.position), tuple(away.quaternion), away.joints)
-            flight = SimpleNamespace(session=now, placed=lambda _, at=placed: at, last=sight(flown, program), loads=())
-            picture.draw([flight], 0.01)  # type: ignore[list-item]
+            flight = Watched()
+            flight.session = SimpleNamespace(  # type: ignore[assignment]
+                state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now
+            )
+            flight.title, flight.sights = "a", [seen]
+            picture.draw([flight], 0.01)
             base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
             drawn = np.array(base.position) + stage.position
             np.testing.assert_allclose(drawn, list(start.position if follow else away.position), atol=1e-3)
@@ -137,7 +133,7 @@ def test_without_a_world_nothing_of_it_is_there() -> None:
     assert scene.nodes["/stage/ground"].position[2] == 0.0
     np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
     plain = Session(scenario, machine_code=False)
-    assert sight(plain, PoseProgram(scenario.world.vehicle)).touching == ()
+    assert sight(plain).touching == ()
     assert "contact force (N)" not in titles(plain)
     assert "contact force (N)" in titles(session())
 
@@ -160,25 +156,22 @@ def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
 
 def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
     vehicle, scene = load_vehicle("voliro_like"), Scene()
-    nodes = VehicleNodes(scene, "/law1", vehicle, (10, 20, 30))
+    nodes = VehicleNodes(scene, "/law1", vehicle, toned((10, 20, 30)), blades=True)
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
-    nodes.tilt(angles)
+    turns = rotor_turns(vehicle, angles[None])
+    nodes.tilt({name: turn[0] for name, turn in turns.items()})
     speeds = np.full(len(vehicle.rotors), 100.0)
     nodes.spin(speeds, 0.3)
-    program = PoseProgram(vehicle)
-    placed = program((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
-    arrows = Arrows(scene, "/arrows1", vehicle, placed.positions[0])
-    seen = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
-    arrows.point(seen, speeds, placed, np.zeros(3), angles)  # type: ignore[arg-type]
-    discs = {each.name: each for each in vehicle_shapes(vehicle) if each.role == "rotor"}
+    placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
+    seen: Any = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
+    ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turns)  # type: ignore[arg-type]
     blades = scene.nodes["/law1/-1/blades"].batched_wxyzs
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turned(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
-        R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).rotation().rows])
-        np.testing.assert_allclose(R @ np.array(discs[f"rotor/{rotor.name}"].rotation)[:, 2], axis, atol=1e-9)
-        hub = np.array([float(c) for c in rotor.position])
-        np.testing.assert_allclose(R @ hub + node.position, hub, atol=1e-12)
+        R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])
+        np.testing.assert_allclose(R[:, 2], axis, atol=3e-4)
+        np.testing.assert_allclose(node.position, [float(c) for c in rotor.position], atol=1e-4)
         B = np.array([[float(c) for c in row] for row in Quaternion(*map(float, blades[i])).rotation().rows])
         np.testing.assert_allclose(B[:, 2], axis, atol=1e-6)
-        along = scene.nodes["/arrows1"].points[i, 1] - scene.nodes["/arrows1"].points[i, 0]
-        np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-5)
+        along = ends[i, 1] - ends[i, 0]
+        np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-9)

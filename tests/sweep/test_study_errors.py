@@ -114,7 +114,7 @@ def test_a_file_is_named_in_its_errors(tmp_path: Path) -> None:
     path.write_text("schema = \n")
     with pytest.raises(StudyError, match=r"wrong\.toml: TOML"):
         load_study(path)
-    with pytest.raises(StudyError, match="must be a readable file"):
+    with pytest.raises(StudyError, match=r"no such file|is a folder|must be readable"):
         load_study(tmp_path / "nowhere.toml")
     with pytest.raises(StudyError, match="shipped studies are robustness"):
         load_study("robust")

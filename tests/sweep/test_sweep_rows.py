@@ -13,8 +13,8 @@ from log_metrics import Errors, calmness, constant_wind, gust, last, motion, tra
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Contact, Surface
 from skyarm.metrics.windows import Windows
-from skyarm.plant.friction_rate import friction_rate
-from skyarm.plant.integrators import FRICTION_STEP
+from skyarm.plant.joint_rate import friction_rate
+from skyarm.plant.largest_step import FRICTION_STEP
 from skyarm.scenario.endings import PHASE_FAILED, STATUSES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
@@ -79,20 +79,19 @@ def test_a_lane_is_the_same_at_every_vector_width(bit_exact: bool, single_: bool
     assert one.status.tolist() == four.status.tolist()
 
 
-@pytest.mark.parametrize("controller", ["paper_ct", "paper_pd"])
-def test_rows_equal_single_runs(tmp_path: Path, controller: str) -> None:
+def test_rows_equal_single_runs(tmp_path: Path) -> None:
     study = small_study()
-    rows = flown(tmp_path)[controller]
-    ended = [int(k) for k in np.flatnonzero(rows["status"] != "completed")[:2]]
-    assert ended, "some flights must end early, or half of what is compared here is not there"
-    for episode in [*range(2), *ended]:
-        log = single(study, controller, rows, episode)
-        assert rows["status"][episode] == log.status
-        assert rows["end_time"][episode] == log.info["end_time"]
-        for name, value in metrics_of(log).items():
-            if name in rows:
-                # fused multiply-adds round otherwise: 1e-16 a step, which the loop keeps small for half a second
-                assert rows[name][episode] == pytest.approx(value, rel=1e-9, abs=1e-9, nan_ok=True), name
+    for controller, rows in flown(tmp_path).items():
+        ended = [int(k) for k in np.flatnonzero(rows["status"] != "completed")[:2]]
+        assert ended, "some flights must end early, or half of what is compared here is not there"
+        for episode in [*range(2), *ended]:
+            log = single(study, controller, rows, episode)
+            assert rows["status"][episode] == log.status
+            assert rows["end_time"][episode] == log.info["end_time"]
+            for name, value in metrics_of(log).items():
+                if name in rows:
+                    # fused multiply-adds round otherwise: 1e-16 a step, which the loop keeps small for half a second
+                    assert rows[name][episode] == pytest.approx(value, rel=1e-9, abs=1e-9, nan_ok=True), name
 
 
 def test_turbulence_starts_anew_in_every_episode_as_in_a_single_run() -> None:
@@ -137,7 +136,7 @@ ENDINGS = [
 def test_each_ending_has_the_status_and_time_of_a_single_run(
     status: str, fields: dict[str, Any], numbers: dict[str, float], single_: bool
 ) -> None:
-    controller = "paper_ct_euler" if status == "controller_undefined" else "paper_ct"
+    controller = "bulut2019" if status == "controller_undefined" else "paper_ct"
     scenario = scenario_from({**document_of_case1(), **fields}, replaced={"controller": controller, "duration": 1.0})
     if scenario.initial is None:
         scenario = dataclasses.replace(scenario, initial=first_state(scenario))
@@ -169,7 +168,7 @@ def test_a_lane_that_ends_in_its_last_period_is_not_completed() -> None:
 
 def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     scenario = with_numbers(
-        load_scenario("case1", controller="paper_ct_euler"),
+        load_scenario("case1", controller="bulut2019"),
         {
             f"plant.vehicle.links.{i}.joint.{side}": sign
             for i in (0, 1)

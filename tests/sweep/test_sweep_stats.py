@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.robustness import robustness_figure
+from skyarm.figures.share_maps import robustness_figure
+from skyarm.figures.style import image_bytes
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
 from skyarm.sweep.stats import Rows, parse_limits, statistics

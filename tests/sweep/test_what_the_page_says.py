@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pytest
 
-from skyarm.sweep.manifest import Manifest
-from skyarm.sweep.origin import Origin
+from skyarm.sweep.chunk_file import Origin
 from skyarm.sweep.stats import SHARES, _paired
+from skyarm.sweep.study_folder import Manifest
 from skyarm.sweep.study_page import GIVEN, Pictures, page
 
 STUDY = {

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
+from skyarm.tune.candidate_flights import Scores
 from skyarm.tune.front import LoopMargins, Point, Required, finalists, front_of, pick, undominated
-from skyarm.tune.objective import Scores
 
 REQUIRED = Required(delay=0.010, gain=1.5)
 WIDE = LoopMargins(delay=0.02, rotors=(0.4, 3.0), joints=(0.0, math.inf))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from skyarm.files import unpacked, write_atomically
-from skyarm.tune.archive import Archive, ArchiveError
+from skyarm.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
 from skyarm.tune.law_knobs import Knob
-from skyarm.tune.objective import WEIGHTS, Scores
+from skyarm.tune.tuning import Archive, ArchiveError
 
 KNOBS = tuple(
     Knob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),)) for i, unit in enumerate(("1/s^2", "1/s", "rad/s", ""))

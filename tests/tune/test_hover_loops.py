@@ -14,12 +14,9 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays
 from skyarm.stability.along import evidence
 from skyarm.tune.excitation import excited
-from skyarm.tune.explain import explain
-from skyarm.tune.explanation_words import plain, words
-from skyarm.tune.hover_margins import calm, required, with_gains
+from skyarm.tune.explain import differences, explain, plain, words
+from skyarm.tune.hover_margins import HoverMargins, calm, required, with_gains
 from skyarm.tune.law_knobs import find_knobs
-from skyarm.tune.loop_parts import differences
-from skyarm.tune.margin_tests import MarginTests
 
 CASE = load_scenario("case3")
 KNOBS = find_knobs(CASE.controller, CASE.controller.name)
@@ -28,7 +25,7 @@ KNOBS = find_knobs(CASE.controller, CASE.controller.name)
 @pytest.fixture(scope="module")
 def tests_of_margins():
     flight = excited(CASE)
-    made = MarginTests(flight, KNOBS, required(flight))
+    made = HoverMargins(flight, KNOBS)
     yield flight, made
     made.close()
 
@@ -39,14 +36,9 @@ def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
     (found,) = made.measured(logs)
     other = dataclasses.replace(calm(flight), controller=with_gains(flight.controller, KNOBS, logs[0]))
     hover = evidence(other, 0).instants[0]
-    # steps of 1 ms; ten bisections of a factor 8
-    assert math.floor(hover.delay * 1e3 + 1e-6) == round(found.delay * 1e3)
-    for pair, (low, high) in (
-        (found.rotors, hover.gain("rotor_gain")),
-        (found.joints, hover.gain("joint_gain")),
-    ):
-        assert pair[0] == pytest.approx(low, rel=0.004)
-        assert pair[1] == pytest.approx(high, rel=0.004) or (math.isinf(pair[1]) and high > 8.0)
+    assert found.delay == pytest.approx(hover.delay, rel=1e-6)
+    for pair, wanted in ((found.rotors, hover.gain("rotor_gain")), (found.joints, hover.gain("joint_gain"))):
+        assert pair == pytest.approx(wanted, rel=1e-4)
 
 
 def test_a_test_costs_where_a_margin_is_short_and_nothing_elsewhere(tests_of_margins):
@@ -89,7 +81,7 @@ def test_a_sound_loop_is_short_of_nothing():
 def test_a_delay_is_named_with_what_it_costs_and_what_would_help():
     found = explain(late(0.020), find_knobs(CASE.controller, CASE.controller.name, ["joint_gains"]))
     assert found.parts[0] == "delay"
-    assert "delay: commands take 20 ms; without: delay 33 ms" in "\n".join(words(found))
+    assert "delay: commands take 20 ms; without: delay 33" in "\n".join(words(found))
     assert found.remedies[0].share < 1.0
     assert plain(found)["parts"] == list(found.parts)
 
@@ -107,7 +99,7 @@ def test_a_heavy_arm_and_weak_rotors_are_named_together():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("law", ["centroidal_tip", "ct_lag_inversion"])
+@pytest.mark.parametrize("law", ["centroidal_tip", "ct_ladder"])
 def test_faults_of_stiffer_laws_are_named_too(law):
     own = load_scenario("case3", controller=law)
     for fault, part in ((with_lag(2.0), "motor lag"), (late(0.020), "delay"), (with_arm(2.0), "arm")):

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from skyarm.records.identity import identity
-from skyarm.records.replace_parts import replaced
+from skyarm.records.leaves import replaced
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.tune.excitation import excited
 from skyarm.tune.gain_search import scatter
 from skyarm.tune.hover_margins import with_gains
-from skyarm.tune.known_gains import GIVEN, centred
-from skyarm.tune.law_knobs import find_knobs
+from skyarm.tune.law_knobs import GIVEN, centred, find_knobs
 
 LABEL = "centroidal_tip"
 FLIGHT = excited(load_scenario("case3", controller=LABEL))

@@ -12,12 +12,11 @@ from skyarm.algebra import Vec3
 from skyarm.control.catalogue import KNOBS, LAWS, make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.records.leaves import is_leaf, walk
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import is_leaf, part, walk
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
+from skyarm.tune.explain import group_of, slowed
 from skyarm.tune.law_knobs import KnobError, find_knobs
-from skyarm.tune.loop_parts import group_of, slowed
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 MODEL = Model(vehicle=load_vehicle("hummingbird_arm2"))
@@ -73,7 +72,7 @@ def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_
 
 
 def test_chosen_knobs_are_named_by_their_path_or_its_beginning():
-    made = make_named("ct_observer", MODEL)
+    made = make_named("ct_ladder", MODEL)
     assert [knob.path for knob in find_knobs(made, made.name, ["observer", "gains.rate"])] == [
         "gains.rate",
         "observer.force",

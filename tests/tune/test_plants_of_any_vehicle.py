@@ -13,11 +13,21 @@ from skyarm.contact import Contact, Surface
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.excitation import BLOWN, DURATION, excited, of_vehicle
-from skyarm.tune.motion_mix import KINDS, STEP, STEPPED, draw_motions, motion, unseen_motion
-from skyarm.tune.objective import scores
-from skyarm.tune.plant_spread import draw_plants, with_lost
+from skyarm.tune.candidate_flights import CandidateFlights, Flown, scores
+from skyarm.tune.excitation import (
+    BLOWN,
+    DURATION,
+    KINDS,
+    STEP,
+    STEPPED,
+    draw_motions,
+    draw_plants,
+    excited,
+    motion,
+    of_vehicle,
+    unseen_motion,
+    with_lost,
+)
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 FORCE = "environment.forces.0.force_W"
@@ -160,7 +170,6 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_ha
         error=errors,
         tip=errors,
         base=none,
-        joints=none,
         jitter=none,
         effort=none,
         lost=none > 1.0,

@@ -11,18 +11,12 @@ from skyarm.metrics.windows import Window, Windows
 from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.tune import conductor, own_motion
-from skyarm.tune.archive import Archive
-from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.conductor import FURTHER, POOL, Conductor
-from skyarm.tune.excitation import excited, of_vehicle
+from skyarm.tune import candidate_flights, tuning
+from skyarm.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shortened, with_own
+from skyarm.tune.excitation import KINDS, draw_plants, eased, excited, of_vehicle
 from skyarm.tune.gain_search import Effort
 from skyarm.tune.law_knobs import find_knobs
-from skyarm.tune.margin_tests import NoMargins
-from skyarm.tune.motion_mix import KINDS, eased
-from skyarm.tune.own_motion import OWN, FlightsWithOwn, of_drawn, shortened, with_own
-from skyarm.tune.plant_spread import draw_plants
-from skyarm.tune.tuning_records import Plan
+from skyarm.tune.tuning import FURTHER, POOL, Archive, Plan, Tuner
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -73,16 +67,16 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     knobs = find_knobs(flight.controller, "decoupled_pd")
     drawn = draw_plants(flight, 12, seed=3, mixed=True)
     plants, logs = with_own(drawn), np.array([[0.0] * len(knobs), [0.3] * len(knobs)])
-    flights = FlightsWithOwn(flight, own, knobs, plants, seed=4)
+    flights = CandidateFlights(flight, knobs, plants, own=own, seed=4, gust=True)
     lanes = []
-    real = CandidateFlights.fly
-    monkeypatch.setattr(CandidateFlights, "fly", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
+    real = CandidateFlights._flown
+    monkeypatch.setattr(CandidateFlights, "_flown", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
     found, first = flights.fly(logs), flights.fly(logs, 7)
     # more lanes than there are plants would be more flights
     assert [each.error.shape for each in lanes] == [(2, 9), (2, 3), (2, 6), (2, 1)]
-    alone = real(flights._drawn, logs, others=drawn.taken(np.flatnonzero(plants.kinds != OWN)))
-    mine = own_motion._without_motions(drawn.taken(np.array([3, 7, 11])))
-    for name, table in parts(real(flights._own, logs, others=mine)).items():
+    alone = real(flights, logs, drawn.taken(np.flatnonzero(plants.kinds != OWN)))
+    mine = candidate_flights._without_motions(drawn.taken(np.array([3, 7, 11])))
+    for name, table in parts(real(flights._own, logs, mine)).items():
         np.testing.assert_array_equal(getattr(found, name)[..., [3, 7, 11]], table if name != "kinds" else OWN)
     for name, table in parts(found).items():
         np.testing.assert_array_equal(table[..., plants.kinds != OWN], getattr(alone, name))
@@ -98,12 +92,22 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     flights.close()
 
 
+class NoMargins:
+    """Of a loop that cannot be linearised."""
+
+    def __init__(self, *_):
+        pass
+
+    def costs(self, logs):
+        return np.zeros(len(logs))
+
+
 class Told:
     """In place of flights: errors of 1 mm along drawn motions, 16 mm along the scenario's own."""
 
     flown: list[tuple[int, int]] = []  # noqa: RUF012  (asked, plants), cleared by the test
 
-    def __init__(self, flight, own, knobs, plants, *, threads, seed):
+    def __init__(self, flight, knobs, plants, *, own, threads, seed, gust):
         self.plants = plants
 
     def fly(self, logs, plants=None, others=None):
@@ -111,7 +115,7 @@ class Told:
         self.flown.append((len(logs), len(kinds)))
         table = np.ones((len(logs), len(kinds)))
         error = 1e-3 * np.where(kinds == OWN, 16.0, 1.0) * table
-        rest = dict.fromkeys(("base", "joints", "jitter", "effort", "saturated"), table)
+        rest = dict.fromkeys(("base", "jitter", "effort", "saturated"), table)
         return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
 
     def close(self):
@@ -120,8 +124,8 @@ class Told:
 
 def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_finalists(short, tmp_path, monkeypatch):
     flight, own = short
-    monkeypatch.setattr(conductor, "FlightsWithOwn", Told)
-    monkeypatch.setattr(Conductor, "_margins", lambda self: NoMargins("none"))
+    monkeypatch.setattr(tuning, "CandidateFlights", Told)
+    monkeypatch.setattr(tuning, "HoverMargins", NoMargins)
     Told.flown.clear()
     knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scaled(64, 8)
     plan = Plan(
@@ -130,7 +134,7 @@ def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_f
     asked = np.zeros((5 * effort.population, len(knobs)))
 
     def judged():
-        flies = Conductor(
+        flies = Tuner(
             plan, draw_plants(flight, 8, seed=0, mixed=True), Archive(tmp_path, plan.facts()), 1, lambda *_: None
         )
         return [flies.judge(0, asked, 4), flies.judge(1, asked, 8), *flies.again(asked[:6])]

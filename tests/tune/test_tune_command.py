@@ -10,21 +10,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from skyarm.cli.commands import app
+from skyarm.cli.commands import program
 from skyarm.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.tune import conductor, tuning
-from skyarm.tune.conductor import FURTHER, POOL
-from skyarm.tune.plant_spread import draw_plants
-from skyarm.tune.tuning_records import ASIDE, UNSEEN
+from skyarm.tune import tuning
+from skyarm.tune.excitation import draw_plants
+from skyarm.tune.tuning import ASIDE, FURTHER, POOL, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--controller", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
 
 
 def tune(*words, folder):
-    return CliRunner().invoke(app, ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
+    return CliRunner().invoke(program(["tune"]), ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
 
 
 DRAWN = []
@@ -40,8 +39,7 @@ def tuned(tmp_path_factory):
         return draw_plants(scenario, count, seed=seed, mixed=mixed)
 
     with pytest.MonkeyPatch.context() as patch:
-        for room in (tuning, conductor):
-            patch.setattr(room, "draw_plants", drawn)
+        patch.setattr(tuning, "draw_plants", drawn)
         result = tune("--workers", "1", "--json", folder=folder)
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
@@ -90,6 +88,7 @@ def test_the_gains_fly(tuned):
     assert found.name == "decoupled_pd"
 
 
+@pytest.mark.thorough
 def test_a_killed_search_goes_on_to_the_same_bytes_on_other_threads(tuned, tmp_path):
     folder, _ = tuned
     shutil.copytree(folder, tmp_path / "cut")
@@ -145,7 +144,7 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
 
     assert wanted_of("case3", None).words == {"preset": "paper_ct"}
     assert wanted_of("hummingbird", None).label == "centroidal_joint"
-    assert wanted_of("pelican_arm2", "exact_ee").words == {"preset": "centroidal_tip"}
+    assert wanted_of("pelican_arm2", "centroidal_tip").words == {"preset": "centroidal_tip"}
     assert wanted_of("case3", "decoupled_pd_tuned").words == {"law": "decoupled_pd", "tuned": True}
     with pytest.raises(ValueError, match="must be the path"):
         wanted_of("nothing", None)
@@ -160,10 +159,9 @@ def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, mon
         raise ValueError("enough")
 
     monkeypatch.setattr(tuning, "tune", seen)
+    words = ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)]
     with pytest.raises(ValueError, match="enough"):
-        CliRunner().invoke(
-            app, ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)], catch_exceptions=False
-        )
+        CliRunner().invoke(program(words), words, catch_exceptions=False)
     (plan,) = plans
     assert (plan.own and plan.own.duration) == own
     path = load_scenario("case3").trajectory

@@ -11,7 +11,7 @@ import pytest
 
 import skyarm
 from skyarm.vehicle import BodyDrag, Joint, Rotor
-from skyarm.vehicle.schema_tables import DragTable
+from skyarm.vehicle.schema import DragTable
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 PAGE = Path(__file__).parents[2] / "docs" / "vehicle_files.md"

@@ -8,8 +8,7 @@ import pytest
 
 from skyarm.algebra import Sym3
 from skyarm.vehicle import VehicleError, check
-from skyarm.vehicle.sources import without_source
-from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle, without_source
 
 NAMES = (
     "crazyflie_arm1",

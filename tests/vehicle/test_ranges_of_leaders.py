@@ -8,8 +8,8 @@ import math
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.dynamics.followers import every_joint
-from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
+from skyarm.dynamics.kinematics import every_joint
+from skyarm.vehicle.attach import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_files import load_vehicle
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from skyarm.vehicle import VehicleError
-from skyarm.vehicle import robots_by_name as robots
+from skyarm.vehicle import vehicle_files as robots
 from skyarm.vehicle.vehicle_files import load_vehicle
 from urdf_texts import joint, limits, link, robot, saved
 

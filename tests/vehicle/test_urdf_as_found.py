@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Sym3
-from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.vehicle import Body, VehicleError
-from skyarm.vehicle.nearest_inertia import nearest_inertia
+from skyarm.vehicle.check import nearest_inertia
 from skyarm.vehicle.vehicle_files import load_vehicle
 from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
 

@@ -21,8 +21,7 @@ import pytest
 
 from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.vehicle.robots_by_name import carried_robots
-from skyarm.vehicle.vehicle_files import load_vehicle, vehicle_of_text
+from skyarm.vehicle.vehicle_files import carried_robots, load_vehicle, vehicle_of_text
 
 REASONS = {
     "equal to Pinocchio's parse": "",

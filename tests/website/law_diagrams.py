@@ -83,45 +83,8 @@ DIAGRAMS: dict[str, Diagram] = {
         joints=(Box(2, 1, ("joint PD", "+ level gravity"), measured=True), Box(4, 1, ("torque limit",))),
     ),
     "hybrid_computed_torque": coupled("The paper's law: accelerations of base and joints meet in the inverse dynamics"),
-    "hybrid_computed_torque_euler": coupled(
-        "The paper's law in Euler angles: the angular acceleration is turned into Euler accelerations first",
-        attitude=Box(2, 0, ("attitude on SO(3)", "Q^-1(alpha - Qd Phid)"), measured=True),
-        dynamics=Box(3, 0, ("Euler-Lagrange", "M(q) qdd + C qd"), measured=True),
-    ),
-    "ct_level_gravity": coupled(
-        "The paper's law with the arm's weight taken at a level attitude",
-        dynamics=Box(3, 0, ("inverse dynamics", "weight at R = 1"), measured=True),
-    ),
-    "ct_coupled_thrust": coupled("Computed torque whose thrust points along the coupled force", attitude=AIMED),
-    "ct_consistent": coupled(
-        "The inverse dynamics takes the base acceleration that the real thrust gives",
-        attitude=AIMED,
-        dynamics=CONSISTENT,
-    ),
-    "ct_observer": coupled(
-        "A disturbance observer on base and joints",
-        attitude=AIMED,
-        dynamics=CONSISTENT,
-        more={"observer": OBSERVER},
-        arrows=FEEDS,
-    ),
-    "ct_feedforward": coupled(
-        "Desired body rate and angular acceleration follow from the derivatives of the wanted force",
-        attitude=TWICE,
-        dynamics=CONSISTENT,
-        more={"observer": OBSERVER},
-        arrows=FEEDS,
-    ),
-    "ct_extrapolation": coupled(
-        "Held samples of the reference are continued to the present",
-        attitude=TWICE,
-        dynamics=CONSISTENT,
-        more={"observer": OBSERVER},
-        arrows=FEEDS,
-        continued=True,
-    ),
-    "ct_lag_inversion": coupled(
-        "Rotor commands undo the lag of the motors",
+    "ct_ladder": coupled(
+        "The paper's computed torque with all six steps",
         attitude=TWICE,
         dynamics=CONSISTENT,
         more={"observer": OBSERVER},
@@ -193,12 +156,6 @@ DIAGRAMS: dict[str, Diagram] = {
         "A predictor finds what the model leaves out; the matched part is filtered and taken off",
         more={"l1": Box(3, 1, ("predictor, adaptation", "low-pass"), measured=True)},
         arrows=(("l1", "dynamics", ""),),
-    ),
-    "l1_adaptive_lateral": coupled(
-        "The same, and the force across body z is compensated through the attitude",
-        more={"l1": Box(3, 1, ("predictor, adaptation", "low-pass"), measured=True)},
-        arrows=(("l1", "dynamics", ""),),
-        position=Box(1, 0, ("position PD", "- lateral force"), measured=True),
     ),
     "indi": Diagram(
         "Increments on top of what was measured and sent, all through one filter",

@@ -15,9 +15,9 @@ from typing import Any
 
 from PIL import Image
 
-from skyarm.compare.comparison_tables import markdown, number
 from skyarm.compare.envelope_record import FLAGSHIP, violations
-from skyarm.compare.envelope_tables import summary_head, summary_rows, violation_rows
+from skyarm.compare.envelope_report import summary_head, summary_rows, violation_rows
+from skyarm.pages import markdown, number
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
@@ -55,7 +55,7 @@ def beside(found: Mapping[str, Any]) -> str:
             for law in (ROBUST, FLAGSHIP)
         ]
         rows.append([f"{name.replace('_', ' ')}: {values} {axis['unit']}", *cells])
-    return markdown(["trial", "robust", "adaptive"], rows) + "\n"
+    return markdown(["trial", ">robust", ">adaptive"], rows) + "\n"
 
 
 def put(file: Path, marks: re.Pattern[str], name: str, text: str) -> None:

@@ -30,14 +30,12 @@ RECORDINGS = {
 """Name, as pages ask for it -> what is recorded."""
 
 OF_LAWS = {
-    "hybrid_computed_torque_euler": "paper_ct_euler",
     "decoupled_pd": "paper_pd",
     "rotors_sim_position": "rotors_sim_hummingbird",
     "nmpc": "nmpc",
-    **{name: name for name in ("ct_level_gravity", "ct_coupled_thrust", "ct_consistent", "ct_observer")},
-    **{name: name for name in ("ct_feedforward", "ct_extrapolation", "ct_lag_inversion")},
+    "ct_ladder": "ct_ladder",
     **{name: f"{name}_tuned" for name in ("bulut2019", "guo2023", "li2024", "kim2013", "indi")},
-    **{name: f"{name}_tuned" for name in ("l1_adaptive", "l1_adaptive_lateral", "learned_compensator")},
+    **{name: f"{name}_tuned" for name in ("l1_adaptive", "learned_compensator")},
 }
 """Law -> the controller that is recorded on its page, in the wind."""
 
@@ -55,8 +53,7 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
 
     try:
         from skyarm.film.film_settings import FilmSettings
-        from skyarm.film.recording import record, save_recording
-        from skyarm.film.recording_page import import_viser
+        from skyarm.film.recording import import_viser, record, save_recording
 
         import_viser()
     except ValueError:  # one line that names the extra

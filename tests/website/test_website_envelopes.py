@@ -9,9 +9,10 @@ from block_diagrams import svg
 from law_diagrams import DIAGRAMS
 from law_envelopes import LAWS, flown, rows, shown, tables
 
-from skyarm.control.catalogue.law_entries import SHIPPED_LAWS
+from skyarm.registry.shipped import SHIPPED
 
-QUICK = {"ct_observer", "guo2023"}
+SHIPPED_LAWS = SHIPPED["law"]
+QUICK = {"guo2023"}
 """Flown in every run of the tests; the others by `make docs`."""
 ENTRANTS = [(page, name) for page, names in tables().items() for name in names]
 WITHOUT = {"nmpc"}

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
 
+from skyarm.compare.envelope import Envelope
 from skyarm.compare.envelope_record import FLAGSHIP
-from skyarm.compare.envelope_suite import Envelope, envelope_record, planned
-from skyarm.compare.envelope_tables import summary_rows
+from skyarm.compare.envelope_report import summary_rows
 
 README = (ROOT / "README.md").read_text("utf-8")
 FLOWN = ("circle", "payload")
@@ -25,12 +25,12 @@ def shown():
 
 
 def test_the_readme_shows_what_flights_give(tmp_path):
-    from skyarm.compare.envelope_flights import perform_axes
+    from skyarm.compare.run_suite import fly_all
 
     head, rows = shown()
     envelope = Envelope(laws=("paper_ct", FLAGSHIP, ROBUST), axes=FLOWN)
-    todo, _ = planned(envelope)
-    found = envelope_record(envelope, todo, perform_axes(todo, tmp_path), {})
+    todo, refused = envelope.planned()
+    found = envelope.judge(todo, fly_all(todo, tmp_path), refused)
     for row in summary_rows(found["axes"], envelope.laws):
         written = rows[row[0]]
         told = [written[head.index(law)] for law in envelope.laws]

@@ -256,8 +256,8 @@ def test_no_part_of_a_number_and_no_line_in_another_order_counts() -> None:
 
 
 def test_comments_are_no_part_of_a_command() -> None:
-    assert commands(Block("sh", "", "skyarm list   # all\n# nothing\nskyarm show a#b\n")) == [
-        "skyarm list",
+    assert commands(Block("sh", "", "skyarm show   # all\n# nothing\nskyarm show a#b\n")) == [
+        "skyarm show",
         "skyarm show a#b",
     ]
 

@@ -1,7 +1,7 @@
 """Rotors, mixer and joint drives: from commands to forces on the vehicle."""
 
 from skyarm.actuation.command import Command
-from skyarm.actuation.joint import friction, joint_force, limited_effort, stop_force
+from skyarm.actuation.drive import friction, joint_force, limited_effort, stop_force
 from skyarm.actuation.mixer import AllocationError, Mixer, allocation_matrix, make_mixer, mix
 from skyarm.actuation.rotor import rotor_force, rotor_forces, speed_after, speeds_after
 

@@ -1,4 +1,4 @@
-"""What a controller asks of the actuators."""
+"""Command of a controller to the actuators."""
 
 from __future__ import annotations
 

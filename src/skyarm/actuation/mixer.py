@@ -1,6 +1,13 @@
-"""Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout.
+"""Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout, with priorities.
 
 Rotors that span all six directions of a wrench may give a force across body z besides.
+
+Yaw torque next to roll and pitch: rotor i asks for 0 <= t_i + p_i f + y_i u <= top_i with t_i the squared speed that
+roll and pitch take, f the thrust, u the yaw torque. Each is a lower and an upper bound of u, linear in f; u also stays
+between nothing and its demand, or goes ``slack`` beyond. Where every lower bound is below every upper one a yaw
+torque exists (Fourier-Motzkin elimination): an interval of f. It is never empty if the thrust alone can make room for
+roll and pitch, because then u = 0 will do.
+
 Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for any number of rotors.
 """
 
@@ -10,20 +17,84 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import yaw_room
 from skyarm.actuation.rotor import push
 from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
-from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
+from skyarm.scalars import Scalar, absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
+SMALL = 1e-9
+"""Of the largest: the least squared speed per N m of yaw that is reckoned with."""
+
+ENDLESS = 1e100
+"""N: no bound of the thrust."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Bounds of the yaw torque, N m: from ``low`` + ``slope`` f to ``high`` + ``slope`` f, f the thrust in N."""
+
+    low: Any
+    high: Any
+    slope: Any
+
+
+def yaw_bounds(
+    taken: Sequence[Any],
+    per_newton: Sequence[Any],
+    per_turn: Sequence[Any],
+    highest: Sequence[Any],
+    wanted: Any,
+    slack: Any,
+) -> list[Bound]:
+    """Bounds of the yaw torque by its demand and by each rotor.
+
+    Args:
+        taken: squared speeds for roll and pitch, (rad/s)^2.
+        per_newton: of each rotor, per N of thrust.
+        per_turn: per N m of yaw torque.
+        highest: squared speeds.
+        wanted: yaw torque, N m.
+        slack: N m, by which it may be missed beyond nothing.
+    """
+    largest: Any = 0.0
+    for each in per_turn:
+        largest = maximum(largest, absolute(each))
+    least = mul(SMALL, largest)
+    found = [Bound(minimum(0.0, sub(wanted, slack)), maximum(0.0, add(wanted, slack)), 0.0)]
+    for value, slope, turning, top in zip(taken, per_newton, per_turn, highest, strict=True):
+        by = where(absolute(turning) > least, turning, least)
+        a, b = divide(0.0 - value, by), divide(top - value, by)
+        found.append(Bound(minimum(a, b), maximum(a, b), 0.0 - divide(slope, by)))
+    return found
+
+
+def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
+    """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
+    low: Any = -ENDLESS
+    high: Any = ENDLESS
+    for i, under in enumerate(bounds):
+        for j, over in enumerate(bounds):
+            if i == j:
+                continue
+            # under.low + under.slope f <= over.high + over.slope f
+            steeper, room = sub(under.slope, over.slope), sub(over.high, under.low)
+            edge = divide(room, where(absolute(steeper) > 0.0, steeper, 1.0))
+            high = minimum(high, where(steeper > 0.0, edge, high))
+            low = maximum(low, where(steeper < 0.0, edge, low))
+    return minimum(maximum(wanted, low), high)
+
+
+def nearest_yaw(bounds: Sequence[Bound], thrust: Any, wanted: Any) -> Any:
+    """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
+    for each in bounds:
+        moved = mul(each.slope, thrust)
+        wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
+    return wanted
+
+
 POLICIES = ("clip", "priority", "thrust_before_yaw")
-
-OLD_POLICIES = {"rotors_clip": "clip"}
-"""Names of the last version."""
-
 
 LARGEST = 1e100
 """Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
@@ -46,7 +117,7 @@ class Mixer:
         highest: largest squared speed of each rotor, (rad/s)^2.
         policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
             "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
-            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:mod:`yaw_room`).
+            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:func:`yaw_bounds`).
         yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the wanted one, to keep
             the thrust.
         across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
@@ -88,7 +159,6 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
             6), or, for "priority", a rotor has no share in the thrust.
     """
-    policy = renamed("mixer policy", policy, OLD_POLICIES)
     if policy not in POLICIES:
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
     A = allocation_matrix(vehicle, sideways)
@@ -184,11 +254,11 @@ def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
 
 
 def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
-    """Squared speeds within [0, highest] beside those of roll and pitch: thrust first, then yaw torque."""
+    """Squared speeds within [0, highest] in addition to roll and pitch: thrust first, then yaw torque."""
     per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
-    bounds = yaw_room.bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
-    held = yaw_room.nearest_thrust(bounds, thrust)
-    turn = yaw_room.nearest_yaw(bounds, held, yaw)
+    room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
+    held = nearest_thrust(room, thrust)
+    turn = nearest_yaw(room, held, yaw)
     wanted = [
         add(add(value, mul(slope, held)), mul(turning, turn))
         for value, slope, turning in zip(tilt, per_newton, per_turn, strict=True)

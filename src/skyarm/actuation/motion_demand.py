@@ -1,4 +1,4 @@
-"""What rotors and joints must give for a vehicle to move exactly as a reference says, over many instants at once.
+"""Rotor speeds and joint torques with which a vehicle moves exactly along a reference, at many instants at once.
 
 The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
 points, the heading the rest, their changes the angular velocity and acceleration, and inverse dynamics the torques.
@@ -44,7 +44,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What a motion asks for.
+    """Actuator demand of a motion.
 
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.

@@ -21,7 +21,7 @@ from skyarm.scalars import Scalar, add, clip, divide, floor, logical_and, maximu
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ServoMemory:
-    """What a servo keeps between two control periods.
+    """Memory of a servo between two control periods.
 
     Attributes:
         goal: the setpoint that its loop holds, rad or m, or their rates.
@@ -102,7 +102,7 @@ class Servo(Drive):
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
 
     def why_short_steps(self) -> str:
-        """What the loop or its motor does to so small an inertia."""
+        """Numbers of loop and motor that make short steps necessary."""
         names = [name for name in ("stiffness", "gain", "damping") if getattr(self, name, 0.0)]
         if math.isfinite(self.voltage):
             names += ["gear", "torque_constant", "resistance"]
@@ -120,12 +120,12 @@ class Servo(Drive):
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
     def settled(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
-        """A loop that has heard the setpoint long ago."""
+        """A loop that received its setpoint long ago."""
         waiting = (setpoint,) * len(memory.waiting)
         return ServoMemory(goal=self._told(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
-        """A loop that has heard the setpoint long ago; the latency says how many more are on their way."""
+        """A loop that received its setpoint long ago; the latency says how many more are on their way."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
@@ -137,7 +137,7 @@ class Servo(Drive):
         return setpoint
 
     def _heard(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
-        """The setpoint that the loop hears in this period on average, and those still on their way."""
+        """The setpoint that arrives in this period on average, and those still on their way."""
         count = len(memory.waiting)
         if count == 0:
             return setpoint, ()
@@ -192,7 +192,7 @@ class PositionServo(Servo):
         return self._rounded(setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
-        """The next setpoint is heard, the goal moves, the encoder is read, the error is integrated."""
+        """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
         heard, waiting = self._heard(memory, setpoint, dt)
         step = mul(self.speed_limit, dt)
         goal = memory.goal + clip(self._rounded(heard) - memory.goal, -step, step)
@@ -203,11 +203,11 @@ class PositionServo(Servo):
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
-        """What the loop asks for, within what motor and supply give."""
+        """Torque of the loop, within the bounds of motor and supply."""
         return self._bounded(self._asked(memory.goal, memory.integral, position + memory.rounding, rate), rate)
 
     def standing(self, effort: Any, position: Any) -> Any:
-        """Beside the joint, by what the torque bends the loop's spring."""
+        """Next to the joint, by the deflection of the loop's spring under the torque."""
         return position + divide(effort, self.stiffness)
 
     def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
@@ -242,7 +242,7 @@ class VelocityServo(Servo):
         return self._half_time(float(self.gain), 0.0)
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
-        """The next setpoint is heard, the error is integrated."""
+        """Receive the next setpoint, integrate the error."""
         heard, waiting = self._heard(memory, setpoint, dt)
         goal = clip(heard, -self.speed_limit, self.speed_limit)
         error = goal - rate
@@ -250,11 +250,11 @@ class VelocityServo(Servo):
         return ServoMemory(goal=goal, integral=integral, rounding=memory.rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
-        """What the loop asks for, within what motor and supply give."""
+        """Torque of the loop, within the bounds of motor and supply."""
         return self._bounded(self._asked(memory.goal, memory.integral, rate), rate)
 
     def standing(self, effort: Any, position: Any) -> Any:
-        """The rate that asks a joint at rest for the torque."""
+        """The rate setpoint that gives the torque at a joint at rest."""
         return divide(effort, self.gain)
 
     def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:

@@ -12,14 +12,12 @@ import numpy as np
 
 from skyarm.actuation import make_mixer
 from skyarm.actuation.motion_demand import Demand, demand_of_motion, motion_of
-from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.arm_poses import Allocation, ArmPoses, Array
 from skyarm.assess.finding import FAULT, LEVELS, NOTE, OK, WARNING, Finding
 from skyarm.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
-from skyarm.assess.joint_torques import effort_limits
-from skyarm.assess.level_hover import Allocation
-from skyarm.assess.mass_balance import center_of_mass_shift
-from skyarm.assess.servo_speeds import OFTEN, servo_speeds, servos
-from skyarm.assess.thrust_margin import thrust_margin
+from skyarm.assess.joints import OFTEN, effort_limits, servo_speeds, servos
+from skyarm.assess.layout import center_of_mass_shift
+from skyarm.assess.thrust import thrust_margin
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
 

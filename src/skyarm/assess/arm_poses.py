@@ -1,4 +1,4 @@
-"""Arm poses: points that fill the joint ranges evenly, and a search from the worst of them for one that is worse."""
+"""Arm poses: level hovers in many poses at once, joints at rest, and a search for the worst pose."""
 
 from __future__ import annotations
 
@@ -9,12 +9,137 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.assess.hanging_joints import rest_of_hanging
+from skyarm import dynamics
+from skyarm.actuation.mixer import Mixer
+from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.undriven import undriven_joints
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
+
+WRENCH = 4
+"""Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
+
+
+def columns(joints: Array) -> tuple[Array, ...]:
+    """Joint values (lanes, n) as one array a joint."""
+    return tuple(joints[:, i] for i in range(joints.shape[1]))
+
+
+def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array, accelerations: Array | None = None) -> Array:
+    """What a level vehicle at rest needs, (4 + n, lanes): torque and force on the base, then the joints' efforts.
+
+    Args:
+        vehicle: the rigid bodies.
+        gravity: m/s^2.
+        joints: (lanes, n), rad or m.
+        accelerations: (n,) of the joints, rad/s^2 or m/s^2; at rest if left out.
+    """
+    still = (0.0,) * vehicle.n
+    moving = still if accelerations is None else tuple(float(a) for a in accelerations)
+    level = Motion(ZERO3, E_Z * gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, columns(joints), ZERO3, still, level, moving)
+    rows = (*force.torque, force.force.z, *efforts)
+    return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
+
+
+@dataclass(frozen=True, slots=True)
+class Allocation:
+    """The mixer as arrays.
+
+    Attributes:
+        inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest squared speed, (rad/s)^2.
+    """
+
+    inverse: Array
+    highest: Array
+
+    @classmethod
+    def of(cls, mixer: Mixer) -> Allocation:
+        """From a mixer with concrete numbers."""
+        return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
+
+    def squared(self, efforts: Array) -> Array:
+        """Squared rotor speeds (rotors, lanes) of wrenches (4 ..., lanes), before any limit."""
+        return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
+
+    def room(self, squared: Array, direction: Array) -> Array:
+        """How far one may go from squared speeds (rotors, lanes) along a wrench (4,) within all limits, (lanes,).
+
+        Negative where a rotor is outside its limits already and the direction takes it further out.
+        """
+        change = (self.inverse @ direction)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            up, down = (self.highest[:, None] - squared) / change, -squared / change
+        far = np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
+        return np.asarray(np.min(far, axis=0), dtype=float)
+
+
+def center_of_mass(efforts: Array, mass: float, gravity: float) -> tuple[Array, Array]:
+    """Horizontal place (x, y) of the centre of mass against the base origin, m: the moment of weight over weight."""
+    weight = mass * gravity
+    return -efforts[1] / weight, efforts[0] / weight
+
+
+GRAVITY = 9.81
+"""m/s^2: a rest under weight alone is the same under any."""
+
+RESTS, SETTLED = 50, 1e-9
+"""Times that every joint is brought to rest while the others stay, and rad or m by which none moves any more."""
+
+NOTHING = 1e-9
+"""N m or N: a joint that weight does not move stays where it is."""
+
+
+def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
+    """Indices of the joints that no drive holds and that weight alone moves; those that lead others are left out."""
+    leaders = {each.leader for each in vehicle.followers}
+    free = undriven_joints(vehicle)
+    return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
+
+
+def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
+    """Joints (lanes, n) with the hanging ones where the potential energy is least, base level, within their limits.
+
+    The energy of weight is a single sine of each revolute joint while the others stay, so that two torques give its
+    lowest point exactly; the joints take turns until none moves.
+    """
+    hanging = hanging_joints(vehicle)
+    rest = np.array(joints, dtype=float)
+    for _ in range(RESTS if hanging else 0):
+        before = rest.copy()
+        for i in hanging:
+            rest[:, i] = _lowest(vehicle, rest, i)
+        if np.max(np.abs(rest - before)) < SETTLED:
+            break
+    return rest
+
+
+def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
+    """Values (lanes,) of joint i with the least energy while the other joints stay."""
+    joint = vehicle.links[i].joint
+    low, high = float(joint.lower), float(joint.upper)
+
+    def torque(value: float) -> Array:
+        moved = joints.copy()
+        moved[:, i] = value
+        return np.asarray(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i], dtype=float)
+
+    at_zero = torque(0.0)
+    if joint.kind != "revolute":  # slides down as far as it can
+        end = np.where(at_zero > 0.0, low, high)
+        return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
+    at_quarter = torque(0.5 * math.pi)  # the energy is b sin q - a cos q, its slope b cos q + a sin q
+    lowest = np.arctan2(-at_zero, at_quarter)
+    turns = np.ceil((low - lowest) / (2.0 * math.pi)) if math.isfinite(low) else 0.0
+    lowest = lowest + 2.0 * math.pi * turns
+    if math.isfinite(high):
+        ends = [at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (max(low, high - math.tau), high)]
+        lowest = np.where(lowest <= high, lowest, np.where(ends[0] < ends[1], max(low, high - math.tau), high))
+    return np.where(np.hypot(at_zero, at_quarter) > NOTHING, lowest, joints[:, i])
+
 
 Quantities = Callable[[Array], Array]
 """From joint values (lanes, n) to quantities (count, lanes)."""

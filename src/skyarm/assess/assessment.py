@@ -1,35 +1,169 @@
-"""All questions about a vehicle or a scenario, asked and answered."""
+"""Every question about a vehicle or a scenario, and the answers."""
 
 from __future__ import annotations
 
 import contextlib
+import math
+import re
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from skyarm.actuation import AllocationError, make_mixer
 from skyarm.assess.along_reference import along_reference
-from skyarm.assess.arm_poses import POSES, ArmPoses, arm_poses
-from skyarm.assess.arm_workspace import arm_workspace
-from skyarm.assess.delay_margin import delay_margin
+from skyarm.assess.arm_poses import POSES, Allocation, ArmPoses, arm_poses
 from skyarm.assess.endurance import aloft_for, time_aloft
-from skyarm.assess.finding import FAULT, WARNING, Finding, worst_level
-from skyarm.assess.joint_torques import joint_torques
-from skyarm.assess.lag_margin import motor_lag
-from skyarm.assess.largest_payload import largest_payload
-from skyarm.assess.largest_wind import largest_wind
-from skyarm.assess.level_hover import Allocation
-from skyarm.assess.likely_units import units_of_vehicle, warnings_of_scenario
-from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
-from skyarm.assess.mujoco_certificate import certificate
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most, worst_level
+from skyarm.assess.joints import arm_workspace, joint_torques, servo_stiffness
+from skyarm.assess.layout import center_of_mass_shift, mass_and_inertia, rotor_layout
 from skyarm.assess.push_limits import push_limits
-from skyarm.assess.rotor_layout import rotor_layout
-from skyarm.assess.servo_stiffness import servo_stiffness
-from skyarm.assess.sideways_reach import sideways_reach
-from skyarm.assess.thrust_margin import thrust_margin
-from skyarm.assess.torque_authority import torque_authority
+from skyarm.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
+from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
+from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
 from skyarm.files import number
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
+from skyarm.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
+
+STATES = 200
+
+TOLERANCE = 1e-8
+"""Of the difference over the size: rounding of an ill-conditioned arm leaves 1e-10."""
+
+
+def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = STATES) -> list[Finding]:
+    """Worst difference of mass matrix and acceleration from MuJoCo's over random states, as shares of their size."""
+    question = "agreement with MuJoCo"
+    if vehicle.planar:
+        text = "not possible: no real body has the inertia of a planar link, and MuJoCo refuses it"
+        return [Finding(question=question, level=NOTE, text=text, field="links.planar")]
+    try:
+        from skyarm.plant.mujoco_equations import Equations
+    except ImportError as error:
+        text = f"not done: MuJoCo cannot be loaded ({error}); python -m pip install mujoco-core"
+        return [Finding(question=question, level=NOTE, text=text)]
+    try:
+        theirs = Equations(vehicle, gravity)
+    except ValueError as error:
+        text = f"not possible: MuJoCo refuses the vehicle ({error})"
+        return [Finding(question=question, level=NOTE, text=text)]
+    n, rng = vehicle.n, np.random.default_rng(seed)
+    at, q = rng.normal(size=(states, 3)), rng.normal(size=(states, 4))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    joints, velocity = rng.uniform(-1.5, 1.5, (states, n)), rng.normal(size=(states, 6 + n))
+    weight = float(vehicle.mass) * gravity
+    force = rng.normal(size=(states, 6 + n)) * np.array([weight] * 3 + [0.1 * weight] * 3 + [0.02 * weight] * n)
+    M = mass_matrix(vehicle, at, q, joints)
+    a = forward_dynamics(vehicle, at, q, joints, velocity, force, gravity=gravity)
+    matrix = acceleration = 0.0
+    for k in range(states):
+        M_k, a_k = theirs.at(at[k], q[k], joints[k], velocity[k], force[k])
+        matrix = max(matrix, float(np.abs(M[k] - M_k).max() / np.abs(M_k).max()))
+        acceleration = max(acceleration, float(np.linalg.norm(a[k] - a_k) / np.linalg.norm(a_k)))
+    worst = max(matrix, acceleration)
+    level = OK if worst < TOLERANCE else FAULT
+    text = f"mass matrix within {matrix:.1e}, accelerations within {acceleration:.1e} at {states} random states"
+    remedy = "" if level == OK else "report it with this vehicle's file: both engines must agree"
+    return [Finding(question=question, level=level, text=text, value=worst, limit=TOLERANCE, remedy=remedy, field="")]
+
+
+SHARE = 0.5
+"""Of the lag at which the loop begins to oscillate: above it little damping is left."""
+
+
+def largest_lag() -> float:
+    """Lag (s) at which the default attitude loop oscillates.
+
+    Routh: lag s^3 + s^2 + k_w s + k_R has imaginary roots where k_R lag = k_w.
+    """
+    return RATIO_RATE[0] / RATIO_ATTITUDE[0]
+
+
+def motor_lag(vehicle: Vehicle) -> list[Finding]:
+    """Slowest time constant of a rotor against the default attitude gains (10 rad/s)."""
+    if not vehicle.rotors:
+        return []
+    rotor, field = max(
+        ((rotor, field) for rotor in vehicle.rotors for field in ("time_constant_up", "time_constant_down")),
+        key=lambda each: float(getattr(*each)),
+    )
+    lag, most = float(getattr(rotor, field)), largest_lag()
+    name = f"rotors[{rotor.name}].{field}"
+    bandwidth = 0.7 / lag if lag > 0.0 else float("inf")
+    text = f"{1e3 * lag:.3g} ms of lag carry an attitude loop of {bandwidth:.3g} rad/s; the default gains ask for 10"
+    remedy = f"faster motors, lower attitude gains, or check {name} (s, not ms)"
+    return [
+        at_most(
+            "motor lag",
+            lag,
+            text,
+            fault=most,
+            warning=SHARE * most,
+            field=name,
+            unit="s",
+            remedy=remedy,
+        )
+    ]
+
+
+QUESTION = "delay margin"
+
+
+def delay_margin(scenario: Scenario) -> list[Finding]:
+    """Dead time that the loop bears in hover beyond its own, beside the delay that is believed."""
+    found = hover_delay_if_known(scenario)
+    if isinstance(found, str):
+        return [Finding(question=QUESTION, level=NOTE, text=f"not known: {found}")]
+    text, unit = found.sentence(scenario.controller.name), "s"
+    if not found.margin > 0.0:
+        remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
+        facts: dict[str, Any] = {"field": "controller", "value": 0.0, "limit": 0.0, "unit": unit, "remedy": remedy}
+        return [Finding(question=QUESTION, level=WARNING, text=text, **facts)]
+    value = found.margin if math.isfinite(found.margin) else math.nan
+    facts = {"value": value, "limit": found.needed, "unit": unit}
+    if found.enough:
+        return [Finding(question=QUESTION, level=OK, text=text, **facts)]
+    remedy = (
+        f"{found.shortfall}{found.before}: softer gains, faster motors or a shorter delay; "
+        "skyarm margins shows which loop is short of it"
+    )
+    return [Finding(question=QUESTION, level=WARNING, text=text, field="controller", remedy=remedy, **facts)]
+
+
+UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
+"""Questions."""
+
+
+def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
+    """Lines of :func:`unlikely_in_vehicle` as faults: with such a number nothing flies as it is meant to."""
+    found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
+    return found or [Finding(question=UNITS, level=OK, text="every number of the vehicle is of a likely size")]
+
+
+def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
+    """Units of a scenario's other numbers, the plan of its reference, and its law on this vehicle, as warnings."""
+    units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
+    good = Finding(question=UNITS, level=OK, text="every number of the scenario is of a likely size")
+    return [
+        *(units or [good]),
+        *(_finding(line, PLAN, WARNING) for line in plan_warnings(scenario)),
+        *(_finding(line, LAW, WARNING) for line in law_warnings(scenario)),
+    ]
+
+
+BEHIND_A_FIELD = re.compile(r": | of | reaches ")
+"""What stands in a line between the field and what is said of it where there is no equals sign."""
+
+
+def _finding(line: str, question: str, level: str) -> Finding:
+    head, equals, _ = line.partition(" = ")
+    field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
+    # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
+    said, _, hint = line.rpartition("; " if "; " in line else ": ")
+    remedy = f"check {field}: {hint}" if said else f"check {field}"
+    return Finding(question=question, level=level, text=line, field=field, remedy=remedy)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from skyarm.actuation import make_mixer
+from skyarm.assess.arm_poses import Allocation
 from skyarm.assess.assessment import Assessment
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.assess.level_hover import Allocation
-from skyarm.assess.torque_authority import roll_pitch_boundary
-from skyarm.figures.attainable_torque import attainable_torque_figure
-from skyarm.figures.embed import image_bytes
+from skyarm.assess.thrust import roll_pitch_boundary
+from skyarm.figures.stability_figures import attainable_torque_figure
+from skyarm.figures.style import image_bytes
 from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.files import write_atomically
 from skyarm.pages import details, image, page, section, table

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
-from skyarm.actuation.time_aloft import time_aloft as hover_time
-from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.actuation.hover import time_aloft as hover_time
+from skyarm.assess.finding import FAULT, NOTE, Finding, at_least
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -22,25 +24,18 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
     if not _hovers(vehicle, gravity):
         text = "none: the rotors hold no level hover with the arm at zero, at any voltage"
         return [Finding(question=question, level=NOTE, text=text, field="rotors")]
-    remedy = "more capacity, more cells, or less mass"
     try:
         found = hover_time(vehicle, gravity)
     except VehicleError:
         return [_too_little(vehicle, gravity, question)]
-    level = OK if found.seconds >= SHORTEST else WARNING
     left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
-    return [
-        Finding(
-            question=question,
-            level=level,
-            text=f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}",
-            field="battery.capacity",
-            value=found.seconds,
-            limit=SHORTEST,
-            unit="s",
-            remedy="" if level == OK else remedy,
-        )
-    ]
+    text = f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}"
+    facts: dict[str, Any] = {
+        "field": "battery.capacity",
+        "unit": "s",
+        "remedy": "more capacity, more cells, or less mass",
+    }
+    return [at_least(question, found.seconds, text, warning=SHORTEST, **facts)]
 
 
 def _too_little(vehicle: Vehicle, gravity: float, question: str) -> Finding:
@@ -84,20 +79,11 @@ def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding
         found = hover_time(vehicle, gravity)
     except VehicleError:  # said by time_aloft
         return []
-    level = OK if found.seconds >= duration else FAULT
     field = "battery.charge" if float(vehicle.battery.charge) < 1.0 else "battery.capacity"
-    return [
-        Finding(
-            question="battery over the flight",
-            level=level,
-            text=f"holds a hover for {found.seconds:.3g} s, and the flight takes {duration:g} s",
-            field=field,
-            value=found.seconds,
-            limit=duration,
-            unit="s",
-            remedy="" if level == OK else f"more of {field}, or a shorter duration",
-        )
-    ]
+    text = f"holds a hover for {found.seconds:.3g} s, and the flight takes {duration:g} s"
+    remedy = f"more of {field}, or a shorter duration"
+    question = "battery over the flight"
+    return [at_least(question, found.seconds, text, fault=duration, field=field, unit="s", remedy=remedy)]
 
 
 def speed_share(vehicle: Vehicle, gravity: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
@@ -48,6 +48,40 @@ def worst_level(findings: Iterable[Finding]) -> str:
     return max((each.level for each in findings), key=LEVELS.index, default=OK)
 
 
-def graded(value: float, *, fault_below: float, warning_below: float) -> str:
-    """Level of a number that should be large."""
-    return FAULT if not value >= fault_below else WARNING if value < warning_below else OK
+def at_least(
+    question: str,
+    value: float,
+    text: str,
+    *,
+    fault: float = -math.inf,
+    warning: float = -math.inf,
+    failing: str = "",
+    remedy: str = "",
+    **where: Any,
+) -> Finding:
+    """A finding on a number that should be large.
+
+    Args:
+        question: that it answers.
+        value: the number.
+        text: the answer.
+        fault: below it the vehicle cannot fly as it is described.
+        warning: below it the number is an alarm.
+        failing: words before the text of a fault.
+        remedy: of an alarm.
+        where: further fields of the finding; ``limit`` in place of the one that was passed.
+    """
+    level = FAULT if not value >= fault else WARNING if value < warning else OK
+    limit = fault if level == FAULT or math.isinf(warning) else warning
+    words = f"{failing}{text}" if level == FAULT else text
+    advice = "" if level == OK else remedy
+    return Finding(question=question, level=level, text=words, value=value, remedy=advice, **{"limit": limit, **where})
+
+
+def at_most(
+    question: str, value: float, text: str, *, fault: float = math.inf, warning: float = math.inf, **more: Any
+) -> Finding:
+    """A finding on a number that should be small, as :func:`at_least`."""
+    found = at_least(question, -value, text, fault=-fault, warning=-warning, **more)
+    limit = more.get("limit", -found.limit)
+    return replace(found, value=value, limit=limit)

@@ -24,7 +24,7 @@ from skyarm.environment.component import Force
 from skyarm.environment.faults import effectiveness_at
 from skyarm.plant.loads import STEADY, applied_force
 from skyarm.plant.surroundings import Surroundings
-from skyarm.reference.path_time import governed
+from skyarm.reference.governor.path_time import governed
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario

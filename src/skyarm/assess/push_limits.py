@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from skyarm.actuation import make_mixer
 from skyarm.actuation.drive import TorqueDrive
-from skyarm.assess.arm_poses import Array
-from skyarm.assess.finding import FAULT, OK, WARNING, Finding
-from skyarm.assess.joint_torques import effort_limits
-from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
+from skyarm.assess.arm_poses import WRENCH, Allocation, Array, hover_efforts
+from skyarm.assess.finding import WARNING, Finding, at_least, at_most
+from skyarm.assess.joints import effort_limits
 from skyarm.control.actuator_layer import ActuatorMemory, believed_drives, effort_at_rest
 from skyarm.control.controller import presses, senses_force
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
+
+FORCE = "reference.push.force"
+"""Field that these findings are about."""
 
 INSTANTS = 500
 """Of the flight, at which force and pose are looked at."""
@@ -114,18 +117,9 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     share, name = float(shares[i]), vehicle.links[i].joint.name
     unit = "N m" if vehicle.links[i].joint.kind == "revolute" else "N"
     text = f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g} {unit} at joint {name}"
-    return [
-        Finding(
-            question="joints while pressing",
-            level=FAULT if share > 1.0 else WARNING if share > WARNS else OK,
-            text=text,
-            field="reference.push.force",
-            value=share,
-            limit=1.0,
-            remedy="" if share <= WARNS else "less force, or a pose with the tip nearer to the joint's height",
-            joints=joints,
-        )
-    ]
+    remedy = "less force, or a pose with the tip nearer to the joint's height"
+    facts: dict[str, Any] = {"field": FORCE, "limit": 1.0, "remedy": remedy, "joints": joints}
+    return [at_most("joints while pressing", share, text, fault=1.0, warning=WARNS, **facts)]
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -136,22 +130,9 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, _force(at))
     torque = pushing + max(frictions) * sliding
     text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
-    level = WARNING if torque > HALF * room else OK
-    return [
-        Finding(
-            question="yaw while pressing",
-            level=level,
-            text=text,
-            field="reference.push.force",
-            value=torque,
-            limit=HALF * room,
-            unit="N m",
-            remedy=""
-            if level == OK
-            else "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw",
-            joints=joints,
-        )
-    ]
+    remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
+    facts: dict[str, Any] = {"field": FORCE, "unit": "N m", "remedy": remedy, "joints": joints}
+    return [at_most("yaw while pressing", torque, text, warning=HALF * room, **facts)]
 
 
 def _push_columns(scenario: Scenario, at: Reference) -> tuple[Array, Array]:
@@ -186,20 +167,9 @@ def _servos(scenario: Scenario, at: Reference) -> list[Finding]:
     i = max(servos, key=lambda k: abs(missed[k]), default=0)
     name = scenario.world.vehicle.links[i].joint.name
     said = f"setpoints for joints that move freely miss {share:.2g} of the push's torque on a surface that stops them"
-    return [
-        Finding(
-            question="servos while pressing",
-            level=FAULT if share > MISSED else OK,
-            text=f"{said}, most at joint {name}",
-            field=f"drives.{name}",
-            value=share,
-            limit=MISSED,
-            remedy=""
-            if share <= MISSED
-            else "a force sensor at the tip (force_sensor = true), or joints that take torques",
-            joints=joints,
-        )
-    ]
+    remedy = "a force sensor at the tip (force_sensor = true), or joints that take torques"
+    facts: dict[str, Any] = {"field": f"drives.{name}", "remedy": remedy, "joints": joints}
+    return [at_most("servos while pressing", share, f"{said}, most at joint {name}", fault=MISSED, **facts)]
 
 
 def _tip_mass(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -208,18 +178,17 @@ def _tip_mass(scenario: Scenario, at: Reference) -> list[Finding]:
         return []
     pushed, free = _push_columns(scenario, at)
     mass = 1.0 / float(pushed @ free)
-    found = float(at.push[0]) / mass
-    level = FAULT if found < BOUNCES else WARNING if found < RIPPLES else OK
+    text = f"{float(at.push[0]):.3g} N press with a tip that weighs {mass:.2g} kg along the normal"
     return [
-        Finding(
-            question="mass of the tip while pressing",
-            level=level,
-            text=f"{float(at.push[0]):.3g} N press with a tip that weighs {mass:.2g} kg along the normal",
+        at_least(
+            "mass of the tip while pressing",
+            float(at.push[0]) / mass,
+            text,
+            fault=BOUNCES,
+            warning=RIPPLES,
             field="links.joint.armature",
-            value=found,
-            limit=BOUNCES if level == FAULT else RIPPLES,
             unit="m/s^2",
-            remedy="" if level == OK else "more force, a lighter arm, or drives with less armature",
+            remedy="more force, a lighter arm, or drives with less armature",
             joints=tuple(float(q) for q in at.joints),
         )
     ]

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from skyarm.bench import contact_speed, machine
+from skyarm.bench import contact_speed
 from skyarm.bench import engines as ours
-from skyarm.bench import mujoco_pinocchio as others
-from skyarm.bench.accuracy import accuracy
+from skyarm.bench import peers as others
 from skyarm.bench.counts import counts, growth
-from skyarm.bench.environment_peers import PEERS, peers
-from skyarm.bench.environment_steps import environments
+from skyarm.bench.engines import accuracy
 from skyarm.bench.latency import latency
-from skyarm.bench.optional_simulators import crazyflow, guests, installed
-from skyarm.bench.startup import start
-from skyarm.bench.timing import Contender, Score, contest
+from skyarm.bench.peers import PEERS, crazyflow, environments, guests, installed, peers
+from skyarm.bench.timing import Contender, contest, cores, describe, start
 from skyarm.compile.jax.jax_cpu import configure_cpu
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.scenario.scenario_file import load_scenario
@@ -43,8 +40,8 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
     """
     require_machine_code()
     configure_cpu()  # before anyone starts JAX
-    about = machine.describe()
-    threads, rounds = machine.cores(), 3 if quick else 9
+    about = describe()
+    threads, rounds = cores(), 3 if quick else 9
     scenario = load_scenario(SCENARIO, duration=10.0 if quick else None)
     progress("compile")
     flown = ours.flights(scenario)
@@ -61,19 +58,20 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         ours.python(flown["rk4"]),
         *ours.jax(scenario, threads),
     ]
-    scores = contest(contenders, rounds, progress)
+
+    def scores(entered: Sequence[Contender], times: int = 1) -> list[dict[str, Any]]:
+        return [dataclasses.asdict(score) for score in contest(entered, times * rounds, progress)]
+
     found: dict[str, Any] = {
         "schema": 1,
         "machine": about,
         "scenario": {"name": scenario.name, "seconds": scenario.duration, "rounds": rounds, "threads": threads},
-        "speed": [dataclasses.asdict(score) for score in scores],
-        "long_arm": [dataclasses.asdict(score) for score in _long_arm(threads, rounds, quick, progress)],
-        "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
-        "contact": _contact(threads, rounds, quick, progress),
-        "environments": [dataclasses.asdict(score) for score in contest(environments(), 4 * rounds, progress)],
-        "environment_peers": [
-            [dataclasses.asdict(score) for score in contest(each, 4 * rounds, progress)] for each in peers()
-        ],
+        "speed": scores(contenders),
+        "long_arm": scores(_long_arm(threads, quick)),
+        "bare": scores(_bare(threads, quick)),
+        "contact": {name: scores(each) for name, each in _contact(threads, quick).items()},
+        "environments": scores(environments(), 4),
+        "environment_peers": [scores(each, 4) for each in peers()],
         "not_installed": [name for name in COMPARED if not installed(name)],
     }
     progress("accuracy")
@@ -88,32 +86,30 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
     return found
 
 
-def _long_arm(threads: int, rounds: int, quick: bool, progress: Progress) -> list[Score]:
+def _long_arm(threads: int, quick: bool) -> list[Contender]:
     """The six-joint arm: our closed loop against MuJoCo's plant of the same vehicle."""
     scenario = ours.six_joints(1.0 if quick else 5.0)
     flown = {name: flight for name, flight in ours.flights(scenario).items() if name != "noise"}
-    contenders: list[Contender] = [others.mujoco_rollout(scenario.world.vehicle, threads)]
-    return contest([*contenders, *ours.native(flown, threads, 8 * threads)], rounds, progress)
+    return [others.mujoco_rollout(scenario.world.vehicle, threads), *ours.native(flown, threads, 8 * threads)]
 
 
-def _contact(threads: int, rounds: int, quick: bool, progress: Progress) -> dict[str, list[dict[str, Any]]]:
+def _contact(threads: int, quick: bool) -> dict[str, list[Contender]]:
     """Episodes in contact against MuJoCo with its own contacts, by scene."""
     duration, blocks = 3.0 if quick else 10.0, 8 * threads
-    scenes = {
+    return {
         "standing on four skids": contact_speed.standing_contenders(duration, threads, blocks),
         "a tip presses on a wall": contact_speed.pressing_contenders(duration, threads, blocks),
     }
-    return {
-        name: [dataclasses.asdict(score) for score in contest(each, rounds, progress)] for name, each in scenes.items()
-    }
 
 
-def _bare(threads: int, rounds: int, quick: bool, progress: Progress) -> list[Score]:
+def _bare(threads: int, quick: bool) -> list[Contender]:
     """A quadrotor without an arm, like for like, against crazyflow with several numbers of worlds."""
     if not installed("crazyflow"):
         return []
-    contenders = [crazyflow(worlds) for worlds in CRAZYFLOW_WORLDS]
-    return contest([*contenders, ours.bare_quadrotor(5.0 if quick else 30.0, threads, 64 * threads)], rounds, progress)
+    return [
+        *(crazyflow(worlds) for worlds in CRAZYFLOW_WORLDS),
+        ours.bare_quadrotor(5.0 if quick else 30.0, threads, 64 * threads),
+    ]
 
 
 def text(found: dict[str, Any]) -> str:

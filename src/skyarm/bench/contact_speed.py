@@ -10,9 +10,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import numpy as np
-
 from skyarm.bench.engines import Flight
+from skyarm.bench.peers import rollout_of, stepped_model
 from skyarm.bench.timing import Contender
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -94,37 +93,16 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
         threads: of the batch.
         steps: of an episode.
     """
-    import mujoco
-    from mujoco.rollout import Rollout
-
     from skyarm.plant.mujoco_contacts import MujocoContactPlant
 
     first = first_loop_state(scenario)
-    plant = MujocoContactPlant(scenario.world, first_surroundings(scenario, first), scenario.integrator)
-    model = plant.model
+    model = MujocoContactPlant(scenario.world, first_surroundings(scenario, first), scenario.integrator).model
     model.opt.timestep = step
-    data = [mujoco.MjData(model) for _ in range(threads)]
-    at = first.state
-    data[0].qpos[: 7 + len(at.joints)] = [*at.position, *at.quaternion, *at.joints]
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    start = np.zeros(size)
-    mujoco.mj_getState(model, data[0], start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    batch = 8 * threads
-    engine, states, alone = Rollout(nthread=threads), np.zeros((batch, steps, size)), mujoco.MjData(model)
-
-    def rollout() -> float:
-        engine.rollout(model, data, np.tile(start, (batch, 1)), nstep=steps, state=states)
-        return batch * steps * step
-
-    def one() -> float:
-        mujoco.mj_setState(model, alone, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        mujoco.mj_step(model, alone, nstep=steps)
-        return steps * step
-
-    words = f"plant only, its contacts, Euler {1e3 * step:g} ms"
+    at, words = first.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
+    start = [*at.position, *at.quaternion, *at.joints]
     return [
-        Contender("mujoco.rollout", f"{words}, {threads} threads", rollout),
-        Contender("mj_step", f"{words}, one core, loop in C", one),
+        rollout_of(model, start, threads, steps, words, "mujoco.rollout"),
+        stepped_model(model, start, steps, words),
     ]
 
 

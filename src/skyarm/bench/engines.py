@@ -21,13 +21,14 @@ from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.loop import run
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 
 Array = npt.NDArray[np.float64]
@@ -224,3 +225,36 @@ def _precision(name: str) -> Iterator[None]:
 def _run_in(name: str, run: Callable[[], float]) -> float:
     with _precision(name):
         return run()
+
+
+REFERENCE_STEP = 0.125e-3
+"""s, of RK4: what the engines' flights are compared with."""
+
+
+def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
+    """Largest distance of the base from the reference flight, m, by engine."""
+    short = dataclasses.replace(scenario, duration=duration)
+    finest = _positions(Flight.of(short, lambda seconds: round(seconds / REFERENCE_STEP)), Lanes(1))
+    found = {}
+    for integrator in ("rk4", "euler"):
+        one = dataclasses.replace(short, integrator=integrator)
+        flight = Flight.of(one, steps_of(one))
+        for mode, lanes in (
+            ("f64 exact", Lanes(1)),
+            ("f64", Lanes(1, contract=True)),
+            ("f32", Lanes(1, single=True, contract=True)),
+        ):
+            found[f"{integrator} {mode}"] = _farthest(_positions(flight, lanes), finest)
+        log = run(dataclasses.replace(one, plant="mujoco"))
+        found[f"mujoco {integrator}, 1 ms, loads held a step"] = _farthest(log.position, finest)
+    return found
+
+
+def _positions(flight: Flight, lanes: Lanes) -> Array:
+    kernel = Kernel(flight.loop, lanes, logging=True)
+    _, log = kernel.run(flight.carry[:, None], flight.parameters[:, None], flight.rows)
+    return log[:, :3, 0].astype(float)
+
+
+def _farthest(a: Array, b: Array) -> float:
+    return float(np.max(np.linalg.norm(a - b, axis=1)))

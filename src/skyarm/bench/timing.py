@@ -1,11 +1,21 @@
-"""Interleaved timing: A B C A B C ..., so that whatever slows the machine down slows everyone down alike."""
+"""Timing: contenders in turn (A B C A B C ...), so that a busy machine slows all alike; new processes; the machine."""
 
 from __future__ import annotations
 
+import os
+import platform
 import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skyarm.compile.llvm.kernel import host_width
+from skyarm.files.packages import ABSENT, versions
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,3 +85,69 @@ def contest(
 
 def _against(rates: Sequence[float], baseline: Sequence[float]) -> list[float]:
     return [a / b for a, b in zip(rates, baseline, strict=True)]
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def describe() -> dict[str, Any]:
+    """Processor, cores, vector width, load before the measurement, versions."""
+    import llvmlite.binding as llvm
+
+    found: dict[str, Any] = {
+        "processor": _model(),
+        "llvm_processor": llvm.get_host_cpu_name(),
+        "cores": cores(),
+        "lanes_f64": host_width(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+    if hasattr(os, "getloadavg"):
+        found["load_before"] = round(os.getloadavg()[0], 2)
+    there = versions("numpy", "llvmlite", "mujoco-core", "jax", "pin")
+    return found | {name: None if version == ABSENT else version for name, version in there.items()}
+
+
+def _model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown"
+
+
+STARTED = "case2_gust"
+
+PROGRAM = f"""
+from skyarm import load_scenario, run
+
+run(load_scenario("{STARTED}"))
+"""
+
+
+def start(rounds: int) -> dict[str, float]:
+    """Seconds from the start of a process to its end: medians.
+
+    ``empty_cache`` and ``warm_cache`` fly a scenario of 30 s and hold its log; ``command``... are ``skyarm run``, which
+    writes the log as npz and CSV and prints a table.
+    """
+    found: dict[str, list[float]] = {}
+    for _ in range(rounds):
+        for name, words in (("", ("-c", PROGRAM)), ("command_", ("-m", "skyarm", "run", STARTED, "--out", "out"))):
+            with tempfile.TemporaryDirectory() as folder:
+                for cache in ("empty_cache", "warm_cache"):
+                    found.setdefault(f"{name}{cache}", []).append(_timed(words, Path(folder)))
+        found.setdefault("python_alone", []).append(_timed(("-c", "import numpy"), Path()))
+    return {name: statistics.median(values) for name, values in found.items()}
+
+
+def _timed(words: Sequence[str], folder: Path) -> float:
+    environment = {**os.environ, "SKYARM_CACHE": str(folder.absolute() / "cache")}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed library has its bytecode
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, *words], env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - begin

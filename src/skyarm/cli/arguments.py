@@ -1,33 +1,189 @@
-"""What every command takes on its line: plugins, and laws from files."""
+"""Arguments that commands share: their types, the names that a shell completes, and checks of their values."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated
 
-from skyarm.registry.plugins import load_plugin, register_law_of_file
+import typer
 
-PLUGIN = "--plugin"
+from skyarm.files import must_be_one_of, read_toml, shown, unreadable
+from skyarm.files.names import READS, kind_of
+
+MOST_WORKERS = 10_000
+"""Threads or processes: beyond this it is a slip."""
+
+MODELS = (".urdf", ".xacro")
+"""Suffixes of files that only describe a vehicle."""
+
+SUFFIXES = {"vehicle": (".toml", ".urdf"), "scenario": (".toml", ".npz"), "study": (".toml",), "controller": (".py",)}
+"""Kind -> suffixes of files of the present folder that may be meant."""
 
 
-def without_plugins(arguments: Sequence[str]) -> list[str]:
-    """Load each ``--plugin FILE.py`` and each law FILE.py:make; the arguments that are left for the command.
+def shipped(kind: str) -> Iterable[str]:
+    """Names of the library of a kind: vehicle, scenario, study or controller."""
+    if kind == "vehicle":
+        from skyarm.vehicle.vehicle_files import list_vehicles
+
+        return list_vehicles()
+    if kind == "scenario":
+        from skyarm.scenario.scenario_file import list_scenarios
+
+        return list_scenarios()
+    if kind == "study":
+        from skyarm.sweep.study_file import list_studies
+
+        return list_studies()
+    from skyarm.control.catalogue import LAWS, PRESETS
+
+    return (*PRESETS, *LAWS)
+
+
+def completed(*kinds: str) -> Callable[[str], list[str]]:
+    """The function that completes a name: those of the library and files of the present folder."""
+
+    def complete(incomplete: str) -> list[str]:
+        suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
+        here = sorted(entry.name for entry in Path().iterdir() if entry.suffix in suffixes)
+        names = dict.fromkeys([*(name for kind in kinds for name in shipped(kind)), *here])
+        return [name for name in names if name.startswith(incomplete)]
+
+    return complete
+
+
+# text, not Path: an empty name would become the present folder
+Out = Annotated[str, typer.Option("--out", help="folder for the results, made if missing")]
+
+OutFile = Annotated[str, typer.Option("--out", "-o", help="file to write")]
+
+Flying = Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")]
+
+Scenario = Annotated[
+    str,
+    typer.Argument(help="a scenario file (.toml) or the name of a shipped one", autocompletion=completed("scenario")),
+]
+
+Vehicle = Annotated[
+    str,
+    typer.Argument(
+        help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one", autocompletion=completed("vehicle")
+    ),
+]
+
+Controller = Annotated[
+    str | None,
+    typer.Option(
+        help="a preset, a law, LAW_tuned or FILE.py:make, in place of the scenario's own",
+        autocompletion=completed("controller"),
+    ),
+]
+
+
+def workers(value: int) -> int:
+    """Number of threads or processes of ``--workers``; 0 takes every core that this process may use.
 
     Raises:
-        RegistryError: one of them cannot be loaded.
-        ValueError: ``--plugin`` without a file.
+        ValueError: one line.
     """
-    left: list[str] = []
-    given = iter(arguments)
-    for argument in given:
-        name, has_value, value = argument.partition("=")
-        if name != PLUGIN:
-            left.append(argument)
-            continue
-        file = value if has_value else next(given, "")
-        if not file:
-            raise ValueError(f"{PLUGIN}: must be followed by a .py file")
-        load_plugin(file)
-    for argument in left:
-        for word in argument.partition("=")[2].split(",") if argument.startswith("--") else argument.split(","):
-            register_law_of_file(word)
-    return left
+    require_within("--workers", value, 0, MOST_WORKERS)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return value or cores
+
+
+def require_within(option: str, value: int, low: int, high: float = float("inf")) -> None:
+    """Refuse a whole number out of its bounds.
+
+    Raises:
+        ValueError: one line.
+    """
+    if not low <= value <= high:
+        allowed = f"from {low} to {high:g}" if high < float("inf") else f"at least {low}"
+        raise ValueError(f"{option} = {value}: must be {allowed}")
+
+
+def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
+    """Refuse options that are on the command line, their usual values too, where they would have no effect.
+
+    Raises:
+        ValueError: one line: the first of them, and why.
+    """
+    names = {word: each.name for each in context.command.params for word in each.opts}
+    for option in options:
+        source = context.get_parameter_source(str(names[option]))
+        if source is not None and source.name != "DEFAULT":
+            raise ValueError(f"{option}: must be left out{why}")
+
+
+def split_names(option: str, words: str, *, of: str = "") -> list[str]:
+    """Names of a comma-separated list.
+
+    Raises:
+        ValueError: none at all.
+    """
+    names = [name.strip() for name in words.split(",") if name.strip()]
+    if not names:
+        raise ValueError(f"{option}: must name at least one{of}")
+    return names
+
+
+def words_of(options: Sequence[str] | None) -> list[str] | None:
+    """Words of an option that may be repeated, and may hold several with commas."""
+    return None if options is None else [word for each in options for word in each.split(",") if word]
+
+
+def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:
+    """Names of a list, each once, in the order of ``there``; all where there is no list.
+
+    Raises:
+        ValueError: a name that is not there, or is named twice.
+    """
+    if words is None:
+        return tuple(there)
+    names = split_names(option, words)
+    for name in names:
+        if name not in there:
+            raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
+        if names.count(name) > 1:
+            raise ValueError(f"{option} = {shown(name)}: must be named once")
+    return tuple(name for name in there if name in names)
+
+
+def is_scenario(name: str) -> bool:
+    """Whether a name is that of a shipped scenario, of a log, or of a file that describes a scenario.
+
+    All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
+    """
+    if name in shipped("vehicle"):
+        return False
+    return name in shipped("scenario") or name.endswith(".npz") or kind_of_file(name) == "scenario"
+
+
+def kind_of_file(name: str) -> str:
+    """Kind of a TOML file by its tables; empty for any other name."""
+    if not name.endswith(".toml") or unreadable(Path(name)):
+        return ""
+    try:
+        return kind_of(read_toml(Path(name).read_bytes()))
+    except (OSError, ValueError):
+        return ""
+
+
+def require_not_another(name: str, wanted: str) -> None:
+    """Refuse the name of a shipped thing of another kind, or a vehicle's model where something else is wanted.
+
+    Args:
+        name: as it was given; of files other than models nothing is said here.
+        wanted: "vehicle", "scenario" or "study".
+
+    Raises:
+        ValueError: one line.
+    """
+    kinds = ("vehicle", "scenario", "study")
+    found = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped(kind)), "")
+    if wanted != "vehicle" and Path(name).suffix in MODELS:
+        found = "vehicle"
+    if found and found != wanted and name not in shipped(wanted):
+        read = f"'{READS[found]} {name}'"
+        raise ValueError(f"{wanted} = {shown(name)}: must be a {wanted}, and this is a {found}, for {read}")

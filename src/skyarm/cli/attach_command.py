@@ -1,48 +1,48 @@
-"""``skyarm attach``: which arm, on which airframe, into which vehicle file."""
+"""``skyarm attach``: an arm on an airframe, as a vehicle file."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from skyarm.cli.machine_output import give
+import typer
+
+from skyarm.cli.arguments import OutFile, Vehicle
+from skyarm.cli.output import give, tell
 from skyarm.files import must_be_one_of, output_file, printable, shown, write_atomically
-from skyarm.files.write_toml import toml_text
-from skyarm.vehicle.robots_by_name import is_robot
-from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, vehicle_of_text
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.files.toml import toml_text
+from skyarm.vehicle.vehicle_files import is_robot, list_vehicles, load_vehicle, vehicle_of_text
+from skyarm.vehicle.vehicle_records import Vehicle as Record
+
+Three = tuple[float, float, float]
 
 TIPS = ("tip", "tcp", "tool0", "ee_link", "ee", "end_effector", "flange")
-"""What frames are called, or end with, that files mean as the tip."""
+"""Usual names, or ends of names, of a file's frame at the tip."""
 
 
-def write_attached(
-    airframe: str,
-    arm: str,
-    file: str,
-    mount: Mapping[str, Any],
-    *,
-    tip: str | None = None,
-    mimic: str = "lock",
-    repair: bool = False,
-) -> str:
-    """Write a vehicle file that puts an arm on an airframe; returns one line on what was written.
+def attach(
+    airframe: Vehicle,
+    arm: Annotated[str, typer.Argument(help="the arm's file (.urdf, .xml, .toml), or robot:NAME; it stays as it is")],
+    file: OutFile,
+    to: Annotated[str, typer.Option(help="base, or a link or frame of the airframe")] = "base",
+    position: Annotated[Three, typer.Option(metavar="X Y Z", help="of the arm's root link there, m")] = (0.0, 0.0, 0.0),
+    rpy: Annotated[Three, typer.Option(metavar="ROLL PITCH YAW", help="of the arm's root link there, rad")] = (
+        0.0,
+        0.0,
+        0.0,
+    ),
+    prefix: Annotated[str, typer.Option(help="put before the arm's names")] = "",
+    tip: Annotated[str | None, typer.Option(help="the arm's frame or link that tasks mean; its last one")] = None,
+    mimic: Annotated[str, typer.Option(help="joints that follow others: lock or couple")] = "lock",
+    armature: Annotated[float, typer.Option(help="kg m^2, of the drives of the arm's revolute joints")] = 0.0,
+    repair: Annotated[bool, typer.Option("--repair", help="inertias a little beyond what a body has: nearest")] = False,
+) -> None:
+    """Put an arm on an airframe: write a vehicle file.
 
-    Args:
-        airframe: a vehicle file, or a name of the library.
-        arm: its file, or ``robot:NAME``.
-        file: to write.
-        mount: fields of its table ``attach`` but the arm: to, position (m), rpy (rad), prefix, armature (kg m^2).
-        tip: frame or link of the arm that becomes the vehicle's tip; None for its own tip, a frame with a usual name
-            (``TIPS``), or, if it is one chain, its last link's last frame.
-        mimic: "lock" or "couple".
-        repair: whether inertias a little beyond what a body has become the nearest real ones.
-
-    Raises:
-        ValueError, OSError: one line.
+    The file refers to both by their paths, is read before it is written, and replaces no other. It flies as it is,
+    takes rotors, joints' limits and frames as any vehicle file does, and further arms.
     """
     written = output_file(file, "--out")
     if written.suffix != ".toml":
@@ -50,15 +50,15 @@ def write_attached(
     document: dict[str, Any] = {"schema": 1, "name": written.stem, "airframe": _named_from(written, airframe)}
     document |= {name: value for name, value in (("mimic", mimic), ("repair", repair)) if value not in ("lock", False)}
     alone = vehicle_of_text(toml_text(document), written)
-    given = {name: list(value) if isinstance(value, tuple) else value for name, value in mount.items()}
-    table = {name: value for name, value in given.items() if value not in ("", "base", 0.0, [0.0, 0.0, 0.0])}
+    mount = {"to": to, "position": [*position], "rpy": [*rpy], "prefix": prefix, "armature": armature}
+    table = {name: value for name, value in mount.items() if value not in ("", "base", 0.0, [0.0, 0.0, 0.0])}
     document["attach"] = [{"arm": _named_from(written, arm), **table}]
     vehicle = vehicle_of_text(toml_text(document), written)
-    found = _tip(_Arm(alone, vehicle, str(mount["prefix"])), tip, arm)
+    found = _tip(_Arm(alone, vehicle, prefix), tip, arm)
     if found in [frame.name for frame in vehicle.frames]:
         document = {**document, "end_effector": found}
     elif found:
-        frame = {"name": _unused(f"{mount['prefix']}tip", vehicle), "link": found}
+        frame = {"name": _unused(f"{prefix}tip", vehicle), "link": found}
         document = {**document, "end_effector": frame["name"], "frames": [frame]}
     content = f"# {_word(arm)} on {_word(airframe)}, by skyarm attach; both stay as they are.\n{toml_text(document)}"
     vehicle = vehicle_of_text(content, written)
@@ -77,15 +77,15 @@ def write_attached(
     )
     told = f"{written}: {float(vehicle.mass):.4g} kg, {len(vehicle.rotors)} rotors, {vehicle.n} joints, "
     told += f"tip {vehicle.end_effector!r}" if vehicle.end_effector else "no tip (--tip)"
-    return told + (f"; {len(vehicle.notes)} notes: skyarm show {written}" if vehicle.notes else "")
+    tell(told + (f"; {len(vehicle.notes)} notes: skyarm show {written}" if vehicle.notes else ""))
 
 
 @dataclass(frozen=True, slots=True)
 class _Arm:
     """What an arm adds to an airframe: links and frames of the whole that the airframe alone does not have."""
 
-    alone: Vehicle
-    whole: Vehicle
+    alone: Record
+    whole: Record
     prefix: str
 
     @property
@@ -141,7 +141,7 @@ def _named_from(written: Path, name: str) -> str:
         return name
 
 
-def _unused(name: str, vehicle: Vehicle) -> str:
+def _unused(name: str, vehicle: Record) -> str:
     """The name, with underscores until no frame has it."""
     while name in [frame.name for frame in vehicle.frames]:
         name += "_"

@@ -1,29 +1,124 @@
-"""``skyarm bench``: what it prints and writes."""
+"""``skyarm bench`` and ``skyarm reproduce``: the engines measured, and the paper flown."""
 
 from __future__ import annotations
 
-import json
+from typing import Annotated, Any
 
-from rich.console import Console
+import typer
 
-from skyarm.cli.machine_output import give
-from skyarm.cli.progress import waiting
-from skyarm.files import output_file, write_atomically
+from skyarm.cli.arguments import Out, workers
+from skyarm.cli.output import aligned, bar, give, table_of, tell, waiting, write_json
+from skyarm.files import must_be_one_of, output_file
+
+HEADLINE = (
+    ("case1", "PD", "held_position_error"),
+    ("case2", "CT", "position_error_mean"),
+    ("case2", "PD", "position_error_mean"),
+    ("case2", "PD", "pitch_rms"),
+    ("case3", "CT", "ee_error_mean"),
+    ("case3", "PD", "ee_error_mean"),
+    ("case2_gust", "CT", "peak_x"),
+    ("case2_gust", "PD", "peak_x"),
+    ("case3_wind", "CT", "ee_error_mean"),
+    ("case3_wind", "PD", "ee_error_mean"),
+)
+"""Cells of the short table that ``reproduce`` prints; all others are in table2.md."""
 
 
-def bench(name: str | None, quick: bool, console: Console) -> None:
-    """Measure, print, and write the numbers where they are wanted.
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
+    name: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,
+) -> None:
+    """Measure every engine beside MuJoCo and others.
 
-    Raises:
-        ValueError, OSError: the file cannot be written; said before anything is measured.
+    Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
     """
     from skyarm.bench.bench_report import measure, text
 
     file = None if name is None else output_file(name, "--out")
-    with waiting("measuring", console) as at:
+    with waiting("measuring") as at:
         found = measure(quick=quick, progress=at)
     give(found)
-    console.print(text(found), soft_wrap=True)
+    tell(text(found))
     if file is not None:
-        write_atomically(file, (json.dumps(found, indent=1) + "\n").encode())
-        console.print(f"written: {file}", soft_wrap=True)
+        tell(f"written: {write_json(file, found)}")
+
+
+def reproduce(
+    out: Out = "out/paper",
+    plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
+    flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="compare all laws, fly the envelope: half an hour")
+    ] = False,
+    infer: Annotated[
+        bool, typer.Option("--infer", help="search for the settings that the paper leaves open anew: minutes")
+    ] = False,
+) -> None:
+    """Fly the paper; write tables, figures, report.
+
+    Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
+    Figures 3-18 and one page, report.html, with the centroidal law beside the paper's on the same cases. With --compare
+    all of 'skyarm compare' into OUT/compare and its envelope into OUT/envelope; the same command continues it. With
+    --infer the settings that the paper leaves open are searched for anew, into OUT/unstated_settings.json, in place of
+    those that ship; the same command continues that too.
+    """
+    from skyarm.paper.counted_cells import sentence
+    from skyarm.paper.report_pages import opening_film
+    from skyarm.paper.reproduce import prepare_folder
+    from skyarm.paper.reproduce import reproduce as perform
+    from skyarm.scenario.scenario_record import PLANTS
+
+    if plant not in (*PLANTS, "both"):
+        raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")
+    processes = workers(flying)
+    plants = PLANTS if plant == "both" else (plant,)
+    if compare:
+        from skyarm.compare.comparison import Comparison
+        from skyarm.compare.envelope import Envelope
+    prepare_folder(out, plants)
+    evidence = _evidence(out, processes) if infer else None
+    with bar("flying") as advance:
+        table = perform(
+            out,
+            plants=plants,
+            workers=processes,
+            comparison=Comparison() if compare else None,
+            envelope=Envelope() if compare else None,
+            evidence=evidence,
+            progress=advance,
+            note=tell,
+            film=opening_film,
+        )
+    give(table, folder=out)
+    tell(sentence(table), _headline(table))
+    tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")
+
+
+def _evidence(out: str, threads: int) -> dict[str, Any]:
+    """Search for the settings that the paper leaves open, and print them."""
+    from skyarm.paper.inference_tables import evidence_tables
+    from skyarm.paper.inferred_settings import infer
+
+    with bar("inferring") as advance:
+        evidence = infer(out, threads=threads, progress=advance)
+    for table in evidence_tables(evidence):
+        tell(f"\n{table.caption}", *aligned([[name.removeprefix(">") for name in table.head], *table.rows]))
+    return evidence
+
+
+def _headline(results: dict[str, Any]) -> Any:
+    """A dozen numbers of the paper beside ours."""
+    from skyarm.paper.flights import first_plant
+    from skyarm.paper.published import digits, percent, said
+    from skyarm.scenario.scenario_record import PLANTS
+
+    columns = [f"{which}{each}" for which in ("", "inferred ") for each in PLANTS]
+    plant, rows = first_plant(results), []
+    for case, controller, metric in HEADLINE:
+        cell = results["experiments"][case][controller][metric]
+        ours = (digits(column.get(each)) for column in (cell, cell.get("inferred", {})) for each in PLANTS)
+        stated = said(case, controller, metric) or "-"
+        rows.append((case, controller, metric, stated, *ours, percent(cell.get(plant), cell["paper"])))
+    heads = ("case", "", "metric", "paper", *columns, "difference")
+    return table_of(heads, rows, left=3, title="paper and ours (m, rad)")

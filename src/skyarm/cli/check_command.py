@@ -1,119 +1,113 @@
-"""``skyarm check``: what it prints and gives."""
+"""``skyarm check``: whether a vehicle can fly, and why not."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rich.console import Group, RenderableType
+import typer
+from rich.console import RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.cli.named_files import is_scenario
-from skyarm.cli.terminal_tables import shown, table_of
-from skyarm.files import output_file, printable
-from skyarm.files import shown as shown_text
+from skyarm.cli.arguments import completed, is_scenario
+from skyarm.cli.lines import DIFFERENT
+from skyarm.cli.output import give, heading, shown_number, tell, waiting
+from skyarm.files import output_file, printable, shown
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
-
-FOUND = 1
-"""Exit code of a check that found a fault."""
 
 STYLES = {OK: "green", NOTE: "dim", WARNING: "yellow", FAULT: "bold red"}
 
 
-def assess(name: str, payload: float, poses: int, seed: int, gravity: float | None) -> Assessment:
-    """Check what a name or a file stands for: a vehicle, or a scenario with its vehicle and reference.
+def check(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="VEHICLE|SCENARIO",
+            help="a file (.toml, .urdf, .xml) or a shipped name",
+            autocompletion=completed("vehicle", "scenario"),
+        ),
+    ],
+    payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
+    page: Annotated[
+        str | None, typer.Option("--html", metavar="PAGE", help="write a page with pictures there, too (.html)")
+    ] = None,
+    poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses; the worst is then searched for")] = 1024,
+    seed: Annotated[int, typer.Option(help="of the poses and of the states compared with MuJoCo")] = 0,
+    gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
+) -> None:
+    """Check whether a vehicle can fly, and why not.
 
-    Raises:
-        ValueError: one line.
+    Thrust margin, torques and forces over all arm poses, with and without a payload; joint torques against limits;
+    centre of mass, workspace, largest payload, largest steady wind; motor lag; units that look wrong; its equations
+    beside MuJoCo's. Of a scenario also its reference against limits, and when rotors or joints would saturate.
+
+    Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.
     """
-    if is_scenario(name):
-        if gravity is not None:
+    file = None if page is None else output_file(page, "--html")
+    if file is not None and file.suffix not in (".html", ".htm"):
+        raise ValueError(f"--html = {shown(page)}: must end in .html")
+    options: dict[str, Any] = {"payload": payload, "poses": poses, "seed": seed}
+    with waiting(f"{what}: checking"):
+        if not is_scenario(what):
+            found = assess_vehicle(load_vehicle(what), gravity=9.81 if gravity is None else gravity, **options)
+        elif gravity is not None:
             raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
-        return assess_scenario(load_scenario(name), payload=payload, poses=poses, seed=seed)
-    vehicle = load_vehicle(name)
-    return assess_vehicle(
-        vehicle, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses, seed=seed
-    )
+        else:
+            found = assess_scenario(load_scenario(what), **options)
+        if file is not None:
+            from skyarm.assess.assessment_page import write_page
+
+            write_page(found, file)
+    give(found.plain(), page=file)
+    tell(*_sheet(found))
+    if file is not None:
+        tell(f"page: {file}")
+    if not found.flies:
+        raise typer.Exit(DIFFERENT)
 
 
-def page_file(name: str) -> Path:
-    """Where the page is to be written.
-
-    Raises:
-        ValueError, OSError: one line: it does not end in .html, or cannot be written.
-    """
-    file = output_file(name, "--html")
-    if file.suffix not in (".html", ".htm"):
-        raise ValueError(f"--html = {shown_text(name)}: must end in .html")
-    return file
-
-
-def sheet(found: Assessment) -> RenderableType:
+def _sheet(found: Assessment) -> list[RenderableType]:
     """Alarms with what to change, then notes, then all other answers in short."""
+    load = f", with {found.payload:g} kg at the tip" if found.payload else ""
+    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
+    parts: list[RenderableType] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
     alarms = found.alarms()
-    parts: list[RenderableType] = [Text(printable(title(found)), style="bold")]
-    if alarms:
-        parts += [_rows(alarms), Text("")]
+    parts += [_rows(alarms), ""] if alarms else []
     for each in alarms:
-        numbers = "" if math.isnan(each.value) or not each.field else f" ({_against_limit(each)})"
+        limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"
+        numbers = "" if math.isnan(each.value) or not each.field else f" ({_number(each.value, each)}{limit})"
         line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
         parts.append(Text(printable(line), style=STYLES[each.level]))
     notes, well = ([each for each in found.findings if each.level == level] for level in (NOTE, OK))
-    parts += [Text(""), _rows(notes)] if notes else []
+    parts += ["", _rows(notes)] if notes else []
     short = "; ".join(dict.fromkeys(map(_in_short, well)))
-    fine = Text(printable(f"{len(well)} without an alarm: {short}"), style=STYLES[OK])
-    return Group(*parts, Text(""), fine, Text(""), Text(printable(verdict(found)), style="bold"))
+    parts += ["", Text(printable(f"{len(well)} without an alarm: {short}"), style=STYLES[OK]), ""]
+    faults, warnings = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
+    counted = f"{warnings} warning{'s' if warnings != 1 else ''}"
+    verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
+    return [*parts, heading(f"{verdict}, {counted}")]
 
 
 def _in_short(each: Finding) -> str:
     """A question with its number; without one that is rounding, or none."""
-    found = number(each.value, each)
+    found = _number(each.value, each)
     return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
 
 
 def _rows(findings: Iterable[Finding]) -> RenderableType:
     """A table of findings: level, question, answer."""
-    table = table_of("", "", "", left=3)
+    table = Table(box=None, pad_edge=False, show_header=False)
     for each in findings:
-        table.add_row(
-            Text(each.level, style=STYLES[each.level]), Text(printable(each.question)), Text(printable(each.text))
-        )
+        cells = Text(printable(each.question)), Text(printable(each.text), overflow="fold")
+        table.add_row(Text(each.level, style=STYLES[each.level]), *cells)
     return table
 
 
-def title(found: Assessment) -> str:
-    """What was checked, in a line."""
-    load = f", with {found.payload:g} kg at the tip" if found.payload else ""
-    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
-    return f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}"
-
-
-def verdict(found: Assessment) -> str:
-    """Whether it can fly, in a line."""
-    faults = sum(each.level == FAULT for each in found.findings)
-    warnings = sum(each.level == WARNING for each in found.findings)
-    counted = f"{warnings} warning{'s' if warnings != 1 else ''}"
-    if faults:
-        return f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}, {counted}"
-    return f"can fly: no fault, {counted}"
-
-
-def _against_limit(each: Finding) -> str:
-    """A finding's number, and what it is held against where there is such a thing."""
-    found = number(each.value, each)
-    return found if math.isnan(each.limit) else f"{found}, limit {number(each.limit, each)}"
-
-
-def number(value: float, finding: Finding) -> str:
+def _number(value: float, finding: Finding) -> str:
     """A number with its unit; a dash where there is none."""
-    return "-" if math.isnan(value) else f"{shown(value)} {finding.unit}".rstrip()
-
-
-def document(found: Assessment) -> dict[str, Any]:
-    """What ``--json`` gives."""
-    return found.plain()
+    return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

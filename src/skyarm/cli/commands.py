@@ -1,54 +1,72 @@
-"""The command line as a whole: which commands there are, and how it is performed.
+"""The command line as a whole: its commands, and how a line of words is performed.
 
-Wrong input gives one line on standard error and exit code 2, never a traceback.
+Wrong input gives one line on standard error and exit code 2, never a traceback. Only the module of the command that is
+called is loaded.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import shlex
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli import (
-    film_command,
-    flight_commands,
-    picture_commands,
-    run_commands,
-    start_commands,
-    studies,
-    studio_command,
-    vehicle_commands,
-)
-from skyarm.cli.app import app, console
-from skyarm.cli.arguments import without_plugins
-from skyarm.cli.completion_requests import asked_for, complete
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
-from skyarm.cli.old_options import with_new_options
+from skyarm.cli.output import console, with_output_options
 from skyarm.files import shown
 from skyarm.files.old_names import OldNameWarning
+from skyarm.registry.plugins import load_plugin, register_law_of_file
 from skyarm.registry.registrations import registrations
 
-JOINED = (
-    run_commands, start_commands, vehicle_commands, flight_commands, film_command, studies, picture_commands,
-    studio_command,
-)  # fmt: skip
-"""The commands join the program when their modules are read, in this order."""
+COMMANDS: Mapping[str, tuple[str, str]] = {
+    "show": ("show_command:show", "List what ships, or show a vehicle."),
+    "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
+    "new": ("new_command:new", "Write a vehicle, scenario, law or study to begin with."),
+    "attach": ("attach_command:attach", "Put an arm on an airframe: write a vehicle file."),
+    "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
+    "replay": ("replay_command:replay", "Fly a log's flight again, also under another law."),
+    "diff": ("replay_command:diff", "Compare two logs: where they come apart."),
+    "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
+    "film": ("film_command:film", "Film flights; MP4, WebP, GIF, or a 3-D recording."),
+    "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
+    "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
+    "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
+    "sweep": ("sweep_commands:sweep", "Fly a study's episodes; rows as Parquet."),
+    "stats": ("sweep_commands:stats", "Success, quantiles, curves, maps of a sweep."),
+    "margins": ("margins_commands:margins", "Linearise the closed loop: eigenvalues, margins."),
+    "basin": ("margins_commands:basin", "Map what initial attitudes and rates are caught."),
+    "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
+    "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),
+    "reproduce": ("bench_command:reproduce", "Fly the paper; write tables, figures, report."),
+    "bench": ("bench_command:bench", "Measure every engine beside MuJoCo and others."),
+    "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
+}
+"""Command -> its function, and its line of the help."""
+
+OTHER_NAMES: Mapping[str, Sequence[str]] = {
+    "list": ("show",),
+    "cache": ("doctor", "--cache"),
+    "export-c": ("export", "--to", "c"),
+    "export-mjcf": ("export", "--to", "mjcf"),
+}
+"""Command of before -> the words that stand for it now."""
+
+PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """ClickException: some versions of typer carry their own copy of click."""
-
 
 SLOW = "no machine code here"
 """Begins the warning of a flight in Python floats; its class is not loaded for commands that fly nothing."""
 
 
-@app.callback(invoke_without_command=True)
 def top(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False,
@@ -67,40 +85,91 @@ def top(
         console.print(context.get_help(), soft_wrap=True)
 
 
+def program(words: Sequence[str]) -> typer.Typer:
+    """The program for a line of words: the command that they name, the others as names and titles, those of plugins."""
+    made = typer.Typer(
+        name="skyarm",
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    made.callback(invoke_without_command=True)(top)
+    for name, (place, title) in COMMANDS.items():
+        if name in words:
+            module, _, function = place.partition(":")
+            found = getattr(import_module(f"skyarm.cli.{module}"), function)
+            made.command(name)(with_output_options(name, found))
+        else:
+            made.command(name, help=title)(lambda: None)
+    for name, row in registrations("command").items():
+        made.command(name, help=row.title)(with_output_options(name, row.load()))
+    return made
+
+
 def perform() -> int:
     """Carry out the command line's words; wrong input becomes one line. Returns the exit code."""
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
         with _lines_for_users():
-            arguments = with_new_options(without_plugins(sys.argv[1:]))
-            for name, row in registrations("command").items():
-                app.command(name, help=row.title)(row.load())
-            if asked_for():
-                return complete(app, arguments)
-            return int(app(arguments, standalone_mode=False) or 0)
+            arguments, renamed = present_words(without_plugins(sys.argv[1:]))
+            typed = shlex.split(os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "")
+            code = int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)
+            if renamed:  # after the work, so that wrong input stays one line
+                say(renamed)
+            return code
     except USAGE_ERROR as error:
         return say(f"{error.format_message().rstrip('.')}; see '{_command(error)} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         return say("interrupted; finished files are whole", INTERRUPTED)
     except BrokenPipeError:
-        # who read our output has gone, as `skyarm list | head` does; nothing is left to flush into
+        # who read our output has gone, as `skyarm show | head` does; nothing is left to flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
-    except OSError as error:
-        return say(_own(error) or _unusable(error), WRONG_INPUT)
-    except ValueError as error:
-        return say(_own(error) or str(error), WRONG_INPUT)
     except SystemExit as error:
-        line = _own(error)
+        line = _in_users_code(error)
         if not line:
             raise
         return say(line, WRONG_INPUT)
     except MemoryError:
         return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
     except Exception as error:
-        return say(_failed(error), WRONG_INPUT)
+        return say(_in_users_code(error) or _refusal(error), WRONG_INPUT)
     finally:
         warnings.showwarning = usual
+
+
+def present_words(arguments: Sequence[str]) -> tuple[list[str], str]:
+    """The words of a command line with a command's former name replaced, and a line about that."""
+    at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
+    former = "".join(arguments[at : at + 1])
+    if former not in OTHER_NAMES:
+        return [*arguments], ""
+    words = [*arguments[:at], *OTHER_NAMES[former], *arguments[at + 1 :]]
+    return words, f"'skyarm {former}' is now: skyarm {' '.join(OTHER_NAMES[former])}"
+
+
+def without_plugins(arguments: Sequence[str]) -> list[str]:
+    """Load each ``--plugin FILE.py`` and each law FILE.py:make; the arguments that are left for the command.
+
+    Raises:
+        RegistryError: one of them cannot be loaded.
+        ValueError: ``--plugin`` without a file.
+    """
+    left: list[str] = []
+    given = iter(arguments)
+    for argument in given:
+        name, has_value, value = argument.partition("=")
+        if name != PLUGIN:
+            left.append(argument)
+            continue
+        file = value if has_value else next(given, "")
+        if not file:
+            raise ValueError(f"{PLUGIN}: must be followed by a .py file")
+        load_plugin(file)
+    for argument in left:
+        for word in argument.partition("=")[2].split(",") if argument.startswith("--") else argument.split(","):
+            register_law_of_file(word)
+    return left
 
 
 def _command(error: Any) -> str:
@@ -136,34 +205,26 @@ def _lines_for_users() -> Iterator[None]:
             say(line)
 
 
-def _failed(error: Exception) -> str:
-    """What failed that is no wrong input, in words: machine code that cannot be made, or code of the user's own.
+def _refusal(error: Exception) -> str:
+    """The line of an error that is no fault of the library: wrong input, a file, machine code that cannot be made.
 
     Raises:
-        Exception: the error itself, where it is ours.
+        Exception: the error itself, where it is a fault.
     """
     from skyarm.compile.machine_code import NoMachineCodeError
 
-    if isinstance(error, NoMachineCodeError):
+    if isinstance(error, OSError) and error.errno is not None:
+        what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
+        return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
+    if isinstance(error, (OSError, ValueError, NoMachineCodeError)):
         return str(error)
-    line = _own(error)
-    if not line:
-        raise error
-    return line
+    raise error
 
 
-def _own(error: BaseException) -> str:
-    """What code of the user's own raised, with its file and line; empty where it raised nothing."""
-    from skyarm.files.code_place import own_failure
+def _in_users_code(error: BaseException) -> str:
+    """An error of a user's code, with its file and line; empty for any other."""
+    from skyarm.files.user_code import own_failure
     from skyarm.registry.plugins import loaded
 
-    # code of the user's own comes by plugins and by files of laws only
+    # a user's code comes by plugins and by files of laws only
     return own_failure(error) if loaded() else ""
-
-
-def _unusable(error: OSError) -> str:
-    """What could not be read or written, in words."""
-    if error.errno is None:
-        return str(error)
-    what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
-    return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"

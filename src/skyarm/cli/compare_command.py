@@ -1,107 +1,215 @@
-"""``skyarm compare``: fly every law side by side and write its tables, figure and page."""
+"""``skyarm compare``: laws side by side, on a suite or on a scenario."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rich.console import Console
+import typer
 
-from skyarm.cli.compared_folder import flown_into, split_names, try_every_law
-from skyarm.cli.machine_output import give
-from skyarm.compare.comparison import SUITE, Comparison, fly_comparison
-from skyarm.compare.comparison_tables import report, title_of
-from skyarm.compare.entrants import ENTRANTS, Entrant, entrant_name, own_entrant
-from skyarm.compare.overwrites import replaced
-from skyarm.compare.own_scenario import fly_own, own_flights, own_report
-from skyarm.compare.suite import conditions
-from skyarm.control.catalogue import require_different
-from skyarm.files import must_be_one_of, shown
-from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.cli.arguments import (
+    Flying,
+    chosen_names,
+    completed,
+    require_left_out,
+    require_within,
+    shipped,
+    split_names,
+    workers,
+)
+from skyarm.cli.lines import say
+from skyarm.cli.output import bar, give, tell
+from skyarm.compare.comparison import SUITE, Comparison
+from skyarm.compare.contact_laws import LAWS as CONTACT_LAWS
+from skyarm.compare.contact_laws import OWN
+from skyarm.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
+from skyarm.compare.contact_tasks import TASKS
+from skyarm.compare.entrants import ENTRANTS, Entrant, own_entrant
+from skyarm.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope
+from skyarm.compare.envelope_axes import AXES
+from skyarm.compare.envelope_setting import PAPER
+from skyarm.compare.own_scenario import LAWS as USUAL_LAWS
+from skyarm.compare.own_scenario import OwnScenario
+from skyarm.compare.run_suite import Suite, fly_suite, prepare, replaced
+from skyarm.compare.suite import conditions as conditions_of
+from skyarm.control.catalogue import choices, is_named, meant, require_different
+from skyarm.files import must_be_one_of, require_writable, shown, taken_back
+from skyarm.registry import names as registered
+from skyarm.simulate.user_code import check_components, check_law
 
-SUITES = (SUITE,)
-"""Flown here; the envelope has a command of its own (:mod:`skyarm.cli.envelope_command`)."""
+MOST = 1_000_000
+"""Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
+
+OF_SUITES = {
+    SUITE: ("--conditions", "--plants", "--seeds", "--one-by-one"),
+    ENVELOPE: ("--axes", "--vehicle", "--quick"),
+    CONTACT: ("--tasks", "--worlds", "--films", "--quick", "--one-by-one"),
+}
+"""Suite -> options that not every comparison has."""
+
+OF_A_SCENARIO = ("--seeds",)
+"""Options of :data:`OF_SUITES` that a comparison on a scenario has, too."""
 
 
 def compare(
-    suite: str,
-    out: str,
-    *,
-    laws: str | None,
-    columns: str | None,
-    plants: int,
-    seeds: int,
-    one_by_one: int,
-    seed: int,
-    plant: str,
-    threads: int,
-    console: Console,
+    context: typer.Context,
+    suite: Annotated[
+        str,
+        typer.Argument(
+            help="paper-suite, envelope-suite, contact-suite, or a scenario (.toml or shipped)",
+            autocompletion=completed("scenario"),
+        ),
+    ] = "paper-suite",
+    out: Annotated[
+        str | None, typer.Option("--out", help="folder of the results; out/compare, out/envelope, out/contact")
+    ] = None,
+    laws: Annotated[
+        str | None,
+        typer.Option(
+            help="names or FILE.py:make, with commas; all of the suite if left out",
+            autocompletion=completed("controller"),
+        ),
+    ] = None,
+    conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
+    axes: Annotated[str | None, typer.Option(help="of the envelope, with commas; all if left out")] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="of the envelope, with an arm; the paper's if left out", autocompletion=completed("vehicle")),
+    ] = None,
+    tasks: Annotated[str | None, typer.Option(help="of the contact suite, with commas; all if left out")] = None,
+    worlds: Annotated[int | None, typer.Option(help="wrong worlds of each task in contact; 200 if left out")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights; in contact: 16 worlds")
+    ] = False,
+    films: Annotated[bool, typer.Option("--films", help="film a flight of each task in contact")] = False,
+    plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
+    seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
+    one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
+    seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
+    plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
+    flying: Flying = 0,
 ) -> None:
-    """Fly what is missing of a comparison and write its results.
+    """Compare all laws; tables, figure, page.
+
+    A scenario in place of the suite is flown as its file describes it, by its own law first (the row "own") and those
+    of --laws: one table. Where --laws is left out, paper_pd, paper_ct and centroidal_tip fly beside it.
+    The envelope-suite flies trials that get harder along axes (speed, delay, lag, wind, payload, noise): how far each
+    law is good, and where it is lost. The contact-suite flies tasks that touch the world, each in many wrong worlds.
+    The same command continues what was interrupted.
+    """
+    for option, value in (("--plants", plants), ("--seeds", seeds), ("--one-by-one", one_by_one)):
+        require_within(option, value, 1, MOST)
+    require_within("--seed", seed, 0)
+    threads = workers(flying)
+    if plant not in registered("plant"):
+        raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
+    if worlds is not None:
+        require_within("--worlds", worlds, 1, MOST)
+    _require_effect(context, suite)
+    common: dict[str, Any] = {"seed": seed, "plant": plant}
+    if suite == ENVELOPE:
+        asked: Suite = _envelope(laws, axes, vehicle or PAPER, quick=quick, **common)
+        _fly(asked, out or "out/envelope", threads, fly_envelope)
+    elif suite == CONTACT:
+        asked = _contact(laws, tasks, worlds, quick, one_by_one=one_by_one, films=films, **common)
+        _fly(asked, out or "out/contact", threads, fly_contact)
+    else:
+        if suite == SUITE:
+            there = conditions_of(plants, seeds)
+            chosen = {name: there[name] for name in chosen_names("--conditions", conditions, there)}
+            asked = Comparison(entrants=_entrants(laws), conditions=chosen, one_by_one=one_by_one, **common)
+        else:
+            asked = _scenario(suite, laws, seeds=seeds, **common)
+        _fly(asked, out or "out/compare", threads, fly_suite)
+
+
+def _require_effect(context: typer.Context, suite: str) -> None:
+    """Refuse options that this comparison does not read."""
+    own = OF_SUITES.get(suite, OF_A_SCENARIO)
+    for option in dict.fromkeys(each for options in OF_SUITES.values() for each in options if each not in own):
+        there = [name for name, options in OF_SUITES.items() if option in options]
+        there += ["a scenario"] if option in OF_A_SCENARIO else []
+        have = " and ".join(there) + (" have it" if len(there) > 1 else " has it")
+        of = suite if suite in OF_SUITES else f"scenario {suite}"
+        require_left_out(context, [option], f" for {of}; only {have}")
+
+
+def _scenario(name: str, laws: str | None, **flown: Any) -> OwnScenario:
+    """Laws side by side on a scenario."""
+    if not name.endswith(".toml") and name not in shipped("scenario"):
+        suites = ", ".join(OF_SUITES)
+        raise ValueError(
+            f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
+        )
+    return OwnScenario(scenario=name, laws=USUAL_LAWS if laws is None else split_names("--laws", laws), **flown)
+
+
+def _envelope(laws: str | None, axes: str | None, vehicle: str, **flown: Any) -> Envelope:
+    """How far every law is good, and where it is lost."""
+    require_different([] if laws is None else split_names("--laws", laws), "--laws")
+    chosen = _laws(laws, LAWS if vehicle == PAPER else TUNED_LAWS)
+    return Envelope(laws=chosen, axes=chosen_names("--axes", axes, AXES), vehicle=vehicle, **flown)
+
+
+def _contact(laws: str | None, tasks: str | None, worlds: int | None, quick: bool, **flown: Any) -> ContactSuite:
+    """How often every law does tasks in contact in wrong worlds."""
+    if quick and worlds is not None:
+        raise ValueError(f"--worlds: must be left out beside --quick, which flies {QUICK}")
+    count = worlds or (QUICK if quick else WORLDS)
+    chosen, named = _laws(laws, CONTACT_LAWS, OWN), chosen_names("--tasks", tasks, TASKS)
+    return ContactSuite(laws=chosen, tasks=named, worlds=count, **flown)
+
+
+def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]]) -> None:
+    """Fly what is missing of a suite's folder; one that was made here is gone where it is refused.
 
     Raises:
         ValueError, OSError: one line.
     """
-    if suite not in SUITES:
-        if columns is not None:
-            raise ValueError("--conditions: must be left out for a scenario, which says its own")
-        _on_scenario(suite, out, laws, plant=plant, seeds=seeds, seed=seed, threads=threads, console=console)
-        return
-    entrants = _chosen("--laws", laws, ENTRANTS, own_entrant)
-    flown = _chosen("--conditions", columns, conditions(plants, seeds))
     folder = Path(out)
-    comparison = Comparison(entrants=entrants, conditions=flown, seed=seed, plant=plant, one_by_one=one_by_one)
-    try_every_law([each for each in comparison.flights() if each.entrant.group == "own"])
-    other = replaced(comparison, folder / "results.json")
-    kept = "(cells of what flies no more stay)"
-    found = flown_into(
-        out, suite, comparison.flights(),
-        lambda told: fly_comparison(comparison, folder, threads=threads, progress=told), console,
-        replaces=f"a comparison of {'; '.join(other)} {kept}" if other else "",
-    )  # fmt: skip
-    give(found, folder=folder, title=title_of(list(entrants)))
-    console.print(report(found, entrants, flown), soft_wrap=True)
-    console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)
+    todo, _ = suite.planned()
+    for flights in {each.entrant.name: each for each in todo if each.entrant.group == "own"}.values():
+        scenario = flights.scenario()
+        check_components(scenario)
+        check_law(scenario)
+    other = replaced(suite, folder)
+    with taken_back(folder, folder / "cells"):
+        prepare(require_writable(out))
+        if other:
+            say(f"{folder}: replaces the report of {'; '.join(other)} (cells of what flies no more stay)", 0)
+        with bar(suite.name, pause=0.0) as advance:
+            found = fly(suite, folder, threads=threads, progress=advance)
+    report = suite.report(found)
+    give(found, folder=folder, title=report.title)
+    tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")
 
 
-def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, threads: int, **flown: Any) -> None:
-    """Laws side by side on a scenario.
-
-    Raises:
-        ValueError: neither a suite nor a scenario, or a law that is none.
-    """
-    if not name.endswith(".toml") and name not in list_scenarios():
-        suites = ", ".join((*SUITES, "envelope-suite", "contact-suite"))
-        raise ValueError(
-            f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
-        )
-    chosen = None if laws is None else split_names("--laws", laws)
-    flights = own_flights(name, chosen, **flown)
-    folder = Path(out)
-    found = flown_into(
-        out, flights[0].case.name, flights, lambda told: fly_own(flights, folder, threads=threads, progress=told),
-        console, replaces="",
-    )  # fmt: skip
-    give(found, folder=folder, title=title_of([each.entrant.name for each in flights]))
-    console.print(own_report(found), soft_wrap=True)
-    console.print(f"comparison in {folder}: tables.md, results.json", soft_wrap=True)
-
-
-def _chosen(
-    option: str, words: str | None, there: Any, more: Callable[[str], Entrant | None] = lambda _name: None
-) -> Any:
-    """Those of a comma-separated list, and ``more`` by name; all that are there if there is no list."""
+def _entrants(words: str | None) -> dict[str, Entrant]:
+    """Entrants of a comma-separated list, users' laws among them; all of the suite if there is no list."""
     if words is None:
-        return dict(there)
-    given = split_names(option, words, of=f" of {', '.join(there)}")
-    require_different(given, option)
-    names = [entrant_name(name) for name in given]
-    added = {name: found for name in names if name not in there and (found := more(name)) is not None}
+        return dict(ENTRANTS)
+    names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
+    require_different(names, "--laws")
+    added = {name: found for name in names if name not in ENTRANTS and (found := own_entrant(name)) is not None}
     for name in names:
-        if name not in there and name not in added:
-            raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
+        if name not in ENTRANTS and name not in added:
+            raise ValueError(f"--laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
     if len({each.name for each in added.values()}) < len(added):
-        raise ValueError(f"{option} = {shown(words)}: must not name two files and makers of the same names")
-    chosen = {name: each for name, each in there.items() if name in names}
+        raise ValueError(f"--laws = {shown(words)}: must not name two files and makers of the same names")
+    chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     return chosen | {each.name: each for each in added.values()}
+
+
+def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
+    """Controllers by name, each once; ``own`` are names of the suite alone."""
+    if words is None:
+        return usual
+    names = split_names("--laws", words)
+    for name in names:
+        if name not in own and not is_named(name):
+            theirs = f"one of {', '.join(own)}, or " if own else ""
+            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {theirs}{choices(name)}")
+        if names.count(name) > 1:
+            raise ValueError(f"--laws = {shown(name)}: must be named once")
+    return tuple(names)

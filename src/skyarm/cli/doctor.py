@@ -1,7 +1,7 @@
-"""``skyarm doctor``: what is installed, what works, what is missing and the command that adds it.
+"""``skyarm doctor``: the installation and the cache of machine code.
 
-What loads code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a library that crashes
-there is a line here.
+Code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a library that crashes there is a
+line here.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ import subprocess
 import sys
 from dataclasses import asdict, dataclass
 from importlib import metadata
-from typing import Any
+from typing import Annotated, Any
 
-from skyarm.compile.cache_places import cache_folder, unused_reason
-from skyarm.files.floors import FLOORS, below_floor, installed
-from skyarm.files.optional_extras import how_to_install
+import typer
+
+from skyarm.cli.lines import DIFFERENT
+from skyarm.cli.output import give, table_of, tell, waiting
+from skyarm.compile.cache_places import MB, cache_folder, size_limit, unused_reason
+from skyarm.compile.llvm import object_cache
+from skyarm.files.packages import FLOORS, below_floor, how_to_install, installed
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
-
-BROKEN_CODE = 1
-"""Exit code where something does not work that flights need."""
 
 PATIENCE = 90.0
 """s that a trial may take."""
@@ -63,49 +64,67 @@ class Part:
     remedy: str = ""
     needed: bool = False
 
-    def plain(self) -> dict[str, Any]:
-        """The part as plain data."""
-        return asdict(self)
+
+def doctor(
+    only_cache: Annotated[bool, typer.Option("--cache", help="only the cache of machine code")] = False,
+    clear: Annotated[
+        bool, typer.Option("--clear", help="remove all entries of the cache of machine code first")
+    ] = False,
+) -> None:
+    """Look at the installation and the cache of machine code.
+
+    Versions, engines, machine code, OpenGL for films, GPU, extras and the command that adds each; where machine code is
+    cached and how much of it. Exit code: 0 if all that flights need works, 1 if not.
+    """
+    limit = size_limit()
+    if clear:
+        removed = object_cache.clear()
+        give(removed={"entries": removed.entries, "bytes": removed.size})
+        tell(f"removed: {removed.entries} entries, {removed.size / MB:.1f} MB")
+    with waiting("looking"):
+        parts = [_cache()] if only_cache or clear else examine()
+    cached = object_cache.contents()
+    cache = {"folder": cache_folder(), "entries": cached.entries, "bytes": cached.size, "most_bytes": limit}
+    give(works=works(parts), parts=[asdict(part) for part in parts], cache=cache)
+    tell(table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts], left=3))
+    tell(*(f"{part.name}: {part.remedy}" for part in parts if part.state != WORKS and part.remedy))
+    if not (only_cache or clear):
+        tell("all that flights need works" if works(parts) else "something that flights need does not work")
+    if not works(parts):
+        raise typer.Exit(DIFFERENT)
 
 
 def examine() -> list[Part]:
     """Everything, in the order in which it is shown; nothing here raises."""
     wanted = {name: trial for name, trial in TRIALS.items() if name != ON_JAX or installed(["jax"])}
     started = {name: _start(program) for name, (program, _, _) in wanted.items()}
-    parts = [_python(), _own(), *_libraries(), *_extras(), _cache()]
-    parts += [_ended(name, started[name], remedy, needed) for name, (_, remedy, needed) in wanted.items()]
-    return [*parts, _gpu(parts)]
-
-
-def works(parts: list[Part]) -> bool:
-    """Whether all that flights need works."""
-    return all(part.state == WORKS for part in parts if part.needed)
-
-
-def _python() -> Part:
-    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
-    return Part(name="Python", state=WORKS, found=found, needed=True)
-
-
-def _own() -> Part:
     from skyarm import __version__
 
-    return Part(name="skyarm", state=WORKS, found=__version__, needed=True)
+    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
+    parts = [
+        Part(name="Python", state=WORKS, found=python, needed=True),
+        Part(name="skyarm", state=WORKS, found=__version__, needed=True),
+        *(*_libraries(), *_extras(), _cache()),
+    ]
+    parts += [_ended(name, started[name], remedy, needed) for name, (_, remedy, needed) in wanted.items()]
+    return [*parts, _gpu(parts)]
 
 
 def _libraries() -> list[Part]:
     there = installed(FLOORS)
     parts = []
     for name, floor in FLOORS.items():
-        version, remedy = there.get(name), f"python -m pip install --upgrade '{name}>={floor}'"
-        if version is None:
-            parts.append(Part(name=name, state=MISSING, found=f"needs {floor}", remedy=remedy, needed=True))
-        elif below_floor({name: version}):
-            found = f"{version}, needs {floor}"
-            parts.append(Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=True))
-        else:
-            parts.append(Part(name=name, state=WORKS, found=version, needed=True))
+        version = there.get(name)
+        state = MISSING if version is None else BROKEN if below_floor({name: version}) else WORKS
+        found = ", ".join(filter(None, (version, f"needs {floor}" if state != WORKS else "")))
+        remedy = f"python -m pip install --upgrade '{name}>={floor}'" if state != WORKS else ""
+        parts.append(Part(name=name, state=state, found=found, remedy=remedy, needed=True))
     return parts
+
+
+def works(parts: list[Part]) -> bool:
+    """Whether all that flights need works."""
+    return all(part.state == WORKS for part in parts if part.needed)
 
 
 REQUIREMENT = re.compile(r"^([A-Za-z0-9._-]+).*extra == ['\"]([A-Za-z0-9._-]+)['\"]")
@@ -145,7 +164,9 @@ def _cache() -> Part:
     reason, folder = unused_reason(), cache_folder()
     if reason:
         return Part(name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own")
-    return Part(name="cache of code", state=WORKS, found=str(folder))
+    found = object_cache.contents()
+    size = f"{found.entries} entries, {found.size / MB:.1f} MB of at most {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
+    return Part(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
 
 
 def _start(program: str) -> Any:
@@ -168,18 +189,17 @@ def _start(program: str) -> Any:
 
 def _ended(name: str, process: Any, remedy: str, needed: bool) -> Part:
     """What a trial came to."""
-    if isinstance(process, str):
-        return Part(name=name, state=BROKEN, found=process, remedy=remedy, needed=needed)
-    try:
-        out, err = process.communicate(timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        found = f"no answer in {PATIENCE:g} s"
-        return Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=needed)
-    if process.returncode == 0:
-        return Part(name=name, state=WORKS, found=_last(out), needed=needed)
-    found = f"ended by signal {-process.returncode}" if process.returncode < 0 else _last(err)
+    found = process
+    if not isinstance(process, str):
+        try:
+            out, err = process.communicate(timeout=PATIENCE)
+            if process.returncode == 0:
+                return Part(name=name, state=WORKS, found=_last(out), needed=needed)
+            found = f"ended by signal {-process.returncode}" if process.returncode < 0 else _last(err)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+            found = f"no answer in {PATIENCE:g} s"
     return Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=needed)
 
 

@@ -1,80 +1,177 @@
-"""``skyarm export-c``: which controller, for which vehicle, into which file."""
+"""``skyarm export``: a log in another format, a control law as C, a vehicle as a model for MuJoCo."""
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+import typer
 
 from skyarm import __version__
 from skyarm.actuation import AllocationError
+from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped
 from skyarm.cli.lines import say_if_many
-from skyarm.cli.machine_output import give
-from skyarm.cli.said_margin import margin_said, plain_margin
+from skyarm.cli.margins_commands import give_margin, tell_margin
+from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.files import number, output_file, read_toml, shown, unreadable, write_atomically
-from skyarm.files.kinds_of_files import kind_of
-from skyarm.onboard.export_c import export_c
+from skyarm.files import must_be_one_of, number, output_file, require_writable, shown, unreadable, write_atomically
+from skyarm.log.formats import load_log, require_format, save_log
+from skyarm.registry import names
 from skyarm.registry.plugins import identities, law_of_file_name
-from skyarm.scenario.changes import without_law
-from skyarm.scenario.gains_file import make_named_or_tuned
-from skyarm.scenario.scenario_file import list_scenarios, load_scenario
-from skyarm.scenario.scenario_parts import HIGHEST_RATE
-from skyarm.scenario.scenario_record import Scenario
-from skyarm.stability.hover_delay import hover_of
+from skyarm.scenario.controller_table import make_named_or_tuned
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, first_state, without_law
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-RATE = 200.0
-"""Hz, as the scenarios' own default."""
+RATE, SLOWEST = 200.0, 1e-3
+"""Hz: of a control law, as the scenarios' own default; a slower one than this is a slip of the keyboard."""
 
 FASTEST_HOVER, MOST_JOINTS = 2000, 12
-"""Hz and joints up to which the delay margin is asked for: it takes 3 s for six joints at 200 Hz."""
+"""Hz and joints up to which the delay margin is computed: it takes 3 s for six joints at 200 Hz."""
 
-SLOWEST = 1e-3
-"""Hz: a slower control law is a slip of the keyboard."""
+LONGEST_STEP = 0.1
+"""s: a longer step of MuJoCo is a slip of the keyboard."""
+
+OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 
 
 def export(
-    controller: str,
-    file: str,
-    *,
-    vehicle: str | None = None,
-    gravity: float | None = None,
-    rate: float | None = None,
-    name: str | None = None,
-    single: bool = False,
-) -> str:
-    """Write a controller as a C file; returns a line on what was written and one on the delay that it bears.
+    context: typer.Context,
+    what: Annotated[
+        str, typer.Argument(help="a log (.npz, .mcap, .parquet); for c a law or a scenario; for mjcf a vehicle or one")
+    ],
+    to: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1 of a log; c; mjcf")
+    ] = None,
+    file: Annotated[
+        str | None, typer.Option("--out", "-o", help="file to write; for a log beside it if left out")
+    ] = None,
+    layouts: Annotated[
+        str | None, typer.Option(metavar="FOLDER", help="of a log: write layouts for Foxglove and PlotJuggler there")
+    ] = None,
+    vehicle: Annotated[str | None, typer.Option(help="of c: the vehicle of a preset's or law's model")] = None,
+    gravity: Annotated[float | None, typer.Option(help="of c, mjcf: m/s^2; 9.81, or the scenario's")] = None,
+    rate: Annotated[float | None, typer.Option(help="of c: Hz of the control; 200, or the scenario's")] = None,
+    name: Annotated[str | None, typer.Option(help="of c: begins the names in the file")] = None,
+    single: Annotated[bool, typer.Option("--float32", help="of c: float in place of double")] = False,
+    timestep: Annotated[float, typer.Option(help="of mjcf: s, of MuJoCo")] = 0.001,
+) -> None:
+    """Write a log, a law as C, or a vehicle as MJCF.
 
-    Args:
-        controller: a preset, a law, LAW_tuned or a file of gains, built for the vehicle; or a scenario, whose
-            controller is taken as it flies.
-        file: to write.
-        vehicle: what the controller believes in; a scenario brings its own.
-        gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
-        rate: Hz, of the control; 200, or the scenario's, if left out.
-        name: begins the names in the file; the controller's if left out.
-        single: float in place of double.
-
-    Raises:
-        ValueError, OSError: one line.
+    A log that was cut off, as that of a run that was killed, is written as far as it goes. With --to c a preset, a
+    law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99 file; with --to mjcf a
+    vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as actuators, a keyframe to
+    start from, lights and a camera that follows it.
     """
+    if to not in ("c", "mjcf"):
+        require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
+        with waiting(f"{what}: writing"):
+            return _log(what, to, file, layouts)
+    others = ("--timestep",) if to == "c" else OF_LAWS
+    require_left_out(context, [*others, "--layouts"], f" beside --to {to}")
+    if file is None:
+        raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out")
-    held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
-    if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
+    if to == "mjcf":
+        return _mjcf(what, written, gravity, timestep)
+    with waiting(f"{what}: writing C"):
+        _law(what, written, vehicle, gravity, rate, name, single=single)
+
+
+def _log(flight: str, to: str | None, file: str | None, layouts: str | None) -> None:
+    formats = {each: each for each in names("log_format")} | {"ros1": "bag"}
+    if to is None and file is None and layouts is None:
+        raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
+    if to is not None and to not in formats:
+        raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
+    require_format(flight, "flight")
+    reason = unreadable(Path(flight))
+    if reason:
+        raise ValueError(f"flight = {shown(flight)}: {reason}")
+    target = None
+    if file is not None:
+        require_format(file, "--out")
+        if to is not None and Path(file).suffix != f".{formats[to]}":
+            raise ValueError(f"--out = {shown(file)}: must end in .{formats[to]}, as --to = {shown(to)} is written")
+        target = output_file(file, "--out")
+    elif to is not None:
+        target = Path(flight).with_suffix(f".{formats[to]}")
+    if target is not None and os.path.realpath(target) == os.path.realpath(flight):
+        raise ValueError(f"--out = {shown(str(target))}: must be another file than the flight")
+    if layouts is not None:
+        require_writable(layouts)
+    log, drawn = load_log(flight), []
+    if target is not None:
+        save_log(log, target)
+        tell(f"log: {target}")
+    if layouts is not None:
+        from skyarm.log.viewer_layouts import write_layouts
+
+        drawn = write_layouts(log, layouts)
+        tell(f"layouts: {', '.join(map(str, drawn))}")
+    give(file=target, layouts=drawn)
+
+
+def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None:
+    from skyarm.plant.mujoco_export import mjcf_text
+
+    if file.suffix not in (".xml", ".mjcf"):
+        raise ValueError(f"--out = {shown(str(file))}: must end in .xml or .mjcf")
+    step = number(timestep, "--timestep", low=0.0, strict=True)
+    if step > LONGEST_STEP:
+        raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
+    if is_scenario(what):
+        scenario = load_scenario(what)
+        vehicle, applied, start = scenario.world.vehicle, float(scenario.world.gravity), first_state(scenario)
+    else:
+        vehicle, applied, start = load_vehicle(what), 9.81, None
+    if gravity is not None:
+        applied = number(gravity, "--gravity", low=0.0)
+    exported = mjcf_text(vehicle, applied, start, timestep=step)
+    write_atomically(file, exported.text.encode())
+    counts = {"bodies": exported.bodies, "joints": exported.joints}
+    give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))
+    counted = f"{exported.bodies} bodies, {exported.joints} joints, {len(exported.actuators)} actuators"
+    tell(f"{file}: {vehicle.name}, {counted}")
+
+
+def _law(
+    controller: str,
+    file: Path,
+    vehicle: str | None,
+    gravity: float | None,
+    rate: float | None,
+    name: str | None,
+    *,
+    single: bool,
+) -> None:
+    """Write a control law as C, and its delay margin as a line."""
+    from skyarm.estimate.error_state_filter import ErrorStateFilter
+    from skyarm.onboard.export_c import export_c
+
+    asked = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
+    if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
+    of_gains = kind_of_file(controller) == "gains"
     note, estimator, flown = "", None, None
-    if is_named(controller) or _is_of_gains(controller):
+    if is_named(controller) or of_gains:
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
-        felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-        model = Model(vehicle=load_vehicle(vehicle), gravity=felt)
-        chosen, title = _built(controller, model, 1.0 / (held or RATE)), _title(controller)
+        model = Model(
+            vehicle=load_vehicle(vehicle), gravity=9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+        )
+        title = Path(controller).stem if of_gains else law_of_file_name(controller)
+        control_rate = asked or RATE
+        try:
+            chosen = make_named_or_tuned(controller, model, {"control_period": 1.0 / control_rate})
+        except AllocationError as error:
+            raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
     else:
-        _require_known(controller)
+        _require_scenario(controller)
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
             if value is not None:
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
@@ -83,89 +180,64 @@ def export(
         estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
         if len(without_law(planned.changes)) < len(planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
-        flown = planned if held in (None, float(planned.rates.control)) else None
-        held = held or float(planned.rates.control)
-    say_if_many(title, chosen.par.model.vehicle.n)
-    period = 1.0 / (held or RATE)
-    generator = ", ".join([f"skyarm {__version__}", *(f"{name} {each}" for name, each in identities().items())])
+        flown = planned if asked in (None, float(planned.rates.control)) else None
+        control_rate = asked or float(planned.rates.control)
+    believed = chosen.par.model.vehicle
+    say_if_many(title, believed.n)
+    identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
     exported = export_c(
         chosen,
-        name=name or _identifier(title),
-        period=period,
+        name=name or (identifier if identifier[0].isalpha() else f"law_{identifier}"),
+        period=1.0 / control_rate,
         single=single,
-        generator=generator,
+        generator=", ".join([f"skyarm {__version__}", *(f"{each} {of}" for each, of in identities().items())]),
         estimator=estimator,
     )
-    write_atomically(written, exported.text.encode("ascii"))
-    said, facts = _margin(chosen, flown, held or RATE)
+    write_atomically(file, exported.text.encode("ascii"))
+    precision = "float" if single else "double"
     give(
-        facts,
-        file=written,
+        file=file,
         function=f"{exported.name}_step",
         law=chosen.name,
-        vehicle=chosen.par.model.vehicle.name,
-        number="float" if single else "double",
+        vehicle=believed.name,
+        number=precision,
         operations=exported.operations,
         parameters=len(exported.parameters),
-        rate_hz=1.0 / period,
+        rate_hz=control_rate,
     )
-    return (
-        f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
-        f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"
-        f"{note}\n{said}"
+    tell(
+        f"{file}: {exported.name}_step, {chosen.name} for {believed.name}, {exported.operations} operations in "
+        f"{precision}, {len(exported.parameters)} parameters{note}"
     )
+    _tell_delay_margin(chosen, flown, control_rate)
 
 
-def _margin(chosen: Controller, flown: Scenario | None, rate: float) -> tuple[str, dict[str, Any]]:
-    """What is said of the delay that a controller bears: in its scenario, else in a hover of the vehicle it knows."""
+def _tell_delay_margin(chosen: Controller, flown: Scenario | None, rate: float) -> None:
+    """Delay margin in the law's scenario, else in a hover of the vehicle of its model."""
+    from skyarm.stability.hover_delay import hover_of
+
     joints = chosen.par.model.vehicle.n
     reason = ""
     if rate != round(rate) or rate > FASTEST_HOVER:
         reason = f"a rate of {rate:g} Hz; it is asked for at whole numbers up to {FASTEST_HOVER}"
     elif joints > MOST_JOINTS:
         reason = f"{joints} joints; 'skyarm check SCENARIO' takes its time for it"
-    if reason:
-        return f"delay margin: not known: {reason}", plain_margin(None)
-    if flown is None:
+    else:
         try:
-            flown = hover_of(chosen, round(rate))
+            return tell_margin(flown or hover_of(chosen, round(rate)), chosen.name)
         except ValueError as error:
-            return f"delay margin: not known: {error}", plain_margin(None)
-    return margin_said(flown, chosen.name)
+            reason = str(error)
+    give_margin(None)
+    tell(f"delay margin: not known: {reason}")
 
 
-def _built(name: str, model: Model, period: float) -> Controller:
-    try:
-        return make_named_or_tuned(name, model, {"control_period": period})
-    except AllocationError as error:
-        raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
-
-
-def _is_of_gains(controller: str) -> bool:
-    """Whether it is the path of a file of gains."""
-    path = Path(controller)
-    if path.suffix != ".toml" or unreadable(path):
-        return False
-    try:
-        return kind_of(read_toml(path.read_bytes())) == "gains"
-    except (OSError, ValueError):
-        return False
-
-
-def _title(controller: str) -> str:
-    return Path(controller).stem if _is_of_gains(controller) else law_of_file_name(controller)
-
-
-def _require_known(controller: str) -> None:
-    if controller not in list_scenarios() and Path(controller).suffix != ".toml":
+def _require_scenario(controller: str) -> None:
+    if controller in shipped("scenario"):
+        return
+    if Path(controller).suffix != ".toml":
         raise ValueError(
             f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}, "
-            f"or a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
+            f"or a scenario ({', '.join(shipped('scenario'))}) or a scenario's .toml file"
         )
-    if controller not in list_scenarios() and not Path(controller).is_file():
+    if not Path(controller).is_file():
         raise ValueError(f"controller = {shown(controller)}: no such file; must be one of a scenario or of gains")
-
-
-def _identifier(title: str) -> str:
-    text = re.sub(r"[^A-Za-z0-9_]", "_", title)
-    return text if text[0].isalpha() else f"law_{text}"

@@ -8,16 +8,22 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.app import app, console, require_left_out, tell
+from skyarm.cli.arguments import require_left_out, words_of
 from skyarm.cli.lines import say_if_many
-from skyarm.cli.machine_output import give
-from skyarm.cli.progress import bar
+from skyarm.cli.output import bar, give, tell
+from skyarm.files import output_file, require_writable, taken_back
+from skyarm.film.film_settings import FilmSettings, size_of
+from skyarm.film.make_film import make_film
+from skyarm.film.recording import SUFFIXES, import_viser, record, save_recording
+from skyarm.film.video_files import require_film_format, usual_size_and_rate
+from skyarm.log.formats import load_log
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.simulate import run
 
 OF_FILMS = ("--size", "--title", "--plot", "--fine")
 """Options without which a recording does: it has neither pixels nor a text above them."""
 
 
-@app.command()
 def film(
     context: typer.Context,
     flights: Annotated[
@@ -50,13 +56,10 @@ def film(
     scene in three dimensions that plays in a browser: NAME.viser alone, NAME.html with its player, or a folder of both
     to be served.
     """
-    from skyarm.film.film_settings import FilmSettings, size_of
-    from skyarm.film.recording import SUFFIXES
-    from skyarm.film.video_files import usual_size_and_rate
-
-    if Path(file).suffix.removeprefix(".") in ("", *SUFFIXES):
+    path = Path(file)
+    if path.suffix.removeprefix(".") in ("", *SUFFIXES):
         require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
-    usual = usual_size_and_rate(Path(file))
+    usual = usual_size_and_rate(path)
     width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(
         layout=layout,
@@ -72,75 +75,47 @@ def film(
         fine=fine,
         title=title,
     )
-    written, more = perform(flights, file, settings, controller, label)
-    give(files=written)
-    for path in written:
-        tell(f"{'film' if more is None else 'recording'}: {path} ({path.stat().st_size / 1e6:.2f} MB)")
-    if more:
-        tell(more)
-
-
-def perform(
-    flights: Sequence[str], file: str, settings: Any, controllers: Sequence[str] | None, labels: Sequence[str] | None
-) -> tuple[list[Path], str | None]:
-    """Fly what is no log, film all.
-
-    Returns:
-        What was written, and of a recording what to do with it: None for a film.
-
-    Raises:
-        ValueError, OSError: one line.
-    """
-    from skyarm.files import output_file, require_writable, taken_back
-    from skyarm.film.recording import SUFFIXES, record, save_recording
-    from skyarm.film.recording_page import import_viser
-    from skyarm.film.video_files import require_film_format
-    from skyarm.scenario.scenario_file import list_scenarios
-
-    path = Path(file)
     if file in list_scenarios():
         raise ValueError(f"FILE = {file!r}: must be the film's file or folder, the last word; this is a scenario")
     folder = bool(file) and (not path.suffix or path.is_dir() or file.endswith("/"))
     with taken_back(path if folder else path.parent):
-        if not folder:
-            films = require_film_format(path, SUFFIXES) is not None if file else False
-            output_file(file, "FILE")
-        else:
-            films = False
+        recorded = folder or not file or require_film_format(path, SUFFIXES) is None
+        if folder:
             require_writable(file)
-        if films:
-            return [_filmed(flights, path, settings, controllers, labels)], None
+        else:
+            output_file(file, "FILE")
+        _require_renderer(recorded=recorded)
+        logs = _logs(flights, controller, settings)
+        with bar("recording" if recorded else "filming") as advance:
+            options: dict[str, Any] = {
+                "labels": label,
+                "progress": lambda done, total: advance(done, total, "frames"),
+            }
+            if recorded:
+                written = save_recording(record(logs, settings, **options), path)
+            else:
+                written = [make_film(logs, path, settings, **options)]
+    give(files=written)
+    for each in written:
+        tell(f"{'recording' if recorded else 'film'}: {each} ({each.stat().st_size / 1e6:.2f} MB)")
+    if folder:
+        tell(f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000")
+
+
+def _require_renderer(*, recorded: bool) -> None:
+    """Refuse, before anything is flown, where nothing can be drawn."""
+    if recorded:
         import_viser()
-        logs = _logs(flights, controllers, settings)
-        with bar("recording", console) as advance:
-            recording = record(
-                logs, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
-            )
-        written = save_recording(recording, path)
-    return written, f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000" if folder else ""
+    else:
+        from skyarm.film.offscreen import offscreen
 
-
-def _filmed(
-    flights: Sequence[str], path: Path, settings: Any, controllers: Sequence[str] | None, labels: Sequence[str] | None
-) -> Path:
-    """Film into one file; that nothing can be drawn here is said before anything is flown."""
-    from skyarm.film.make_film import make_film
-    from skyarm.film.offscreen import offscreen
-
-    with offscreen():
-        pass
-    logs = _logs(flights, controllers, settings)
-    with bar("filming", console) as advance:
-        return make_film(
-            logs, path, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
-        )
+        with offscreen():
+            pass
 
 
 def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: Any) -> list[Any]:
     """The logs that are named, and those of the scenarios that are flown."""
-    from skyarm.log.formats import load_log
-
-    laws: Sequence[str | None] = [word for each in controllers or () for word in each.split(",") if word] or [None]
+    laws: Sequence[str | None] = words_of(controllers) or [None]
     found = []
     for name in flights:
         if _is_flown(name):
@@ -154,19 +129,14 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: A
 
 def _is_flown(name: str) -> bool:
     """Whether a word names a scenario, which is flown, and no log."""
-    from skyarm.scenario.scenario_file import list_scenarios
-
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
 def _fly(name: str, law: str | None, stop: float | None) -> Any:
     """Fly a scenario, no longer than it is filmed."""
-    from skyarm.scenario.scenario_file import load_scenario
-    from skyarm.simulate import run
-
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)
     say_if_many(planned.name, planned.world.vehicle.n)
-    with bar(f"{planned.name} {law or ''}".strip(), console) as advance:
-        return run(planned, lambda done, total: advance(done, total, ""))
+    with bar(f"{planned.name} {law or ''}".strip()) as advance:
+        return run(planned, advance)

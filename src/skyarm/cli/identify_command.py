@@ -1,24 +1,18 @@
-"""``skyarm identify``: which flight, which part of it, against which vehicle; what it prints and gives."""
+"""``skyarm identify``: delays and lags of a vehicle from the log of a flight."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from rich.console import Console
-from rich.text import Text
+import typer
 
-from skyarm.cli.lines import say
-from skyarm.cli.machine_output import give
-from skyarm.cli.progress import waiting
-from skyarm.cli.terminal_tables import aligned
+from skyarm.cli.lines import NOT_COMPLETED, say
+from skyarm.cli.output import aligned, give, heading, tell, waiting
 from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
-from skyarm.identify.attitude_age import attitude_age
-from skyarm.identify.lag_records import Estimated, Lag, LoopLags
-from skyarm.identify.lag_tables import lag_tables
-from skyarm.identify.loop_lags import loop_lags
+from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, attitude_age, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import load_log, require_format
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -26,19 +20,17 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def identify(
-    flight: str,
-    console: Console,
-    *,
-    vehicle: str | None,
-    gravity: float | None,
-    begin: float | None,
-    end: float | None,
-    out: str | None,
-) -> bool:
-    """Say what a log tells of delays and lags; whether it tells anything.
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    vehicle: Annotated[str | None, typer.Option(help="a vehicle; the one that the log's law believes in")] = None,
+    gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
+    begin: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
+    end: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", metavar="FILE", help="write the TOML lines there")] = None,
+) -> None:
+    """Find delays and lags of a vehicle in a log.
 
-    Raises:
-        ValueError, OSError: one line.
+    How late the rotors follow their commands, how late the joints: dead times and time constants, each with the
+    interval of 95 %, and the TOML lines to paste. Exit code 3 if the flight does not tell, as a calm hover.
     """
     require_format(flight, "flight")
     reason = unreadable(Path(flight))
@@ -47,18 +39,18 @@ def identify(
     written = None if out is None else output_file(out, "--out")
     log = _part(load_log(flight), begin, end)
     believed, felt, stated = _believed(log, vehicle, gravity)
-    with waiting(f"{Path(flight).name}: delays and lags", console):
+    with waiting(f"{Path(flight).name}: delays and lags"):
         found = loop_lags(log, believed, felt)
         age, half = attitude_age(log)
     lags = [*([found.rotors] if found.rotors else []), *found.joints]
     tables = lag_tables(found, measured=stated["measurement"] or 0.0)
-    console.print(Text(printable(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"), style="bold"))
-    for line in aligned([HEADS, *(_row(each) for each in lags)]):
-        console.print(line, soft_wrap=True)
-    for line in _notes(found, lags, age, half, stated):
-        console.print(line, soft_wrap=True)
+    tell(
+        heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
+        *aligned([HEADS, *map(_row, lags)]),
+        *_notes(found, lags, age, half, stated),
+    )
     if tables:
-        console.print(f"\n{tables}", soft_wrap=True, markup=False, highlight=False)
+        tell(f"\n{tables}")
     if written is not None and tables:
         write_atomically(written, tables.encode())
     known = any(each.known for each in lags)
@@ -72,7 +64,7 @@ def identify(
     )
     if not known:
         say("the flight does not tell: fly with more motion, or longer")
-    return known
+        raise typer.Exit(NOT_COMPLETED)
 
 
 ALIKE = 1e-4
@@ -152,18 +144,18 @@ def _notes(found: LoopLags, lags: list[Lag], age: float, half: float, stated: di
 
 
 def _plain(found: LoopLags) -> dict[str, Any]:
-    def numbers(each: Estimated) -> list[float]:
-        return [each.value, each.low, each.high]
-
     def lag(each: Lag) -> dict[str, Any]:
+        intervals = {
+            "together_s": each.together,
+            "delay_s": each.delay,
+            "time_constant_up_s": each.up,
+            "time_constant_down_s": each.down,
+        }
         return {
             "name": each.name,
             "known": each.known,
             "reason": each.reason,
-            "together_s": numbers(each.together),
-            "delay_s": numbers(each.delay),
-            "time_constant_up_s": numbers(each.up),
-            "time_constant_down_s": numbers(each.down),
+            **{name: [of.value, of.low, of.high] for name, of in intervals.items()},
             "over_believed": list(each.factor),
             "explained": each.explained,
             "told_apart": each.apart,

@@ -1,4 +1,4 @@
-"""Lines for people: one on standard error, and nothing in them that a terminal would obey."""
+"""Lines on standard error: warnings and errors, with nothing in them that a terminal would obey. Loads little."""
 
 from __future__ import annotations
 
@@ -7,10 +7,20 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.files.one_line import printable
+from skyarm.files.messages import printable
 
-WRONG_INPUT, INTERRUPTED = 2, 130
-"""Exit codes: for wrong input, and after Ctrl-C as shells count it (128 and the signal's number)."""
+WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
+"""Exit codes: wrong input; a flight that ended before its time; a difference or a fault found; after Ctrl-C as shells
+count it (128 and the signal's number)."""
+
+MANY_JOINTS = 50
+"""A flight of so many needs code that takes some seconds to make; the time grows with their number."""
+
+MOST_WARNINGS = 8
+"""Lines about one file: a vehicle that is wrong throughout needs no more."""
+
+SHORTER = 2.0
+"""Ratio of the physics step to a step in contact from which a line says so."""
 
 
 def say(message: str, code: int = 0) -> int:
@@ -20,23 +30,10 @@ def say(message: str, code: int = 0) -> int:
     return code
 
 
-def print_script(text: str) -> None:
-    """A program of ours for standard output, as it is: a shell reads it."""
-    print(text)
-
-
-MANY_JOINTS = 50
-"""A flight of so many needs code that takes some seconds to make; the time grows with their number."""
-
-
 def say_if_many(name: str, joints: int) -> None:
     """Say before long equations are made into code that this takes its time."""
     if joints > MANY_JOINTS:
         say(f"{name}: {joints} joints; its equations are being made into code, which may take minutes")
-
-
-MOST_WARNINGS = 8
-"""Lines about one file: a vehicle that is wrong throughout needs no more."""
 
 
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
@@ -47,15 +44,16 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
         say(f"warning: {name}: {len(lines) - MOST_WARNINGS} more numbers are unlikely")
 
 
-SHORTER = 2.0
-"""Times by which steps in contact must be shorter than those of the physics rate to be told."""
+def say_suspicious(scenario: Any) -> None:
+    """Lines before a scenario flies: many joints, numbers that are probably in other units."""
+    from skyarm.scenario.unlikely_numbers import unlikely_numbers
+
+    say_if_many(scenario.name, scenario.world.vehicle.n)
+    say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 
 def say_steps(scenario: Any) -> None:
-    """Say where a surface, an object or a gripper asks for much shorter integration steps than the physics rate.
-
-    A flight takes them by itself; what is told is only that it takes its time.
-    """
+    """Say where a surface, an object or a gripper needs much shorter integration steps than the physics rate."""
     for contact in scenario.contacts:
         what, least = min(contact.steps, key=lambda each: float(each[1]))
         step, usual = float(least), 1.0 / scenario.rates.physics

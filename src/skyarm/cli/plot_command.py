@@ -1,137 +1,101 @@
-"""What ``skyarm plot`` and ``skyarm show --drawing`` do."""
+"""``skyarm plot``: pictures of flights, and of a sweep's metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import typer
+
+from skyarm.cli.output import give, tell
+from skyarm.figures.flight_facts import flight_labels
+from skyarm.figures.flight_panels import ALL
+from skyarm.figures.flight_plot import plot as draw
+from skyarm.figures.style import picture_style
 from skyarm.files import shown, unreadable
+from skyarm.files.names import picture_file
 from skyarm.log.flight_log import Log
+from skyarm.log.formats import load_log
+from skyarm.registry import names as registered
 
 
-def is_sweep(names: Sequence[str]) -> bool:
-    """Whether a sweep's folder is to be drawn.
+def plot(
+    flights: Annotated[
+        list[str], typer.Argument(metavar="FLIGHT...", help="logs, as NAME=FILE for a name; or a sweep's folder")
+    ],
+    file: Annotated[str, typer.Option("--out", "-o", help="the picture to write: .png, .svg or .pdf")],
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            help="of flights: tracking, attitude, tip, contact, efforts, rotors, path or all; all if left out"
+        ),
+    ] = None,
+    window: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="START STOP", help="of flights: s; the whole if left out")
+    ] = None,
+    metric: Annotated[list[str] | None, typer.Option(help="of a sweep; repeat")] = None,
+    over: Annotated[
+        str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or NAME = an expression of some")
+    ] = None,
+    by: Annotated[str | None, typer.Option(metavar="NUMBER", help="of a sweep: curves for each of its values")] = None,
+    center: Annotated[str | None, typer.Option(help="of a sweep: median or mean; median if left out")] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="of a sweep: shares; 0.05 0.95 if left out")
+    ] = None,
+    style: Annotated[str, typer.Option(help="paper (a column, readable in grey) or talk (a slide)")] = "paper",
+    dark: Annotated[bool, typer.Option("--dark", help="of a talk, light on dark")] = False,
+) -> None:
+    """Draw flights, or curves of a sweep's metrics.
 
-    Raises:
-        ValueError: one line: a folder among other things.
+    Flights are drawn over each other, with references, limits of joints and rotors, gusts and faults. Of a sweep's
+    folder the --metric is drawn over a varied number: its median and a band over all else that varies, and the share
+    of episodes that were lost. An expression has + - * / ( ) and sqrt, as in --over "length = sqrt(a * a + b * b)".
     """
-    folders = [name for name in names if name and Path(name).is_dir()]
-    if folders and len(names) > 1:
+    folders = [name for name in flights if name and Path(name).is_dir()]
+    if folders and len(flights) > 1:
         raise ValueError(f"folder = {shown(folders[0])}: must stand alone; a picture is of one sweep, or of flights")
-    return bool(folders)
-
-
-def draw_flights(
-    names: Sequence[str],
-    file: str,
-    kind: str | None,
-    window: tuple[float, float] | None,
-    of_sweeps: Mapping[str, Any],
-    style: str,
-    *,
-    dark: bool,
-) -> Path:
-    """Draw flights over each other; returns the picture's path.
-
-    Raises:
-        ValueError, OSError: one line.
-    """
-    for option, value in of_sweeps.items():
+    of_sweeps = {"--metric": metric, "--over": over, "--by": by, "--center": center, "--band": band}
+    for option, value in ({"--kind": kind, "--window": window} if folders else of_sweeps).items():
         if value is not None:
-            raise ValueError(f"{option} = {shown(value)}: must come with a folder that 'skyarm sweep' wrote")
-    from skyarm.figures.flight_labels import flight_labels
-    from skyarm.figures.flight_panels import ALL
-    from skyarm.figures.flight_plot import plot
-    from skyarm.figures.picture_styles import picture_style
-    from skyarm.files.picture_names import picture_file
+            where = "logs of flights, and this is a folder" if folders else "a folder that 'skyarm sweep' wrote"
+            raise ValueError(f"{option} = {shown(value)}: must come with {where}")
+    if not folders:
+        target = picture_file(file, "--out")
+        picture_style(style, dark=dark)
+        draw(_labelled(flights), target, kind=ALL if kind is None else kind, style=style, dark=dark, window=window)
+    elif not metric or not over:
+        missing = "--over" if metric else "--metric"
+        raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
+    else:
+        from skyarm.figures.metric_figure import plot_sweep
+        from skyarm.sweep.banded_curves import BAND
 
-    target = picture_file(file, "--out")
-    picture_style(style, dark=dark)
-    given = [_label_and_file(name) for name in names]
+        target, middle = picture_file(file, "--out"), "median" if center is None else center
+        plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style, dark=dark)
+    give(picture=target)
+    tell(f"picture: {target}")
+
+
+def _labelled(names: Sequence[str]) -> dict[str, Log]:
+    """Logs by their labels: that of NAME=FILE, or one that tells the flights apart."""
+    given = []
+    for name in names:
+        label, equals, path = name.partition("=")
+        given.append((label.strip(), path) if equals and not Path(name).exists() else ("", name))
     logs = [_log(path) for _, path in given]
     usual = flight_labels(logs, [path for _, path in given])
     labels = [label or other for (label, _), other in zip(given, usual, strict=True)]
     for i, label in enumerate(labels):
         if label in labels[:i]:
             raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
-    plot(
-        dict(zip(labels, logs, strict=True)),
-        target,
-        kind=ALL if kind is None else kind,
-        style=style,
-        dark=dark,
-        window=window,
-    )
-    return target
-
-
-def _label_and_file(name: str) -> tuple[str, str]:
-    """NAME=FILE, or a file alone."""
-    label, equals, path = name.partition("=")
-    return (label.strip(), path) if equals and not Path(name).exists() else ("", name)
+    return dict(zip(labels, logs, strict=True))
 
 
 def _log(path: str) -> Log:
-    """The log of a file.
-
-    Raises:
-        ValueError: no log, with what was perhaps meant. OSError: it cannot be read.
-    """
-    from skyarm.log.formats import load_log
-    from skyarm.registry import names
-
     reason = unreadable(Path(path)) if path else "is no file"
-    if reason and Path(path).suffix.removeprefix(".") not in names("log_format"):
+    if reason and Path(path).suffix.removeprefix(".") not in registered("log_format"):
         reason = "must be a log that 'skyarm run' wrote, or a sweep's folder"
     if reason:
         raise ValueError(f"flight = {shown(path)}: {reason}")
     return load_log(path)
-
-
-def draw_sweep(
-    folder: str, file: str, asked: Mapping[str, Any], of_flights: Mapping[str, Any], style: str, *, dark: bool
-) -> Path:
-    """Draw curves of a sweep's metrics; returns the picture's path.
-
-    Raises:
-        ValueError, OSError: one line.
-    """
-    for option, value in of_flights.items():
-        if value is not None:
-            raise ValueError(f"{option} = {shown(value)}: must come with logs of flights, and this is a folder")
-    for option in ("--metric", "--over"):
-        if not asked[option]:
-            raise ValueError(f"{option}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
-    from skyarm.figures.metric_figure import plot_sweep
-    from skyarm.files.picture_names import picture_file
-    from skyarm.sweep.banded_curves import BAND
-
-    target = picture_file(file, "--out")
-    plot_sweep(
-        folder,
-        asked["--metric"],
-        asked["--over"],
-        target,
-        by=asked["--by"],
-        center="median" if asked["--center"] is None else asked["--center"],
-        band=asked["--band"] or BAND,
-        style=style,
-        dark=dark,
-    )
-    return target
-
-
-def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> Path:
-    """Draw a vehicle, all labelled; returns the picture's path.
-
-    Raises:
-        ValueError, OSError: one line.
-    """
-    from skyarm.figures.picture_files import save_picture
-    from skyarm.figures.vehicle_drawing import vehicle_drawing
-    from skyarm.files.picture_names import picture_file
-    from skyarm.vehicle.vehicle_files import load_vehicle
-
-    target = picture_file(file, "--drawing")
-    return save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)

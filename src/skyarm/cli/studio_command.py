@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import secrets
 import signal
 import threading
+import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,12 +13,13 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.app import app, tell
+from skyarm.cli.arguments import Scenario
+from skyarm.cli.output import tell
+from skyarm.studio.server import Guard, StudioError, bound, close_server, is_loopback, open_server, require_viser
 
 
-@app.command()
 def studio(
-    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")] = "case2",
+    scenario: Scenario = "case2",
     controller: Annotated[
         list[str] | None,
         typer.Option(metavar="LAW", help="a preset, a law or LAW_tuned, in place of the file's; up to three: repeat"),
@@ -35,11 +38,6 @@ def studio(
     The page lies on this machine; the address that is printed bears a token, and a tab without it is refused. What a
     hand changes in flight is saved as a scenario that 'skyarm run' flies again to the last bit.
     """
-    import secrets
-
-    from skyarm.studio.guard import Guard, is_loopback
-    from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
-
     if token is None and not is_loopback(host):
         raise StudioError(f"--host = {host!r}: must be this machine's (127.0.0.1, localhost) without a --token")
     if token is not None and not (len(token) >= 8 and token.isascii() and token.isalnum()):
@@ -49,8 +47,8 @@ def studio(
     require_viser()
     listening = bound(host, port)
     try:
+        from skyarm.studio.fleet import fleet_under
         from skyarm.studio.page import Page
-        from skyarm.studio.page_words import fleet_under
 
         fleet = fleet_under(scenario, controller or [])
         guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))
@@ -62,19 +60,12 @@ def studio(
         page = Page(server, fleet, controller or [None], Path(out), plain=plain)
         tell(f"studio: {guard.address()}")
         if not no_browser:
-            _open(guard.address())
+            threading.Thread(target=webbrowser.open, args=(guard.address(),), daemon=True).start()
         with _ended_by(page):
             page.run()
     finally:
         close_server(server)
     tell("studio: closed")
-
-
-def _open(address: str) -> None:
-    """Show the page in the user's browser, if there is one."""
-    import webbrowser
-
-    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
 @contextmanager

@@ -1,41 +1,132 @@
-"""``skyarm tune``: what it prints and writes."""
+"""``skyarm tune``: gains of a law for a vehicle, and why a loop is short of margin."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rich.console import Console
-from rich.text import Text
+import typer
 
-from skyarm.cli.lines import say_if_many, say_unlikely
-from skyarm.cli.machine_output import give
-from skyarm.cli.progress import bar, waiting
-from skyarm.cli.tune_report import plain_tuning, print_front
+from skyarm.cli.arguments import (
+    Controller,
+    Flying,
+    kind_of_file,
+    require_left_out,
+    require_within,
+    shipped,
+    words_of,
+    workers,
+)
+from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
+from skyarm.cli.output import aligned, bar, give, heading, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
-from skyarm.registry.plugins import is_law_of_file, law_of_file_name
-from skyarm.scenario.gains_file import is_gains_file
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario
+from skyarm.registry.plugins import identities, is_law_of_file, law_of_file_name
+from skyarm.scenario.controller_table import is_gains_file
+from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_numbers import unlikely_numbers
-from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 GAINS, PAGE = "tuned.toml", "tune.html"
 """Names of the file of the pick, and of the page."""
 
-FEWEST, MOST = 64, 100_000
-"""Candidates."""
+BOUNDS = {"--candidates": (64, 100_000), "--plants": (4, 1000), "--seed": (0, 2**31 - 1)}
+"""Option -> its smallest and largest value."""
 
-MOST_PLANTS = 1000
+
+def tune(
+    context: typer.Context,
+    target: Annotated[
+        str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
+    ],
+    controller: Controller = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; out/tune_... if left out")] = None,
+    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
+    plants: Annotated[int, typer.Option(help="wrong plants that each of them flies")] = 24,
+    knobs: Annotated[
+        list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")
+    ] = None,
+    explain: Annotated[bool, typer.Option("--explain", help="say what is short of margin, and tune nothing")] = False,
+    seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
+    flying: Flying = 0,
+) -> None:
+    """Find a law's gains for a vehicle; a front, a file.
+
+    The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
+    """
+    if explain:
+        searching = ("--out", "--candidates", "--plants", "--seed", "--workers")
+        require_left_out(context, searching, " beside --explain, which tunes nothing")
+        return _explain(wanted_of(target, controller), knobs)
+    for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
+        require_within(option, value, *bounds)
+    threads, wanted = workers(flying), wanted_of(target, controller)
+    from skyarm.tune.candidate_flights import shortened
+    from skyarm.tune.excitation import excited
+    from skyarm.tune.front import POINTS
+    from skyarm.tune.gain_search import Effort
+    from skyarm.tune.law_knobs import find_knobs
+    from skyarm.tune.tune_page import front_name, gains_text, tune_page
+    from skyarm.tune.tuning import Plan
+    from skyarm.tune.tuning import tune as perform
+
+    scenario = wanted.scenario
+    say_suspicious(scenario)
+    scenario.controller.require_compiled("skyarm tune")
+    flight, own = excited(scenario), excited(scenario, own_motion=True)
+    plan = Plan(
+        flight=flight,
+        check=own if wanted.has_motion else flight,
+        own=shortened(own) if wanted.has_motion else None,
+        aside=excited(scenario, unseen=True),
+        knobs=find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)),
+        effort=Effort().scaled(candidates, plants),
+        seed=seed,
+        label=wanted.label,
+    )
+    folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
+    begin = time.perf_counter()
+    with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:
+        require_writable(folder)
+        found = perform(plan, folder, threads=threads, progress=advance)
+    for i, point in enumerate(found.points):
+        write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
+    for stale in range(len(found.points), POINTS):
+        (folder / front_name(stale)).unlink(missing_ok=True)
+    write_atomically(folder / PAGE, tune_page(found).encode())
+    write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
+    _tell_front(found, time.perf_counter() - begin)
+    loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
+    flown = target if wanted.has_motion else "SCENARIO"
+    tell(
+        f"written: {folder / GAINS}; the page of the front: {folder / PAGE}",
+        f"next: skyarm run {flown}{loads} --controller {folder / GAINS}",
+    )
+    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
+    if not found.meets:
+        raise typer.Exit(NOT_COMPLETED)
+
+
+def _explain(wanted: Wanted, knobs: list[str] | None) -> None:
+    """Print which part of the loop is short of margin, and what would help."""
+    from skyarm.tune.explain import explain as look
+    from skyarm.tune.explain import plain, words
+    from skyarm.tune.law_knobs import find_knobs
+
+    scenario = wanted.scenario
+    say_suspicious(scenario)
+    scenario.controller.require_compiled("skyarm tune")
+    with waiting(f"{wanted.label} in {scenario.name}"):
+        found = look(scenario, find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)))
+    tell(heading(f"{wanted.label} in {scenario.name}"), *words(found))
+    give(plain(found), controller=wanted.label, scenario=scenario.name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What is tuned: a scenario, the words of its law, gains that a file gave it, the law's label."""
+    """Scenario of a tuning, words of its law in a file, gains that a file gave it, the law's label."""
 
     scenario: Scenario
     has_motion: bool
@@ -45,156 +136,102 @@ class Wanted:
     name: str
 
 
-def tune(
-    target: str,
-    controller: str | None,
-    out: str | None,
-    console: Console,
-    *,
-    candidates: int,
-    plants: int,
-    seed: int,
-    threads: int,
-    knobs: Sequence[str] | None,
-) -> bool:
-    """Tune, print the front, write the gains; False where no point meets the constraints.
-
-    Raises:
-        ValueError, OSError: one line.
-    """
-    for option, value, low, high in (
-        ("--candidates", candidates, FEWEST, MOST),
-        ("--plants", plants, 4, MOST_PLANTS),
-        ("--seed", seed, 0, 2**31 - 1),
-    ):
-        if not low <= value <= high:
-            raise ValueError(f"{option} = {value}: must be from {low} to {high}")
-    wanted = wanted_of(target, controller)
-    from skyarm.tune.excitation import excited
-    from skyarm.tune.front import POINTS
-    from skyarm.tune.gain_search import Effort
-    from skyarm.tune.gains_result import front_name, gains_text
-    from skyarm.tune.law_knobs import find_knobs
-    from skyarm.tune.own_motion import shortened
-    from skyarm.tune.tune_page import tune_page
-    from skyarm.tune.tuning import tune as perform
-    from skyarm.tune.tuning_records import Plan
-
-    scenario = wanted.scenario
-    say_if_many(scenario.name, scenario.world.vehicle.n)
-    say_unlikely(scenario.name, unlikely_numbers(scenario))
-    scenario.controller.require_compiled("skyarm tune")
-    flight, own = excited(scenario), excited(scenario, own_motion=True)
-    plan = Plan(
-        flight=flight,
-        check=own if wanted.has_motion else flight,
-        own=shortened(own) if wanted.has_motion else None,
-        aside=excited(scenario, unseen=True),
-        knobs=find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)),
-        effort=Effort().scaled(candidates, plants),
-        seed=seed,
-        label=wanted.label,
-    )
-    folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
-    begin = time.perf_counter()
-    with taken_back(folder), bar(f"{wanted.label} for {scenario.name}", console) as advance:
-        require_writable(folder)
-        found = perform(plan, folder, threads=threads, progress=advance)
-    for i, point in enumerate(found.points):
-        write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
-    for stale in range(len(found.points), POINTS):
-        (folder / front_name(stale)).unlink(missing_ok=True)
-    write_atomically(folder / PAGE, tune_page(found).encode())
-    write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
-    print_front(found, console, time.perf_counter() - begin)
-    console.print(f"written: {folder / GAINS}; the page of the front: {folder / PAGE}", soft_wrap=True)
-    loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
-    flown = target if wanted.has_motion else "SCENARIO"
-    console.print(f"next: skyarm run {flown}{loads} --controller {folder / GAINS}", soft_wrap=True)
-    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
-    return bool(found.meets)
-
-
-def explain(target: str, controller: str | None, knobs: Sequence[str] | None, console: Console) -> None:
-    """Print which part of the loop is short of margin, and what would help.
-
-    Raises:
-        ValueError: one line.
-    """
-    wanted = wanted_of(target, controller)
-    from skyarm.tune.explain import explain as look
-    from skyarm.tune.explanation_words import plain, words
-    from skyarm.tune.law_knobs import find_knobs
-
-    scenario = wanted.scenario
-    say_unlikely(scenario.name, unlikely_numbers(scenario))
-    scenario.controller.require_compiled("skyarm tune")
-    with waiting(f"{wanted.label} in {scenario.name}", console):
-        found = look(scenario, find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)))
-    console.print(Text(f"{wanted.label} in {scenario.name}", style="bold"))
-    for line in words(found):
-        console.print(line, soft_wrap=True)
-    give(plain(found), controller=wanted.label, scenario=scenario.name)
-
-
-def _paths(knobs: Sequence[str] | None) -> list[str] | None:
-    return None if knobs is None else [word for each in knobs for word in each.split(",") if word]
-
-
 def wanted_of(target: str, controller: str | None) -> Wanted:
-    """What is tuned for a scenario or a vehicle, by its name or file, with a law in place of its own.
+    """Scenario or vehicle by its name or file, with a law in place of its own.
 
     Raises:
         ValueError: one line.
     """
     from skyarm.tune.excitation import of_vehicle
-    from skyarm.tune.gains_result import words_of
+    from skyarm.tune.tune_page import words_of as words_of_law
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(
             f"--controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}; or a .toml file"
         )
-    if _is_vehicle(target):
+    of_a_vehicle = _is_vehicle(target)
+    if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
-        words = words_of(controller or scenario.controller.name)
+        words = words_of_law(controller or scenario.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
-        table = _document(target).get("controller", {}) if controller is None else {}
+        file = LIBRARY / f"{target}.toml" if target in shipped("scenario") else Path(target)
+        document = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}  # nothing of a log
+        table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in ("safety", "servos")}
     kept: dict[str, Any] = {}
-    file = controller if is_gains_file(controller) else words.get("tuned")
-    if is_gains_file(file):
-        path = Path(str(file)) if controller is not None else Path(target).parent / str(file)
+    tuned = controller if is_gains_file(controller) else words.get("tuned")
+    if is_gains_file(tuned):
+        path = Path(str(tuned)) if controller is not None else Path(target).parent / str(tuned)
         document = read_toml(path.read_bytes())
         words, kept = dict(document["law"]), dict(document.get("gains", {}))
     elif controller is not None:
-        words = words_of(controller)
+        words = words_of_law(controller)
     label = str(words.get("preset", words.get("law")))
-    return Wanted(
-        scenario=scenario,
-        has_motion=not _is_vehicle(target),
-        words=words,
-        kept=kept,
-        label=label,
-        name=f"{scenario.name}_{law_of_file_name(label)}",
-    )
+    name = f"{scenario.name}_{law_of_file_name(label)}"
+    return Wanted(scenario=scenario, has_motion=not of_a_vehicle, words=words, kept=kept, label=label, name=name)
 
 
 def _is_vehicle(target: str) -> bool:
     """Whether a name or file is that of a vehicle; a scenario's name comes first."""
-    if target in list_scenarios():
+    if target in shipped("scenario"):
         return False
-    if target in list_vehicles() or Path(target).suffix in (".urdf", ".xacro", ".xml"):
-        return True
-    from skyarm.files.kinds_of_files import kind_of
-
-    if Path(target).suffix != ".toml" or not Path(target).is_file():
-        return False
-    return kind_of(_document(target)) == "vehicle"
+    models = (".urdf", ".xacro", ".xml")
+    return target in shipped("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
 
 
-def _document(target: str) -> dict[str, Any]:
-    """Tables of a scenario by its name or file; nothing of a log."""
-    if target in list_scenarios():
-        return read_toml((LIBRARY / f"{target}.toml").read_bytes())
-    return read_toml(Path(target).read_bytes()) if Path(target).suffix == ".toml" else {}
+def _tell_front(found: Any, seconds: float) -> None:
+    """Print the front, then the pick and the starts on plants and a path kept aside."""
+    from skyarm.tune.tune_page import error_words
+    from skyarm.tune.tuning import ASIDE
+
+    plan, vehicle = found.plan, found.plan.flight.world.vehicle
+    error = error_words(vehicle)
+    rows: list[tuple[str, ...]] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
+    for i, point in enumerate((found.before, *found.points)):
+        mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
+        numbers = (f"{1e3 * point.tip:.3g} mm", f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}")
+        rows.append((mark, *numbers, f"{point.saturated:.1%}", *_margins(point.margins)))
+    if not vehicle.n:  # nothing of joints that there are not
+        rows = [(*row[:3], *row[4:-1]) for row in rows]
+    aside = [
+        (name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
+        for name, x in found.aside.items()
+    ]
+    tell(
+        heading(f"{plan.label} for {vehicle.name}, from calm to stiff"),
+        *aligned(rows),
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
+        f"{seconds:.0f} s",
+        f"on {ASIDE} plants and a path by which nothing was chosen:",
+        *aligned([("", error, "jitter", "lost", "meets all"), *aside]),
+    )
+    if found.pick.margins.why_none:
+        say(f"margins are not asked for: {found.pick.margins.why_none}")
+    if not found.meets:
+        say("no point meets all constraints; the pick is the one that is least short of them")
+
+
+def _margins(margins: Any) -> tuple[str, str, str]:
+    """Delay and factors in cells; dashes where there are none."""
+    if margins.why_none:
+        return "-", "-", "-"
+    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
+    return f"{1e3 * margins.delay:.3g} ms", rotors, joints
+
+
+def plain_tuning(found: Any) -> dict[str, Any]:
+    """What a tuning found, as plain data."""
+    from skyarm.tune.tune_page import about, gains_of, plain_aside, plain_point
+
+    return {
+        "controller": found.plan.label,
+        "scenario": found.plan.check.name,
+        "about": about(found),
+        "before": plain_point(found.before),
+        "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
+        "picked": found.picked,
+        "aside": {name: plain_aside(each) for name, each in found.aside.items()},
+        "meets_constraints": found.meets,
+        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
+    } | ({"plugins": identities()} if identities() else {})

@@ -1,4 +1,8 @@
-"""One cell of the comparison: an entrant flies a case under a condition; kept as a file that appears whole."""
+"""Flights of a law in a case under a condition, their metrics, and the file that holds them.
+
+A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
+episode after the other, about a thousand times slower.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,8 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,31 +23,37 @@ import numpy.typing as npt
 
 import skyarm.files as skyarm_files
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.one_by_one import METRICS, counted_metrics, fly_one_by_one
 from skyarm.compare.perturbed_plants import draw
-from skyarm.compare.suite import CASES, Case, Condition
+from skyarm.compare.suite import Case, Condition
 from skyarm.files import versions, write_atomically
 from skyarm.files.unpacked import npz_arrays
+from skyarm.log.log_columns import names_of
+from skyarm.metrics.score import score
 from skyarm.metrics.shortfall import LARGEST_ERROR
-from skyarm.records.identity import identity
-from skyarm.records.own_files import own_files
+from skyarm.records.identity import identity, own_files
 from skyarm.registry import find
 from skyarm.registry import names as registered
-from skyarm.registry.plugins import identities
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.paths import LATE
+from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run
 
 Array = npt.NDArray[Any]
+Flown = tuple[dict[str, float], str]
+"""Metrics and ending of one flight."""
 
-
-BRIEF, WIDEST = ("step", "part"), "case3_wind"
-"""Groups of entrants that meet wrong plants in one case only: their tables ask what a part buys."""
+METRICS = (
+    *(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max")),
+    *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
+    *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
+    *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+)
+"""Counted of every flight, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""
 
 ONE_BY_ONE = 8
-"""Wrong plants that a law meets whose flights fly one by one, about a thousand times slower than a batch."""
-
+"""Perturbed plants that a law meets whose flights fly one by one."""
 
 TILTED = math.radians(80.0)
 """rad: a flight that tilts further is lost, even where it comes to its end."""
@@ -63,6 +74,13 @@ class Cell:
     metrics: Mapping[str, Array]
     status: Array
 
+    @classmethod
+    def of(cls, flown: Sequence[Flown]) -> Cell:
+        """Single flights in a row; NaN where a flight lacks a metric."""
+        names = dict.fromkeys(name for row, _ in flown for name in row)
+        metrics = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
+        return cls(metrics, np.array([status for _, status in flown]))
+
     @property
     def completed(self) -> npt.NDArray[np.bool_]:
         """Which episodes flew to their end."""
@@ -82,11 +100,11 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """What fixes a cell.
+    """The flights of a cell, by names that travel to another process.
 
     Attributes:
-        entrant, case, condition: who flies what. plant: "rigid_body" or "mujoco". seed: of plants and noise.
-        one_by_one: wrong plants at most, if the episodes fly one by one.
+        entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
+        one_by_one: perturbed plants at most, if the episodes fly one by one.
     """
 
     entrant: Entrant
@@ -97,16 +115,20 @@ class Flights:
     one_by_one: int = ONE_BY_ONE
 
     @property
+    def name(self) -> tuple[str, str, str]:
+        """Condition, case, entrant."""
+        return self.condition.name, self.case.name, self.entrant.name
+
+    @property
     def label(self) -> str:
-        """Name of its file, and what a progress bar says."""
+        """Name of the cell's file, and of its line of progress; a law may be called by the path of a file."""
         plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
-        return f"{self.condition.name}__{self.case.name}__{self.entrant.name}{plant}"
+        return re.sub(r"[^\w.() -]+", "-", "__".join(self.name) + plant)
 
     def scenario(self) -> Scenario:
         """The scenario that every episode starts from."""
         built = self.condition.apply(self.case.build())
-        model = built.controller.par.model
-        controller = self.entrant.controller(model, noisy=self.condition.noisy)
+        controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
         return dataclasses.replace(built, controller=controller, plant=self.plant, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
@@ -120,36 +142,43 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """How many fly: of wrong plants the first ``one_by_one``, if they fly one by one."""
+        """How many fly: of perturbed plants the first ``one_by_one``, if they fly one by one."""
         every = self.condition.episodes
         return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
 
-    def keys(self, count: int) -> Array:
-        """Keys of the noise, one per episode."""
-        return np.arange(count)
+    def key_of_noise(self, episode: int) -> int:
+        """Key of an episode's noise."""
+        return episode
+
+    def trials(self, count: int) -> Array:
+        """Number of each episode's trial, (count,): the plant, world or seed."""
+        return np.arange(count, dtype=float)
 
     @property
     def further_metrics(self) -> tuple[str, ...]:
-        """Metrics beside those that every comparison counts."""
+        """Metrics in addition to those that every comparison counts."""
         return ()
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
         """Numbers of the episodes that fix the integration steps of all, by path."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
-    def more(self) -> Mapping[str, Any]:
-        """What else fixes the cell, beside its scenario, its spread and its windows."""
-        return {}
+
+def counted_metrics(told: Sequence[bool]) -> tuple[str, ...]:
+    """Metrics counted of a vehicle, registered user-defined ones included.
+
+    Args:
+        told: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+    """
+    return (*METRICS, *(f"tau{i + 1}_rms" for i, each in enumerate(told) if not each), *registered("metric"))
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
-    """Fly a cell; a law that cannot be traced flies one episode after the other."""
+    """Fly a cell."""
     scenario = flights.scenario()
-    values = flights.values(scenario)
-    episodes = flights.episodes(scenario)
+    values, episodes = flights.values(scenario), flights.episodes(scenario)
     if flights.alone(scenario):
-        options: dict[str, Any] = {"keys": flights.keys(episodes), "more": flights.further_metrics}
-        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows, **options))
+        return Cell.of([fly_episode(flights, k) for k in range(episodes)])
     batch = Batch(
         scenario,
         tuple(values),
@@ -158,8 +187,29 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
         stiffest=with_numbers(scenario, flights.stiffest(values)),
         effort=0 if episodes <= FEW else 2,
     )
-    found = batch.fly(values, seed=flights.seed, episodes=flights.keys(episodes), threads=threads)
+    keys = np.array([flights.key_of_noise(k) for k in range(episodes)])
+    found = batch.fly(values, seed=flights.seed, episodes=keys, threads=threads)
     return Cell(found.metrics, found.status)
+
+
+def fly_episode(flights: Flights, episode: int) -> Flown:
+    """Fly one episode of a cell by itself."""
+    log = run(episode_scenario(flights, episode))
+    setpoints = [unit is not None for unit in names_of(log).setpoints]
+    names = (*counted_metrics(setpoints), *flights.further_metrics)
+    return score(log, names, flights.case.windows), str(log.status)
+
+
+def episode_scenario(flights: Flights, episode: int) -> Scenario:
+    """One episode of a batch as a flight of its own, whose command delay becomes whole physics steps."""
+    scenario = flights.scenario()
+    numbers = {path: float(column[episode]) for path, column in flights.values(scenario).items()}
+    late, rate = numbers.pop(LATE, None), scenario.rates.physics
+    found = dataclasses.replace(with_numbers(scenario, numbers), episode=flights.key_of_noise(episode))
+    if late is None:
+        return found
+    delays = Delays(measurement=found.delays.measurement, command=round(late * rate) / rate)
+    return dataclasses.replace(found, delays=delays)
 
 
 class Cells:
@@ -173,45 +223,24 @@ class Cells:
         self.folder = folder
 
     def get(self, flights: Flights) -> Cell | None:
-        """The cell, if it is there, whole, and belongs to what would be flown today."""
-        content = self._content(flights)
-        if content is None:
-            return None
+        """The cell, if it is there, whole, and belongs to the flights as they would be flown today."""
         try:
-            held = npz_arrays(content)
+            stored = self._path(flights).read_bytes()
+            held = npz_arrays(stored[32:]) if hashlib.sha256(stored[32:]).digest() == stored[:32] else {}
             if str(held["identity"]) != key(flights):
                 return None
             metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
             status = held["status"]
-        except (ValueError, KeyError):
+        except (OSError, ValueError, KeyError):
             return None  # a checksum that fits is no proof: the folder may come from anyone
         fits = all(column.shape == status.shape and column.dtype == float for column in metrics.values())
         return Cell(metrics, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
-
-    def plugins(self, flights: Flights) -> Mapping[str, str]:
-        """Name and identity of the plugins that were loaded when a cell was flown; empty where none is there."""
-        content = self._content(flights)
-        try:
-            found = json.loads(str(npz_arrays(content or b"")["plugins"]))
-        except (ValueError, KeyError, RecursionError):
-            return {}
-        return found if isinstance(found, dict) else {}
-
-    def _content(self, flights: Flights) -> bytes | None:
-        """What a cell's file holds behind its checksum; None where it is not there or not whole."""
-        try:
-            stored = self._path(flights).read_bytes()
-        except OSError:
-            return None
-        digest, content = stored[:32], stored[32:]
-        return content if hashlib.sha256(content).digest() == digest else None
 
     def put(self, flights: Flights, cell: Cell) -> None:
         """Keep a cell behind its checksum."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
-        plugins = np.array(json.dumps(identities(), sort_keys=True))
-        np.savez_compressed(stream, identity=np.array(key(flights)), plugins=plugins, status=cell.status, **arrays)
+        np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
         content = stream.getvalue()
         write_atomically(self._path(flights), hashlib.sha256(content).digest() + content)
 
@@ -220,47 +249,28 @@ class Cells:
 
 
 def key(flights: Flights) -> str:
-    """Digest of what the numbers of a cell depend on."""
-    condition, scenario = flights.condition, flights.scenario()
+    """Digest of everything that the numbers of a cell depend on."""
+    scenario = flights.scenario()
+    values = flights.values(scenario)
     facts = {
         "versions": versions("numpy", "llvmlite"),
-        "source": source(),
-        "metrics": (*METRICS, *sorted(registered("metric"))),
+        "source": _source(),
+        "metrics": (*METRICS, *sorted(registered("metric")), *flights.further_metrics),
+        "code": own_files([find("metric", name) for name in registered("metric")]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
-        "spread": dataclasses.asdict(condition.spread) if condition.spread else None,
+        "values": {path: hashlib.sha256(column.tobytes()).hexdigest() for path, column in values.items()},
         "windows": dataclasses.asdict(flights.case.windows),
         "seed": flights.seed,
     }
-    counted = own_files([find("metric", name) for name in registered("metric")])
-    facts |= {"code": counted} if counted else {}
-    facts |= flights.more()
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 @lru_cache(maxsize=1)
-def source() -> str:
+def _source() -> str:
     """Digest of the library's own code: a formula that changed is flown again."""
     package = Path(skyarm_files.__file__).parents[1]
     found = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
         found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
     return found.hexdigest()
-
-
-def chosen(
-    entrants: Mapping[str, Entrant],
-    conditions: Mapping[str, Condition],
-    *,
-    seed: int = 0,
-    plant: str = "rigid_body",
-    one_by_one: int = ONE_BY_ONE,
-) -> list[Flights]:
-    """Every cell of a comparison, entrant by entrant."""
-    return [
-        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant, one_by_one=one_by_one)
-        for entrant in entrants.values()
-        for condition in conditions.values()
-        for case in condition.cases
-        if not condition.spread or case == WIDEST or entrant.group not in BRIEF
-    ]

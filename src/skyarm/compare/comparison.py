@@ -1,45 +1,42 @@
-"""A whole comparison into a folder: cells, results.json, tables.md, laws.png, report.html."""
+"""The comparison: every law through the paper's cases and harder ones, from perfect state to perturbed plants."""
 
 from __future__ import annotations
 
-import json
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from skyarm.compare.cells import ONE_BY_ONE, Flights, chosen
-from skyarm.compare.columns import TRACKING, value
-from skyarm.compare.comparison_page import comparison_page
-from skyarm.compare.comparison_tables import report
+from skyarm.bench.latency import flown_latency, latency
+from skyarm.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.compare.entrants import ENTRANTS, Entrant
-from skyarm.compare.fly_comparison import Progress, perform, step_times
-from skyarm.compare.suite import Condition, conditions
+from skyarm.compare.run_suite import DPI, Refused, Suite
+from skyarm.compare.suite import CASES, Condition, conditions
 from skyarm.compare.summary import pairs, table
-from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.laws import Share, laws_figure
-from skyarm.files import require_writable, write_atomically
-from skyarm.registry.plugins import identities
+from skyarm.figures.comparison_figures import Share, laws_figure
+from skyarm.figures.style import image_bytes
+from skyarm.pages import Report
 
-DPI = 160
 SUITE = "paper-suite"
-CAPTION = (
-    "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right: share of noisy wrong plants "
-    "(condition plants_noisy) on which the flight succeeds, with its interval (95 %)"
-)
-PAGE = "report.html"
 SHARE = "flights with the tip within 20 mm in the last 5 s\nnoisy wrong plants, Case 3 in wind"
 WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.startswith("ee"))
 
+BRIEF, WIDEST = ("step", "part"), "case3_wind"
+"""Groups of entrants that meet perturbed plants in one case only: their tables say what a part of a law is worth."""
+
+CALLS, SECONDS = 20_000, 30.0
+"""Control steps timed for each law that compiles; s, of the flight in which those of any other are timed."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """What flies.
+class Comparison(Suite):
+    """The suite of all laws.
 
     Attributes:
         entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
-        one_by_one: wrong plants that a law meets whose flights fly one by one.
+        one_by_one: perturbed plants that a law meets whose flights fly one by one.
     """
 
     entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
@@ -48,54 +45,58 @@ class Comparison:
     plant: str = "rigid_body"
     one_by_one: int = ONE_BY_ONE
 
+    name, file = SUITE, "results"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Laws, flights of each condition, seed and plant."""
+        flights = {name: each.episodes for name, each in self.conditions.items()}
+        return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
+
     def flights(self) -> list[Flights]:
         """Every cell, entrant by entrant."""
         options: dict[str, Any] = {"seed": self.seed, "plant": self.plant, "one_by_one": self.one_by_one}
-        return chosen(self.entrants, self.conditions, **options)
+        return [
+            Flights(entrant=entrant, case=CASES[case], condition=condition, **options)
+            for entrant in self.entrants.values()
+            for condition in self.conditions.values()
+            for case in condition.cases
+            if not condition.spread or case == WIDEST or entrant.group not in BRIEF
+        ]
+
+    def planned(self) -> tuple[list[Flights], Refused]:
+        """Every cell; no law is refused."""
+        return self.flights(), {}
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Summaries, differences from the first law, and times of a control step."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        times = step_times(self.entrants, next(iter(self.conditions.values())))
+        return {"summaries": table(named), "paired": pairs(named), "step_times": times}
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Errors and successes of all laws."""
+        return {"laws.png": comparison_picture(found, list(self.entrants))}
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Tables of every condition."""
+        return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
 
 
-def prepare(folder: Path) -> None:
-    """Make the folders of a comparison.
-
-    Raises:
-        OSError: one of them cannot be written.
-    """
-    require_writable(folder)
-    require_writable(folder / "cells")
-
-
-def fly_comparison(
-    comparison: Comparison, folder: Path, *, threads: int = 1, progress: Progress | None = None
+def step_times(
+    entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS, seconds: float = SECONDS
 ) -> dict[str, Any]:
-    """Fly what is missing of a comparison, write its files, and return the content of ``results.json``.
+    """Microseconds of one control step of each law: median and 99th percentile.
 
-    Raises:
-        NoMachineCodeError: before any flight; most laws fly in batches.
+    A law that does not compile is timed in a flight; ``solving`` are those of the steps in which it solves a problem.
     """
-    require_machine_code()
-    prepare(folder)
-    cells = perform(
-        comparison.entrants,
-        comparison.conditions,
-        folder / "cells",
-        seed=comparison.seed,
-        plant=comparison.plant,
-        one_by_one=comparison.one_by_one,
-        threads=threads,
-        progress=progress,
-    )
-    found: dict[str, Any] = {"schema": 1, "suite": SUITE, "seed": comparison.seed, "plant": comparison.plant}
-    if identities():
-        found["plugins"] = identities()
-    found["summaries"] = table(cells)
-    found["paired"] = pairs(cells)
-    found["step_times"] = step_times(comparison.entrants, next(iter(comparison.conditions.values())))
-    picture = comparison_picture(found, list(comparison.entrants))
-    write_atomically(folder / "laws.png", picture)
-    write_atomically(folder / "results.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
-    write_atomically(folder / "tables.md", report(found, comparison.entrants, comparison.conditions).encode())
-    page = comparison_page(found, comparison.entrants, comparison.conditions, {CAPTION: picture})
-    write_atomically(folder / PAGE, page.encode())
+    found: dict[str, Any] = {}
+    for name, entrant in entrants.items():
+        scenario = Flights(entrant=entrant, case=CASES["case3_wind"], condition=condition).scenario()
+        if scenario.controller.compiled:
+            found[name] = latency(scenario, calls)["compiled"]
+        else:
+            found[name] = flown_latency(dataclasses.replace(scenario, duration=seconds))
     return found
 
 

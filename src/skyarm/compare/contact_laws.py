@@ -15,7 +15,7 @@ from skyarm.compare.suite import NOISE
 from skyarm.control.controller import presses
 from skyarm.environment import ForceWind
 from skyarm.registry.shipped import TUNED as TUNED_GAINS
-from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
 

@@ -1,41 +1,117 @@
-"""Tasks in contact by many laws into a folder: cells, contact.json, contact.csv, tables.md, report.html, pictures."""
+"""The contact suite: laws do tasks that touch the world, each in many perturbed worlds."""
 
 from __future__ import annotations
 
-import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from skyarm.compare.cells import Cell
-from skyarm.compare.contact_flights import CONDITIONS, ContactFlights, contact_flights
-from skyarm.compare.contact_laws import LAWS
-from skyarm.compare.contact_page import contact_page
-from skyarm.compare.contact_pictures import require_films, write_pictures
-from skyarm.compare.contact_record import cell_record
-from skyarm.compare.contact_tables import contact_csv, contact_report
-from skyarm.compare.contact_tasks import TASKS
-from skyarm.compare.contact_worlds import about
-from skyarm.compare.fly_comparison import Progress, fly_all
-from skyarm.compile.llvm.kernel import require_machine_code
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
+from skyarm.compare.contact_laws import FLAGSHIP, LAWS, flies_its_own, scenario_of
+from skyarm.compare.contact_record import METRICS, cell_record
+from skyarm.compare.contact_report import CONDITIONS, contact_report, csv_rows
+from skyarm.compare.contact_tasks import TASKS, Task
+from skyarm.compare.contact_worlds import Worlds, draw_worlds
+from skyarm.compare.entrants import Entrant
+from skyarm.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite
+from skyarm.compare.suite import Case, Condition
 from skyarm.control.controller import ControllerError
-from skyarm.files import require_writable, write_atomically
-from skyarm.registry.plugins import identities
+from skyarm.figures.path_views import task_figure
+from skyarm.figures.style import image_bytes
+from skyarm.files import require_writable
+from skyarm.film.film_settings import FilmSettings
+from skyarm.film.make_film import make_film
+from skyarm.film.offscreen import offscreen
+from skyarm.pages import Report
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop import run
+
+Array = npt.NDArray[Any]
 
 CONTACT = "contact-suite"
 
 WORLDS, QUICK = 200, 16
-"""Wrong worlds of each task; where it is to be quick."""
+"""Perturbed worlds of each task; where it is to be quick."""
+
+FILM: Mapping[str, Any] = {"camera": "fixed", "width": 640, "height": 400, "fps": 12, "speed": 2.0, "ghost": False}
+"""Settings of a film that is small enough to stand in a report's folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactSuite:
-    """What flies.
+class ContactFlights(Flights):
+    """Flights of a law in the perturbed worlds of a task, a lane a world."""
+
+    @property
+    def task(self) -> Task:
+        """What is done."""
+        return TASKS[self.case.name]
+
+    def scenario(self) -> Scenario:
+        """The task as the law flies it."""
+        noisy = self.condition.noisy
+        return scenario_of(self.task, self.entrant.law, noisy=noisy, plant=self.plant, seed=self.seed)
+
+    def worlds(self) -> Worlds:
+        """Worlds of the whole condition, the same for every law."""
+        return worlds_of(self.case.name, self.condition.episodes, self.seed)
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers of every world, by path."""
+        count = self.episodes(scenario)
+        return {path: column[:count] for path, column in self.worlds().values.items()}
+
+    def episodes(self, scenario: Scenario) -> int:
+        """One for each world; the first ones of a law that flies one by one."""
+        every = self.condition.episodes
+        return min(self.one_by_one, every) if self.alone(scenario) else every
+
+    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
+        """The hardest surface, the stiffest friction and the lightest object: all need short steps.
+
+        Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
+        of any world needs the shortest step of all worlds, and none that is shorter.
+        """
+        found = super().stiffest(values)
+        for path, column in values.items():
+            if path.endswith(".material.stiffness"):
+                hardest = found[path] = float(column.max())
+                rough = path.removesuffix("stiffness") + "friction"
+                if rough in values:
+                    found[rough] = float((column * values[rough]).max()) / hardest
+            if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
+                found[path] = float(column.max())
+            if re.fullmatch(r"world\.objects\.\w+\.mass", path):
+                found[path] = float(column.min())
+        return found
+
+    @property
+    def further_metrics(self) -> tuple[str, ...]:
+        """Those of contact."""
+        return METRICS
+
+
+@lru_cache(maxsize=64)
+def worlds_of(task: str, count: int, seed: int) -> Worlds:
+    """Worlds of a task about the scenario as it is shipped."""
+    found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
+    for column in found.values.values():
+        np.asarray(column).setflags(write=False)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactSuite(Suite):
+    """The suite of tasks in contact.
 
     Attributes:
         laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
-            flies. one_by_one: worlds that a law meets whose flights fly one by one.
+            flies. one_by_one: worlds that a law meets whose flights fly one by one. films: of one world of each task.
     """
 
     laws: tuple[str, ...] = LAWS
@@ -43,13 +119,41 @@ class ContactSuite:
     worlds: int = WORLDS
     seed: int = 0
     plant: str = "rigid_body"
-    one_by_one: int = 8
+    one_by_one: int = ONE_BY_ONE
+    films: bool = False
 
-    def flights(self) -> tuple[list[ContactFlights], dict[str, str]]:
+    name, file = CONTACT, "contact"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Worlds, seed and plant."""
+        return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
+
+    def flights(self) -> list[ContactFlights]:
+        """Every cell, task by task."""
+        conditions = [
+            Condition(name=name, title=title, noisy=name == "noisy", episodes=self.worlds, cases=self.tasks)
+            for name, title in CONDITIONS.items()
+        ]
+        return [
+            ContactFlights(
+                entrant=Entrant(name=law, group="own", law=law),
+                case=Case(name=task, title=TASKS[task].title, scenario=task),
+                condition=condition,
+                plant=self.plant,
+                seed=self.seed,
+                one_by_one=self.one_by_one,
+            )
+            for task in self.tasks
+            for law in self.laws
+            for condition in conditions
+            if flies_its_own(TASKS[task], law)
+        ]
+
+    def planned(self) -> tuple[list[ContactFlights], dict[str, str]]:
         """Every cell, and why a law does not fly a task."""
         flown, refused = list[ContactFlights](), dict[str, str]()
-        options: dict[str, Any] = {"seed": self.seed, "plant": self.plant, "one_by_one": self.one_by_one}
-        for each in contact_flights(self.laws, self.tasks, self.worlds, **options):
+        for each in self.flights():
             try:
                 each.scenario()
                 flown.append(each)
@@ -57,72 +161,70 @@ class ContactSuite:
                 refused[f"{each.entrant.name} in {each.case.name}"] = str(error)
         return flown, refused
 
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Success, causes and numbers by task, condition and law."""
+        tasks: dict[str, Any] = {}
+        for flights, cell in zip(todo, cells, strict=True):
+            assert isinstance(flights, ContactFlights)
+            condition, name, law = flights.name
+            if name not in tasks:
+                empty: dict[str, Any] = {each: {} for each in CONDITIONS}
+                tasks[name] = {"title": flights.task.title, **flights.worlds().plain(), "conditions": empty}
+            scenario = flights.scenario()
+            tasks[name]["conditions"][condition][law] = cell_record(
+                flights.task,
+                cell,
+                weight=float(scenario.world.vehicle.mass) * float(scenario.world.gravity),
+                phases=len(scenario.trajectory.phases),
+                delays=flights.values(scenario)["delays.command"],
+            )
+        return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Fly and draw the first world of each task, and film it where that is asked for; ``shown`` names the files."""
+        found["shown"], drawn = {}, {}
+        for name, flights in shown_flights(todo).items():
+            log = run(episode_scenario(flights, 0))
+            files = {"flight": f"flights/{name}.npz", "picture": f"pictures/{name}.png"}
+            log.save_npz(folder / files["flight"])
+            drawn[files["picture"]] = image_bytes(task_figure(log), dpi=DPI)
+            if self.films:
+                files["film"] = f"films/{name}.webp"
+                make_film(log, folder / files["film"], FilmSettings(**FILM, title=flights.case.title))
+            facts = {"law": flights.entrant.name, "condition": flights.condition.name, "status": str(log.status)}
+            found["shown"][name] = facts | files
+        return drawn
+
+    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
+        """A row for each task, condition and law."""
+        return csv_rows(found)
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Successes, pictures, numbers and handles."""
+        return contact_report(found, pictures)
+
 
 def fly_contact(
-    suite: ContactSuite, folder: Path, *, threads: int = 1, films: bool = False, progress: Progress | None = None
+    suite: ContactSuite, folder: Path, *, threads: int = 1, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Fly what is missing of a suite, write the folder's files, and return the content of ``contact.json``.
-
-    Of each task one world is flown once more for its picture, and with ``films`` for a film.
+    """Fly a contact suite as :func:`skyarm.compare.run_suite.fly_suite`.
 
     Raises:
-        ValueError: no law flies any task.
-        OSError: a file cannot be written.
+        NoDisplayError: before any flight, where films are asked for and nothing can be drawn.
     """
-    require_machine_code()
-    if films:
-        require_films()
-    todo, refused = suite.flights()
-    if not todo:
-        raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
-    for name in ("flights", "pictures", *(["films"] if films else [])):
+    if suite.films:
+        with offscreen():
+            pass
+    for name in ("flights", "pictures", *(["films"] if suite.films else [])):
         require_writable(folder / name)
-    cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
-    found = contact_record(suite, todo, cells, refused)
-    found["shown"] = write_pictures(todo, folder, films=films, progress=progress)
-    write_contact(found, folder)
+    return fly_suite(suite, folder, threads=threads, progress=progress)
+
+
+def shown_flights(todo: Sequence[Flights]) -> dict[str, Flights]:
+    """By task the flights of which the first is shown: those of the first law, noisy where there are such."""
+    found: dict[str, Flights] = {}
+    for each in todo:
+        known = found.get(each.case.name)
+        if known is None or (each.entrant.name == known.entrant.name and each.condition.noisy):
+            found[each.case.name] = each
     return found
-
-
-def contact_record(
-    suite: ContactSuite,
-    todo: Sequence[ContactFlights],
-    cells: Mapping[tuple[str, str, str], Cell],
-    refused: Mapping[str, str],
-) -> dict[str, Any]:
-    """All of a suite as plain data."""
-    tasks: dict[str, Any] = {}
-    for flights in todo:
-        task, condition, law = flights.task, flights.condition.name, flights.entrant.name
-        if task.name not in tasks:
-            empty: dict[str, Any] = {name: {} for name in CONDITIONS}
-            tasks[task.name] = {"title": task.title, **about(flights.worlds()), "conditions": empty}
-        scenario = flights.scenario()
-        weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
-        cell = cells[condition, task.name, law]
-        phases = len(scenario.trajectory.phases)
-        tasks[task.name]["conditions"][condition][law] = cell_record(
-            task, cell, weight, phases, flights.values(scenario)["delays.command"]
-        )
-    found: dict[str, Any] = {"schema": 1, "suite": CONTACT, "seed": suite.seed, "plant": suite.plant}
-    found |= {"worlds": suite.worlds, "laws": list(suite.laws)}
-    if identities():
-        found["plugins"] = identities()
-    return found | {"not_flown": dict(refused), "tasks": tasks}
-
-
-def write_contact(found: Mapping[str, Any], folder: Path) -> None:
-    """Write every file of the folder but its cells."""
-    write_atomically(folder / "contact.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
-    write_atomically(folder / "contact.csv", contact_csv(found).encode())
-    write_atomically(folder / "tables.md", contact_report(found).encode())
-    write_atomically(folder / "report.html", contact_page(found, _pictures(found, folder)).encode())
-
-
-def _pictures(found: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
-    """PNG of each task that has one."""
-    return {name: (folder / told["picture"]).read_bytes() for name, told in found.get("shown", {}).items()}
-
-
-SAID = ("worlds", "seed", "plant")
-"""What a suite and its record have in common."""

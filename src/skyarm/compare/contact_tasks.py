@@ -1,22 +1,16 @@
-"""Tasks of the contact suite: a shipped scenario each, what of its world is wrong, and what counts as a success.
-
-What counts as a success was fixed before anything flew. Bounds that the rotors or the push do not allow are narrower;
-they were set by counting the discarded worlds, which needs no flight. The magnet was made stronger after a flight:
-
-* where the tip slides sideways, friction turns the vehicle. Of 1 N on the paper's arm (0.21 m) half the yaw torque
-  holds a friction of 0.27: such tasks meet 0.1 to 0.28;
-* wind is at most half the push: a push of 1 N meets up to 0.6 N of it, one of 5 N and what has no push 2 N.
-"""
+"""Tasks of the contact suite (``library/contact_tasks.toml``), and the bounds of what is perturbed in their worlds."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
+from typing import Any
 
 Range = tuple[float, float]
 
 FRICTION: Range = (0.1, 0.8)
-SIDEWAYS_FRICTION: Range = (0.1, 0.28)
 STIFFNESS: Range = (500.0, 1e5)
 """N/m, drawn by its logarithm."""
 
@@ -83,60 +77,15 @@ class Task:
     stands: float | None = None
 
 
-LIGHT = 0.6
-"""N of wind at most beside a push of 1 N."""
+def _plain(value: Any) -> Any:
+    """An array of a file as a tuple."""
+    return tuple(value) if isinstance(value, list) else value
+
 
 TASKS: Mapping[str, Task] = {
-    task.name: task
-    for task in (
-        Task(
-            name="press_and_hold", title="press 1 N and hold", push=1.0, face=0.092, wind=LIGHT, tilts=True,
-            materials=("surfaces.wall",), held=True,
-        ),
-        Task(
-            name="slide_up", title="slide 30 cm up, 5 N", push=5.0, face=0.05, tilts=True,
-            materials=("surfaces.mast",), held=True,
-        ),
-        Task(
-            name="slide_circle", title="slide round a circle, 1 N", push=1.0, face=0.092, wind=LIGHT, tilts=True,
-            materials=("surfaces.wall",), friction=SIDEWAYS_FRICTION, sideways=True, held=True,
-        ),
-        Task(
-            name="write_on_wall", title="write a letter, 1 N", push=1.0, face=0.092, wind=LIGHT, tilts=True,
-            materials=("surfaces.wall",), friction=SIDEWAYS_FRICTION, sideways=True, held=True,
-        ),
-        Task(
-            name="push_button", title="push a button", push=1.5, face=0.052, wind=0.9, tilts=True,
-            materials=("surfaces.wall", "mechanisms.button"), angle=0.003,
-        ),
-        Task(
-            name="open_door", title="push a door open, 55 deg", push=1.0, face=0.092, wind=LIGHT,
-            materials=("mechanisms.door",), friction=SIDEWAYS_FRICTION, sideways=True,
-            hinge=("mechanisms.door", 0.2600, 0.5, 0.0), angle=0.9599,
-        ),
-        Task(
-            name="pull_door", title="pull a door open by its handle, 55 deg", grip="hand", drags="door",
-            hinge=("mechanisms.door", 0.0, -0.8, 0.0), angle=0.9599,
-        ),
-        Task(
-            name="turn_valve", title="turn a valve by its lever, 80 deg", grip="hand", drags="valve",
-            hinge=("mechanisms.valve", 0.0, -0.106066, -0.106066), angle=1.3963,
-        ),
-        Task(
-            name="peg_in_hole", title="peg in a hole, 90 % deep", push=1.0, normal=(0.0, 0.0, 1.0), face=0.03,
-            wind=LIGHT, materials=("surfaces.plate",), friction=SIDEWAYS_FRICTION, sideways=True, depth=0.773,
-        ),
-        Task(
-            name="pick_and_carry", title="pick, carry, place within 10 mm", object="box",
-            materials=("surfaces.table",), place=(0.6, 0.0),
-        ),
-        Task(
-            name="carry_in_wind", title="carry 1 m through wind, place within 10 mm", object="box",
-            materials=("surfaces.table",), place=(1.2, 0.0),
-        ),
-        Task(
-            name="perch_on_shelf", title="land on a shelf and stand", materials=("surfaces.shelf",), stands=0.1,
-        ),
-    )
-}  # fmt: skip
+    row["name"]: Task(**{key: _plain(value) for key, value in row.items()})
+    for row in tomllib.loads((resources.files("skyarm.compare") / "library" / "contact_tasks.toml").read_text("utf-8"))[
+        "tasks"
+    ]
+}
 """By name, in the order of the tables."""

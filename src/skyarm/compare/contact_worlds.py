@@ -9,12 +9,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.assess.joint_torques import effort_limits
+from skyarm.assess.joints import effort_limits
 from skyarm.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
 from skyarm.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
 from skyarm.scalars.philox import uniforms
@@ -48,6 +47,11 @@ class Worlds:
     def discarded(self) -> float:
         """Share of the drawn worlds that was discarded."""
         return 1.0 - len(next(iter(self.values.values()))) / self.drawn
+
+    def plain(self) -> dict[str, int]:
+        """Numbers of worlds."""
+        count = len(next(iter(self.values.values())))
+        return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
 
 
 def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
@@ -166,9 +170,3 @@ def _even(bounds: tuple[float, float], share: Array) -> Array:
 def _log(bounds: tuple[float, float], share: Array) -> Array:
     low, high = (math.log(each) for each in bounds)
     return np.exp(low + (high - low) * share)
-
-
-def about(worlds: Worlds) -> dict[str, Any]:
-    """What is printed of worlds."""
-    count = len(next(iter(worlds.values.values())))
-    return {"worlds": count, "drawn": worlds.drawn, "discarded": worlds.drawn - count}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
+from importlib import resources
 from typing import Any
 
 from skyarm.compare.suite import DELAY
@@ -13,29 +14,18 @@ from skyarm.control.catalogue import (
     HUMMINGBIRD,
     LAWS,
     PRESETS,
-    full_name,
     make_controller,
     make_tuned,
     preset,
     suitable_options,
 )
 from skyarm.control.controller import Controller
-from skyarm.control.model import Model
+from skyarm.control.model import Model, Terms
 from skyarm.registry.plugins import law_of_file_name
 from skyarm.registry.registrations import SHIPPED, registrations
 
-NOTHING: Mapping[str, Any] = MappingProxyType({})
-
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
 """Every step of the ladder flies with the paper's gains: what changes is the law."""
-
-ABLATIONS: Mapping[str, Mapping[str, Any]] = {
-    "without observer": {"observer": (1e-3, 1e-3, 1e-3, 1e6), "measured_rates": 1.0, "trim_rate": 0.0},
-    "without continuation": {"continuation": 0.0},
-    "without lag inversion": {"lag_inversion": 0.0},
-    "without rotor trim": {"trim_rate": 0.0},
-}
-"""The centroidal law without one of its parts; without an observer it takes the velocities of the sensors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +42,9 @@ class Entrant:
     name: str
     group: str
     law: str
-    options: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
-    perfect: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
-    noisy: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    perfect: Mapping[str, Any] = field(default_factory=dict)
+    noisy: Mapping[str, Any] = field(default_factory=dict)
     tuned: bool = False
     told: bool = True
 
@@ -73,69 +63,6 @@ class Entrant:
         return LAWS[PRESETS[self.law].law if self.law in PRESETS else self.law].title
 
 
-def _all() -> tuple[Entrant, ...]:
-    """Everyone, in the order of the tables."""
-    steps = ("ct_coupled_thrust", "ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation")
-    published = (
-        *("bulut2019", "guo2023", "li2024"),
-        *("kim2013", "l1_adaptive", "l1_adaptive_lateral", "indi"),
-    )
-    own = "centroidal"
-    gains: Mapping[str, Any] = {"perfect": {"preset": "stiff"}, "noisy": {"preset": "adaptive"}}
-    return (
-        Entrant(name="paper_pd", group="paper", law="paper_pd"),
-        Entrant(name="paper_ct", group="paper", law="paper_ct"),
-        Entrant(name="ct_level_gravity", group="step", law="ct_level_gravity", options=PAPER_GAINS),
-        *(Entrant(name=name, group="step", law=name, options=PAPER_GAINS) for name in (*steps, "ct_lag_inversion")),
-        Entrant(name="paper_pd (tuned)", group="published", law="decoupled_pd", tuned=True),
-        Entrant(name="paper_ct (tuned)", group="published", law="hybrid_computed_torque", tuned=True),
-        Entrant(name="ct_lag_inversion (tuned)", group="published", law="ct_lag_inversion", tuned=True),
-        *(Entrant(name=name, group="published", law=name, tuned=True) for name in published),
-        Entrant(name="learned_compensator", group="published", law="learned_compensator", tuned=True),
-        Entrant(name="nmpc", group="published", law="nmpc"),
-        Entrant(name="nmpc (tuned)", group="published", law="nmpc", tuned=True),
-        Entrant(
-            name="centroidal_joint",
-            group="centroidal",
-            law="centroidal",
-            options={"mode": "joint"},
-            **gains,
-        ),
-        Entrant(name="centroidal_tip", group=own, law="centroidal", options={"mode": "tip"}, **gains),
-        *(
-            Entrant(
-                name=f"centroidal_tip {name}",
-                group="part",
-                law="centroidal",
-                options={"mode": "tip", **without},
-                **gains,
-            )
-            for name, without in ABLATIONS.items()
-        ),
-        Entrant(
-            name="centroidal_tip without prediction",
-            group="part",
-            law="centroidal",
-            options={"mode": "tip"},
-            **gains,
-            told=False,
-        ),
-        Entrant(
-            name="centroidal_tip without adaptation",
-            group="part",
-            law="centroidal",
-            options={"mode": "tip", "adaptation": 0.0, "friction_adaptation": 0.0},
-            **gains,
-        ),
-    )
-
-
-def entrant_name(name: str) -> str:
-    """The entrant's own name where it is given by an alias or an old name of its controller ("exact_ee (tuned)")."""
-    law, space, rest = name.partition(" ")
-    return f"{full_name(law)}{space}{rest}"
-
-
 def own_entrant(law: str) -> Entrant | None:
     """A registered law of someone's own as an entrant, with its own gains; None for any other name."""
     row = registrations("law").get(law)
@@ -144,4 +71,19 @@ def own_entrant(law: str) -> Entrant | None:
     return Entrant(name=law_of_file_name(law), group="own", law=law)
 
 
-ENTRANTS: Mapping[str, Entrant] = {each.name: each for each in _all()}
+def _entrant(row: dict[str, Any]) -> Entrant:
+    """A row of the file; an array is a tuple."""
+    options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
+    if "without" in options:
+        options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))
+    gains = PAPER_GAINS if row.pop("paper_gains", False) else {}
+    return Entrant(options={**gains, **options}, **row)
+
+
+ENTRANTS: Mapping[str, Entrant] = {
+    row["name"]: _entrant(row)
+    for row in tomllib.loads((resources.files("skyarm.compare") / "library" / "entrants.toml").read_text("utf-8"))[
+        "entrants"
+    ]
+}
+"""By name, in the order of the tables."""

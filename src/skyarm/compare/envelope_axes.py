@@ -10,11 +10,10 @@ from typing import Any
 
 from skyarm.compare import envelope_motions as motions
 from skyarm.compare import envelope_trials as trials
-from skyarm.compare.envelope_plants import PLANTS, WIDEST, swinging
 from skyarm.compare.envelope_setting import Setting
-from skyarm.compare.envelope_trials import AGE, Numbers
+from skyarm.compare.envelope_trials import AGE, PLANTS, WIDEST, Numbers, swinging
 from skyarm.compare.suite import NOISE
-from skyarm.scenario.places import LATE
+from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario
 
 TIP, OVERSHOOT = "ee_error_mean_continuous", "x_error_max_continuous"
@@ -37,7 +36,7 @@ class Axis:
         values: for the paper's vehicle, SI; the largest change of the trial last.
         build: scenario of a value, its law that of the setting.
         numbers: path -> number of a value, where values are data of one scenario; None where each is a scenario.
-        plants: a value is how wrong plants are, and each is flown by many (:mod:`skyarm.compare.envelope_plants`).
+        plants: a value is the width of a spread of plants, and many fly each.
         share: of the values that the setting's vehicle is given.
         shown: factor from SI to the unit.
         noisy: sensor noise and a measurement that is 5 ms old, of which the law is told.
@@ -58,11 +57,6 @@ class Axis:
     start: float = DISTURBED
     metric: str = TIP
     torques: bool = False
-
-    @property
-    def batched(self) -> bool:
-        """Whether values are data of one scenario."""
-        return self.plants or self.numbers is not None
 
     def of(self, setting: Setting) -> tuple[float, ...]:
         """Values for a vehicle, SI."""

@@ -1,7 +1,8 @@
-"""What the flights of an envelope say, as plain data: where each law is good, where it ends, what is violated."""
+"""Results of an envelope as plain data: where each law is good, where it is lost, what is violated."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from skyarm.compare.cells import Cell
 from skyarm.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
-from skyarm.compare.envelope_plants import NEAR, point_of_plants
 from skyarm.compare.envelope_setting import Setting
 
 FLAGSHIP = "centroidal_tip"
@@ -26,6 +26,9 @@ LEVELS = (0.010, 0.100)
 
 MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
 """Key of a point -> metric, m, s and rad."""
+
+NEAR = 0.020
+"""m: a plant whose tip stays within this all through its window counts as held; the README's success."""
 
 OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
 """The same of an axis of wrong plants."""
@@ -59,6 +62,28 @@ def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
 
 def _finite(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def point_of_plants(flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """One point from those of a value's plants.
+
+    It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
+    is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
+    """
+    kept = [each for each in flights if not each["lost"]]
+    found: dict[str, Any] = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside")}
+    found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
+    gone = [each["status"] for each in flights if each["lost"]]
+    held = sum(each["tip_max"] <= NEAR for each in kept)
+    counts = {"of": len(flights), "held": held, "lost": len(gone)}
+    each = [{"judged": one["judged"], "lost": one["lost"]} for one in flights]
+    return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
+
+
+def _over(flights: Sequence[Mapping[str, Any]], key: str, how: Any) -> float | None:
+    numbers = [each[key] for each in flights if each[key] is not None]
+    found = float(how(numbers)) if numbers else math.nan
+    return found if math.isfinite(found) else None
 
 
 def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:

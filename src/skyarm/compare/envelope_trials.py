@@ -5,13 +5,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
-from skyarm.actuation.lagged_torque import LaggedTorque
+import numpy.typing as npt
+
+from skyarm.actuation.drive import LaggedTorque
 from skyarm.compare import envelope_motions as motions
-from skyarm.compare.envelope_setting import Setting
+from skyarm.compare.envelope_setting import PAPER, Setting
+from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.suite import NOISE
-from skyarm.scenario.scenario_parts import Delays, JointDrive
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.compare.vehicle_spread import fitted_damping, spread_of
+from skyarm.environment import ForceWind
+from skyarm.records.leaves import walk
+from skyarm.scenario.scenario_record import Delays, JointDrive, Scenario
 
 SLOW = (0.3, 0.15)
 """m, m/s: circle of the trials of delay, lag, payload and noise."""
@@ -20,6 +26,7 @@ FALLING = 3.2 - 1.0
 """The lag of falling rotors grows to 3.2 times where that of rising ones grows to four (12.5/25 to 50/80 ms)."""
 
 Numbers = Mapping[str, float]
+Array = npt.NDArray[Any]
 
 AGE = 0.005
 """s, of a measurement where there is noise."""
@@ -168,3 +175,39 @@ def louder_sensors(setting: Setting, times: float) -> Scenario:
         NOISE, **{path.removeprefix("sensors."): n for path, n in noise_numbers(times).items()}
     )
     return dataclasses.replace(slow_circle(setting), sensors=louder, delays=Delays(measurement=AGE))
+
+
+PLANTS = 24
+"""Of every value. The same ones at every value and for every law, further from the belief as the value grows."""
+
+WIDEST = 2.0
+"""Times the README's spread: the last value."""
+
+
+def swinging(setting: Setting, times: float) -> Scenario:
+    """All joints swing by 0.5 rad at 1 Hz in hover; the plant is drawn, its commands late by what no law knows."""
+    flown = motions.arm_swing(setting, 0.5, 1.0)
+    return dataclasses.replace(flown, wind=ForceWind(), delays=Delays(longest_command=WIDEST * Spread().delay))
+
+
+def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
+    """Numbers of the plants of a value, by path; the first ones do not depend on how many there are.
+
+    Args:
+        setting: vehicle.
+        scenario: of :func:`swinging`; its truth is the middle of the spread.
+        times: width of the spread over that of the README.
+        count: plants.
+        seed: key.
+    """
+    if setting.vehicle == PAPER:
+        return draw(scenario, widened(Spread(), times), count, seed=seed)
+    spread, _ = spread_of(setting.truth, float(scenario.world.gravity), Spread().delay)
+    return fitted_damping(scenario, spread, draw(scenario, widened(spread, times), count, seed=seed))
+
+
+def widened(spread: Spread, times: float) -> Spread:
+    """A spread so many times as wide."""
+    low, high = spread.thrust
+    shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
+    return Spread(**shares, thrust=(low * times, high * times))

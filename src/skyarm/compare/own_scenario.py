@@ -1,31 +1,26 @@
-"""Laws side by side on a scenario of one's own, flown as its file describes it, on any plant."""
+"""Laws side by side on a user's scenario, flown as its file describes it, on any plant."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from skyarm.compare.cells import Cell, Flights
-from skyarm.compare.columns import BASE, JOINT, TOOL
-from skyarm.compare.comparison_tables import DASH, markdown, number, title_of
+from skyarm.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.fly_comparison import Progress, fly_all
+from skyarm.compare.run_suite import Refused, Suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.compare.summary import pairs, table
 from skyarm.control.catalogue import require_different
-from skyarm.files import write_atomically
+from skyarm.files import versions
+from skyarm.pages import DASH, Report, Section, Table, number
 from skyarm.registry import names
-from skyarm.registry.plugins import identities
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.own_code_trials import try_own_code
 
 OWN = "own"
 """The scenario's own law, which flies first."""
@@ -43,92 +38,86 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
     ("rotor jitter, rad/s", "rotor_jitter", 1.0),
     ("largest tilt, deg", "tilt_max", 57.29577951308232),
 )
-"""Head, metric, factor from SI to the unit of the head; metrics of one's own follow in SI."""
+"""Head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GivenFlights(Flights):
-    """Flights of a scenario as ``skyarm run FILE --controller LAW`` flies it, one for each number of its noise.
-
-    Attributes:
-        controller: in place of the file's; None for its own.
-    """
-
-    controller: str | None = None
-
-    @property
-    def label(self) -> str:
-        """Name of its file: a law may be called by the path of a file."""
-        return re.sub(r"[^\w.() -]+", "-", super().label)
+    """Flights of a scenario as ``skyarm run FILE --controller LAW`` flies it, one for each number of its noise."""
 
     def scenario(self) -> Scenario:
         """The scenario that every episode starts from."""
-        found = load_scenario(self.case.scenario, plant=self.plant, controller=self.controller)
+        law = None if self.entrant.name == OWN else self.entrant.law
+        found = load_scenario(self.case.scenario, plant=self.plant, controller=law)
         return dataclasses.replace(found, seed=self.seed)
 
 
-def own_flights(scenario: str, laws: Sequence[str] | None, *, plant: str, seeds: int, seed: int) -> list[GivenFlights]:
-    """Cells of a comparison on a scenario.
+@dataclass(frozen=True, kw_only=True)
+class OwnScenario(Suite):
+    """The suite of laws on one scenario.
 
-    Args:
-        scenario: file or name of a shipped one.
-        laws: that fly after the scenario's own, any controllers; left out: :data:`LAWS`.
-        plant: that flies.
-        seeds: flights of each law, where the scenario has noise or chance in it; else one.
+    Attributes:
+        scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
+        plant: that flies. seeds: flights of each law, where the scenario has noise or chance in it; else one.
         seed: of the noise.
-
-    Raises:
-        ScenarioError: no such scenario, or a law that is none.
-        ControllerError: two names of one law.
     """
-    named = [law for law in (LAWS if laws is None else laws) if law != OWN]
-    require_different(named, "--laws")
-    own = load_scenario(scenario, plant=plant)
-    case = Case(name=own.name, title=own.title, scenario=scenario)
-    title = "the scenario as its file describes it"
-    episodes = seeds if any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own)) else 1
-    condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
-    chosen: dict[str, str | None] = {OWN: None, **{name: name for name in named}}
-    found = [
-        GivenFlights(
-            entrant=Entrant(name=name, group="own", law=name),
-            case=case,
-            condition=condition,
-            plant=plant,
-            seed=seed,
-            controller=controller,
+
+    scenario: str
+    laws: Sequence[str] = LAWS
+    plant: str = "rigid_body"
+    seeds: int = 8
+    seed: int = 0
+
+    file = "results"
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Of the scenario."""
+        return self.planned()[0][0].case.name
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Seed and plant."""
+        return {"seed": self.seed, "plant": self.plant}
+
+    def planned(self) -> tuple[list[GivenFlights], Refused]:
+        """A cell for each law.
+
+        Raises:
+            ScenarioError: no such scenario, or a law that is none.
+            ControllerError: two names of one law.
+        """
+        named = [law for law in self.laws if law != OWN]
+        require_different(named, "--laws")
+        own = load_scenario(self.scenario, plant=self.plant)
+        case = Case(name=own.name, title=own.title, scenario=self.scenario)
+        by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
+        title = "the scenario as its file describes it"
+        episodes = self.seeds if by_chance else 1
+        condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
+        options: dict[str, Any] = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
+        entrants = [Entrant(name=name, group="own", law=name) for name in (OWN, *named)]
+        return [GivenFlights(entrant=each, **options) for each in entrants], {}
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Summaries, and differences from the first law."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        return {"summaries": table(named), "paired": pairs(named)}
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """One table: a row per law, means over the flights that came to their end."""
+        (case, laws), *_ = found["summaries"][AS_GIVEN].items()
+        columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
+        rows = []
+        for law, each in laws.items():
+            spreads = [(each["metrics"].get(metric), factor) for _, metric, factor in columns]
+            cells = [DASH if spread is None else number(spread["mean"], factor) for spread, factor in spreads]
+            rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
+        head = ["law", ">completed", *(f">{title}" for title, _, _ in columns)]
+        return Report(
+            title=f"{title_of(list(laws))}, {case} on {found['plant']}",
+            facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",
+            sections=[
+                Section(name="Means over the flights that came to their end", tables=[Table(head=head, rows=rows)])
+            ],
         )
-        for name, controller in chosen.items()
-    ]
-    for each in found:
-        try_own_code(each.scenario())
-    return found
-
-
-def fly_own(
-    flights: Sequence[GivenFlights], folder: Path, *, threads: int = 1, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Fly what is missing of a comparison, write results.json and tables.md, and return what the former holds."""
-    cells: dict[tuple[str, str, str], Cell] = fly_all(flights, folder / "cells", threads=threads, progress=progress)
-    first = flights[0]
-    found: dict[str, Any] = {"schema": 1, "suite": first.case.name, "seed": first.seed, "plant": first.plant}
-    found |= {"plugins": identities(), "summaries": table(cells), "paired": pairs(cells)}
-    write_atomically(folder / "results.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
-    write_atomically(folder / "tables.md", own_report(found).encode())
-    return found
-
-
-def own_report(found: dict[str, Any]) -> str:
-    """One table: a row per law, means over the flights that came to their end."""
-    (case, laws), *_ = found["summaries"][AS_GIVEN].items()
-    columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
-    rows = []
-    for law, each in laws.items():
-        cells = [_mean(each["metrics"].get(metric), factor) for _, metric, factor in columns]
-        rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
-    head = ["law", "completed", *(title for title, _, _ in columns)]
-    return f"# {title_of(list(laws))}, {case} on {found['plant']}\n\n{markdown(head, rows)}\n"
-
-
-def _mean(spread: dict[str, Any] | None, factor: float) -> str:
-    return DASH if spread is None else number(spread["mean"] * factor)

@@ -13,7 +13,7 @@ from skyarm.environment import ForceWind
 from skyarm.metrics.windows import Window, Windows
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
 
 NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
 """White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""

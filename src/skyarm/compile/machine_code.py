@@ -9,7 +9,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from skyarm.files.floors import FLOORS, below_floor, installed
+from skyarm.files import needs_extra
+from skyarm.files.packages import FLOORS, below_floor, installed
 
 NAME = "llvmlite"
 
@@ -56,3 +57,8 @@ def _words(error: Exception) -> str:
         f"no machine code here ({cause}): needs {NAME} {FLOORS[NAME]} or newer{there}; "
         f"python -m pip install --upgrade {NAME}"
     )
+
+
+def missing_extra(extra: str) -> ImportError:
+    """Error for a library that is not installed; names the extra that brings it."""
+    return ImportError(needs_extra(extra))

@@ -2,14 +2,12 @@
 
 from skyarm.contact.carrier import CarriedFrame, Carrier
 from skyarm.contact.contact import Contact, ContactMemory
-from skyarm.contact.contact_point import ContactPoint
+from skyarm.contact.contact_point import ContactPoint, Touch
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.contact.gripper import Command, Grip, Gripper
 from skyarm.contact.material import Material
-from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.mechanism_effort import Detent, MechanismMotion
+from skyarm.contact.mechanism import Detent, Mechanism, MechanismMotion
 from skyarm.contact.surface import Surface
-from skyarm.contact.touch import Touch
 
 __all__ = [
     "CarriedFrame",

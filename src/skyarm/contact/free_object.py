@@ -6,7 +6,7 @@ and for other objects; with its own corners, rims or as a ball it touches the su
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Annotated, Any
@@ -14,14 +14,13 @@ from typing import Annotated, Any
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
 from skyarm.contact.carrier import CarriedFrame, Carrier, Spot
 from skyarm.contact.material import Material
-from skyarm.contact.shape_mass import largest_mobility, uniform_moments
 from skyarm.contact.surface import SHAPES, Surface
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, divide, minimum, sqrt
+from skyarm.scalars import Scalar, absolute, add, data, divide, maximum, minimum, mul, sqrt
 
 SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
 """Shapes of an object: those that have an end, and no hollow."""
@@ -226,3 +225,89 @@ class FreeObject(Carrier):
 def _data(vector: Vec3) -> Vec3:
     """Zeros of structure as data: what a memory holds may change."""
     return Vec3(*(data(c) for c in vector))
+
+
+def uniform_moments(shape: str, size: Sequence[Any], mass: Any) -> Vec3:
+    """Principal moments of a box, cylinder or sphere of uniform density about its middle, kg m^2."""
+    if shape == "sphere":
+        moment = 0.4 * mass * size[0] * size[0]
+        return Vec3(moment, moment, moment)
+    if shape == "cylinder":
+        radius, length = size
+        across = mass * (radius * radius / 4.0 + length * length / 12.0)
+        return Vec3(across, across, 0.5 * mass * radius * radius)
+    x, y, z = (each * each for each in size)
+    return Vec3(mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0)
+
+
+def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, moments: Vec3) -> Any:
+    """1/kg, of the easiest contact.
+
+    Args:
+        shape: box, cylinder or sphere.
+        size: of it, m.
+        com: centre of mass, seen from the middle, m.
+        mass: kg.
+        moments: about the centre of mass, kg m^2.
+    """
+    least = minimum(minimum(moments.x, moments.y), moments.z)
+    if shape == "sphere":
+        return 1.0 / mass + _reach(size[0], com) / least
+    if shape == "cylinder":
+        radius, half = size[0], 0.5 * size[1]
+        halves, stands = (radius, radius, half), 1.5 * radius * radius
+        faces = [
+            _face(3, stands, stands, com.x, com.y, mass, moments.x, moments.y),
+            _face(2, 2.0 * half * half, 0, com.z, com.x, mass, moments.z, moments.x),
+            _face(2, 2.0 * half * half, 0, com.z, com.y, mass, moments.z, moments.y),
+        ]
+    else:
+        halves = tuple(0.5 * each for each in size)
+        faces = [
+            _face(4, 4.0 * halves[a] * halves[a], 4.0 * halves[b] * halves[b], com[a], com[b], mass, moments[a],
+                  moments[b])
+            for a, b in ((0, 1), (1, 2), (2, 0))
+        ]  # fmt: skip
+    found = faces[0]
+    for each in (*faces[1:], *(1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least for i, half in enumerate(halves))):
+        found = maximum(found, each)
+    return found
+
+
+def _reach(distance: Any, com: Vec3) -> Any:
+    """Square of the largest distance of the skin from the centre of mass, m^2."""
+    away = distance
+    for each in com:
+        away = add(away, _size(each))
+    return away * away
+
+
+def _face(
+    count: int, spread_a: Any, spread_b: Any, off_a: Any, off_b: Any, mass: Any, moment_a: Any, moment_b: Any
+) -> Any:
+    """Bound of the mobility of a face of ``count`` contacts in the axes a and b, 1/kg.
+
+    Args:
+        count: of contacts.
+        spread_a: sum of squares of their places along a about the middle, m^2.
+        spread_b: the same along b.
+        off_a: of the centre of mass along a, m.
+        off_b: the same along b.
+        mass: kg.
+        moment_a: about the centre of mass and the axis a, kg m^2.
+        moment_b: the same about b.
+    """
+    # a place along b tilts about a
+    sink = count / mass
+    about_a = add(spread_b, mul(count * 1.0, mul(off_b, off_b))) / moment_a
+    about_b = add(spread_a, mul(count * 1.0, mul(off_a, off_a))) / moment_b
+    with_a = mul(_size(off_b), count / sqrt(mass * moment_a))
+    with_b = mul(_size(off_a), count / sqrt(mass * moment_b))
+    both = mul(mul(_size(off_a), _size(off_b)), count / sqrt(moment_a * moment_b))
+    rows = (add(add(sink, with_a), with_b), add(add(about_a, with_a), both), add(add(about_b, with_b), both))
+    return maximum(maximum(rows[0], rows[1]), rows[2])
+
+
+def _size(value: Any) -> Any:
+    """|value|; a structural zero stays one."""
+    return 0 if type(value) is int and value == 0 else absolute(value)

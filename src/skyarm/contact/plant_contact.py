@@ -1,8 +1,8 @@
 """Contact whose forces the plant finds by itself: the world's bodies, their grasps, and what the plant said of touches.
 
-On a plant with an own contact solver the formulas of :mod:`skyarm.contact.touch` do not apply. The plant moves the
-bodies of the world, and writes after every control period into the memory what each of the vehicle's points felt; logs
-and sensors of force read it there. Grippers and the inner efforts of mechanisms stay ours.
+On a plant with an own contact solver the formulas of :mod:`skyarm.contact.contact_point` do not apply. The plant moves
+the bodies of the world, and writes after every control period into the memory the forces on each of the vehicle's
+points; logs and sensors of force read them there. Grippers and the inner efforts of mechanisms stay ours.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact.carrier import Carrier
 from skyarm.contact.contact import Contact, ContactMemory
+from skyarm.contact.contact_point import wrenches_on
 from skyarm.contact.free_object import FreeObject
-from skyarm.contact.grasps import UNCHANGED
+from skyarm.contact.gripper import UNCHANGED
 from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.moving_points import wrenches_on
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.component import Wrench
 from skyarm.records.leaves import field_names

@@ -19,7 +19,7 @@ from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
-from skyarm.records.blend import blend
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt
@@ -29,7 +29,7 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActuatorParameters:
-    """Constants of a law on real actuators: the belief with its servos and thrust tables, and the law's own constants.
+    """Constants of a law on real actuators: the model with its servos and thrust tables, and the law's own constants.
 
     Attributes:
         model: belief. mixer: its rotors.
@@ -56,12 +56,12 @@ class ActuatorMemory:
 
 
 def has_tables(model: Model) -> bool:
-    """Whether a rotor of the believed vehicle has a thrust table."""
+    """Whether a rotor of the model has a thrust table."""
     return any(rotor.table is not None for rotor in model.vehicle.rotors)
 
 
 def plain_model(model: Model) -> Model:
-    """The belief as a law knows it: rotors of k_f W^2 in place of tables, at speeds that give the same thrust."""
+    """The model of the inner law: rotors of k_f W^2 in place of tables, at speeds that give the same thrust."""
     if not has_tables(model):
         return model
     rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
@@ -109,7 +109,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     if servos and not model.vehicle.drives:
         raise ControllerError("servos = true: the believed vehicle must carry drives ([drives.JOINT] of its file)")
     drives = believed_drives(model) if servos else ()
-    law = partial(actuator_law, inner=controller.law, name=controller.name, compiled=controller.compiled, servos=servos)
+    law = partial(actuator_law, inner=checked_law(controller), servos=servos)
     return dataclasses.replace(
         controller,
         law=law,
@@ -127,12 +127,12 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
 
 
 def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
-    """Memories of believed drives, which settle where the joints are in the first period."""
+    """Memories of the modelled drives, which settle where the joints are in the first period."""
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
 
 def with_believed_queues(controller: Controller, control_period: float) -> Controller:
-    """The law with believed drives at rest in its first memory, whose numbers may have changed since it was made."""
+    """The law with the modelled drives at rest in its first memory; their numbers may have changed meanwhile."""
     memory = controller.memory
     if not isinstance(memory, ActuatorMemory) or not memory.drives:
         return controller
@@ -141,12 +141,12 @@ def with_believed_queues(controller: Controller, control_period: float) -> Contr
 
 
 def inner_parameters(par: ActuatorParameters) -> Any:
-    """Constants of the law inside, with the belief that it knows."""
+    """Constants of the inner law, with its model."""
     return dataclasses.replace(par.inner, model=plain_model(par.model), mixer=par.mixer)
 
 
 def believed_drives(model: Model) -> tuple[Any, ...]:
-    """The drive of each joint as the belief has it."""
+    """The modelled drive of each joint."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
     return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
 
@@ -159,16 +159,13 @@ def actuator_law(
     *,
     par: ActuatorParameters,
     inner: Law,
-    name: str,
-    compiled: bool,
     servos: bool,
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the law ``inner``; its command as the actuators take it."""
     own, rotors = inner_parameters(par), par.model.vehicle.rotors
-    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
     turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
     told = dataclasses.replace(measurement, rotor_speeds=turning)
-    following, command = law(memory.inner, told, reference, dt, par=own)
+    following, command = inner(memory.inner, told, reference, dt, par=own)
     speeds = tuple(
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
@@ -226,13 +223,13 @@ def effort_at_rest(drive: Any, effort: Any, acceleration: Any, dt: float) -> Any
 
 
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Any, ...]:
-    """Angles of the rotors that tilt, rad: measured, else believed by the law that turns them, else at rest."""
+    """Angles of the rotors that tilt, rad: measured, else estimated by the law that turns them, else at rest."""
     inner = memory.inner
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
 
 
 def _accelerations(model: Model, measurement: Measurement, angles: Sequence[Any], efforts: Any) -> tuple[Any, ...]:
-    """Joint accelerations of the believed vehicle under torques and the thrust of its rotors, in calm air."""
+    """Joint accelerations of the model under torques and the thrust of its rotors, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
     torque, force = rotor_thrust(turned(vehicle, angles), measurement.rotor_speeds)
     rows = zip(vehicle.links, efforts, rates, strict=True)

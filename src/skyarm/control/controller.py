@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.files.old_names import old_attributes
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.leaves import is_record
@@ -68,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those inside layers, which stand in ``inner``, with the belief that they share."""
+    """Constants of a law; those inside layers, which stand in ``inner``, with the model that they share."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -112,25 +111,30 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     return dataclasses.replace(updated, applied=_applied(desired, sent)) if hasattr(memory, "applied") else updated
 
 
+def part_of(record: Any, name: str) -> Any:
+    """A part of a law's constants or memory by its name, inside whatever layers; None of a law without it."""
+    own = innermost(record)
+    return getattr(getattr(own, "parts", own), name, None)
+
+
 def presses(par: Any) -> bool:
-    """Whether a law, inside whatever layers, answers the contact that a reference asks for."""
-    return getattr(innermost(par), "interaction", None) is not None
+    """Whether a law, inside any layers, controls the contact that a reference requests."""
+    return part_of(par, "interaction") is not None
 
 
 def senses_force(par: Any) -> bool:
-    """Whether a law, inside whatever layers, is to be told by a force sensor at the tip."""
-    own = innermost(par)
-    return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
+    """Whether a law, inside any layers, uses a force sensor at the tip."""
+    return any(getattr(part_of(par, part), "senses", False) for part in ("interaction", "admittance"))
 
 
 def senses_torque(par: Any) -> bool:
-    """Whether the sensor is to tell a law the torque about the tip, too."""
-    return bool(getattr(getattr(innermost(par), "admittance", None), "senses_torque", False))
+    """Whether the law also uses the sensor's torque about the tip."""
+    return bool(getattr(part_of(par, "admittance"), "senses_torque", False))
 
 
 def learns_load(par: Any) -> bool:
-    """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
-    return hasattr(getattr(innermost(par), "load", None), "limit")
+    """Whether a law, inside any layers, estimates the load that a reference announces."""
+    return hasattr(part_of(par, "load"), "limit")
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
@@ -145,6 +149,3 @@ def _applied(desired: Command, sent: Command) -> tuple[Any, ...]:
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
     joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))
     return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
-
-
-__getattr__ = old_attributes(__name__, {"informed": "with_applied_command", "all_obeyed": "all_applied"})

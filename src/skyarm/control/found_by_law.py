@@ -1,4 +1,4 @@
-"""What laws find out while they fly, for the log."""
+"""Online estimates of laws, for the log."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.lag_estimate import lags_found
-from skyarm.control.controller import innermost
+from skyarm.control.controller import part_of
+from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.records.leaves import is_record
 
 
@@ -18,7 +18,7 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
     the tip), and of its ``inertia.moments`` (kg m^2), where it has them. Any other field of this name is the law's own
     affair.
     """
-    load: Any = getattr(innermost(memory), "load", ())
+    load: Any = part_of(memory, "load")
     found = {"lag_found": lags_found(memory)}
     if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
         found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}

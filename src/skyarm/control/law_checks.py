@@ -1,4 +1,4 @@
-"""What a law of someone's own must be and give; each mistake is one line that names the law, its file and its line.
+"""Checks of a user-defined law and of its results; each mistake is one line with the law's file and line.
 
 Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
 function stands elsewhere, in a plugin, another package or a script, is someone's own.
@@ -11,6 +11,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from enum import Enum
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from skyarm.compile.tracing.float_trial import OUTSIDE
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
 from skyarm.files import shown
-from skyarm.files.code_place import own_code, place_of, place_of_error
+from skyarm.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import is_record, named_parts, pairs
 from skyarm.scalars import data
@@ -85,14 +86,7 @@ def check_controller(controller: Controller) -> None:
         raise wrong(controller, f"has the constants {shown(par)}: par must be a frozen dataclass with a field 'model'")
     if not isinstance(getattr(par, "model", None), Model):
         raise wrong(controller, f"has constants without a Model: {type(par).__name__}.model must be the believed one")
-    if controller.compiled:
-        _check_memory(controller, controller.memory, "memory")
-
-
-def _check_memory(controller: Controller, memory: Any, path: str) -> None:
-    """Refuse a first memory that a program cannot keep."""
-    words = memory_mistake(memory, path)
-    if words:
+    if controller.compiled and (words := memory_mistake(controller.memory, "memory")):
         raise wrong(controller, f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words)
 
 
@@ -113,42 +107,75 @@ def _kept_mistake(value: Any, path: str) -> str | None:
 
 
 def checked_law(controller: Controller) -> Law:
-    """The law, looked at whenever it is called; a shipped law as it is.
+    """The law with a check of each result; a shipped law as it is.
 
-    What is wrong raises LawError. An error of the law's own code passes as it is.
+    A wrong result raises LawError. An error of the law's own code passes as it is.
     """
-    if not is_own(controller):
-        return controller.law
-    law, vehicle = controller.law, controller.par.model.vehicle
+    law = controller.law
+    if not is_own(controller) or getattr(law, "func", None) is _checked:
+        return law
+    vehicle = controller.par.model.vehicle
     counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
-
-    def checked(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
-        try:
-            result = law(memory, measurement, reference, dt, par=par)
-        except (TypeError, AttributeError, RecordError) as error:
-            mistake = _mistake(controller, error)
-            if mistake is None:
-                raise
-            raise mistake from error
-        following, command = _pair(controller, result)
-        if controller.compiled and (found := difference(memory, following, "memory")):
-            raise wrong(controller, f"changes the structure of its memory: {found}")
-        return following, _whole(controller, command, counts)
-
-    return checked
+    return partial(_checked, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
 
 
-def _mistake(controller: Controller, error: Exception) -> LawError | None:
-    """What an error says of a law that is traced; None for an error of its own."""
-    found = mistake_in(error)
-    if found is None:
-        return None
-    words = f"{found}, {AS_FLOATS}" if found.startswith(TRACED) else found
-    return wrong(controller, words, place_of_error(error))
+def _checked(
+    memory: Any,
+    measurement: Any,
+    reference: Any,
+    dt: Any,
+    *,
+    par: Any,
+    law: Law,
+    name: str,
+    compiled: bool,
+    counts: Mapping[str, int],
+) -> tuple[Any, Command]:
+    """One step of a law, its result looked at."""
+
+    def fault(words: str, place: str = "") -> LawError:
+        return LawError(f"{place or place_of(law)}: law {name!r} {words}")
+
+    try:
+        result = law(memory, measurement, reference, dt, par=par)
+    except (TypeError, AttributeError, RecordError) as error:
+        found = mistake_in(error)
+        if found is None:
+            raise
+        words = f"{found}, {AS_FLOATS}" if found.startswith(TRACED) else found
+        raise fault(words, place_of_error(error)) from error
+    if not isinstance(result, tuple) or len(result) != 2:
+        raise fault(f"returns {kind_of(result)}: {RETURNS}")
+    following, command = result
+    if not isinstance(command, Command):
+        order = isinstance(following, Command)
+        pair = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
+        raise fault(f"returns {pair}: {RETURNS}{', in this order' if order else ''}")
+    if compiled and (change := difference(memory, following, "memory")):
+        raise fault(f"changes the structure of its memory: {change}")
+    for field, count in counts.items():
+        if mistake := _field_mistake(field, getattr(command, field), count):
+            raise fault(mistake)
+    given = {field: getattr(command, field) for field in counts}
+    if any(type(value) is int for values in given.values() for value in values):
+        command = dataclasses.replace(command, **{field: tuple(map(data, values)) for field, values in given.items()})
+    return following, command
+
+
+def _field_mistake(field: str, values: Any, count: int) -> str | None:
+    """Why a field of a command is wrong, in words; angles of rotors that tilt may be left out."""
+    if not isinstance(values, tuple):
+        return f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers"
+    if len(values) != count and (values or field not in MAY_BE_EMPTY):
+        return f"gives {len(values)} {field}: must be {count}, one for each {ONE_FOR[field]}"
+    for i, value in enumerate(values):
+        if not (type(value) is int or _is_number(value)):
+            return f"gives {field}[{i}] as {kind_of(value)}: must be a number"
+    return None
 
 
 def mistake_in(error: Exception) -> str | None:
-    """What an error says of traced code of someone's own, in words; None for an error that is not ours to explain."""
+    """Explanation of an error of traced user-defined code; None for an error of the code itself."""
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -166,38 +193,8 @@ def mistake_in(error: Exception) -> str | None:
     return None
 
 
-def _pair(controller: Controller, result: Any) -> tuple[Any, Command]:
-    """Memory and command."""
-    if not isinstance(result, tuple) or len(result) != 2:
-        raise wrong(controller, f"returns {kind_of(result)}: {RETURNS}")
-    memory, command = result
-    if not isinstance(command, Command):
-        order = isinstance(memory, Command)
-        found = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
-        raise wrong(controller, f"returns {found}: {RETURNS}{', in this order' if order else ''}")
-    return memory, command
-
-
-def _whole(controller: Controller, command: Command, counts: Mapping[str, int]) -> Command:
-    """The command, each of its numbers data; angles of rotors that tilt may be left out."""
-    for field, count in counts.items():
-        values = getattr(command, field)
-        if not isinstance(values, tuple):
-            raise wrong(controller, f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers")
-        if len(values) != count and (values or field not in MAY_BE_EMPTY):
-            raise wrong(controller, f"gives {len(values)} {field}: must be {count}, one for each {ONE_FOR[field]}")
-        for i, value in enumerate(values):
-            if not (type(value) is int or _is_number(value)):
-                raise wrong(controller, f"gives {field}[{i}] as {kind_of(value)}: must be a number")
-    given = {field: getattr(command, field) for field in counts}
-    if any(type(value) is int for values in given.values() for value in values):
-        held = {field: tuple(data(value) for value in values) for field, values in given.items()}
-        return dataclasses.replace(command, **held)
-    return command
-
-
 def difference(example: Any, record: Any, path: str) -> str | None:
-    """Where a record has another structure than the example, in words; None where they have the same."""
+    """The first difference between the structures of two records, in words; None where they are the same."""
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
@@ -214,7 +211,7 @@ def _is_number(value: Any) -> bool:
 
 
 def kind_of(value: Any) -> str:
-    """What a value is, in a few words."""
+    """Kind of a value, in a few words."""
     if value is None or isinstance(value, (int, str)):
         return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"
     if isinstance(value, tuple):
@@ -239,7 +236,7 @@ def check_maker(maker: Callable[..., Any], name: str, options: dict[str, Any]) -
 
 
 def made_by(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Any:
-    """What a maker makes; an error of its own code passes as it is.
+    """Call a maker; an error of its own code passes as it is.
 
     Raises:
         LawError: a record or a controller that cannot be: one line.

@@ -1,4 +1,4 @@
-"""A law of someone's own tried before it flies, as floats beside its program: nothing of it is frozen unseen."""
+"""Trial of a user-defined law: floats against its traced program, so that nothing is frozen unseen."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
 
 
 def _require_numbers(controller: Controller, instant: Any, command: Sequence[float]) -> None:
-    """Refuse a first command that is not finite though all that the law was told is."""
+    """Refuse a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return
     vehicle = controller.par.model.vehicle
@@ -62,7 +62,7 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
 
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
-    """What a vehicle measures that drifts a little from where it is."""
+    """Measurements of a vehicle that drifts a little."""
     return [
         dataclasses.replace(drifted(first, k), time=float(first.time) + k * period) if k else drifted(first, 0)
         for k in range(PERIODS)
@@ -80,5 +80,5 @@ def drifted(record: Any, k: int) -> Any:
 
 
 def level(blank: Measurement, gravity: float) -> Measurement:
-    """What a vehicle at rest and level measures, for a law that is tried without a flight; gravity in m/s^2."""
+    """Measurement of a vehicle at rest and level; gravity in m/s^2."""
     return dataclasses.replace(blank, specific_force=Vec3(0.0, 0.0, gravity))

@@ -1,4 +1,4 @@
-"""What a controller believes and how hard it pulls."""
+"""Model and gains of a controller."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Model:
-    """The controller's belief: a vehicle and gravity (m/s^2). Never the truth."""
+    """The controller's model: a vehicle and gravity (m/s^2). Never the truth."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2")] = 9.81
@@ -119,7 +119,7 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parameters:
-    """All constants of a law: belief, gains, mixer, choices.
+    """All constants of a law: model, gains, mixer, choices.
 
     Attributes:
         friction_compensation: of the paper's laws, the share of each joint's believed friction that its torque gives

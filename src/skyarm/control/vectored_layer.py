@@ -10,8 +10,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm.actuation import Command, Mixer, allocation_matrix
-from skyarm.actuation.rotor_pairs import Force, as_pairs, forces_of_pairs, speeds_of_pairs
-from skyarm.actuation.tilting import angles_after, turned
+from skyarm.actuation.tilting import Force, angles_after, as_pairs, forces_of_pairs, speeds_of_pairs, turned
 from skyarm.algebra import inner_product, ldl_solve
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
@@ -43,7 +42,7 @@ angles at which thrusts give none of it ask for none."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredParameters:
-    """Constants of a law on rotors that tilt: the belief with its servos, and the law's own constants.
+    """Constants of a law on rotors that tilt: the model with its servos, and the law's own constants.
 
     Attributes:
         model: belief. mixer: of the pairs of fixed rotors that the law knows.
@@ -81,7 +80,7 @@ def law_inside(controller: Controller) -> Controller:
 
 
 def own_parameters(par: VectoredParameters) -> Any:
-    """Constants of the law inside, with the belief that it knows."""
+    """Constants of the inner law, with its model."""
     return dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
 
 
@@ -94,7 +93,7 @@ def turns_rotors(controller: Controller) -> bool:
 
 
 def pairs_model(model: Model) -> Model:
-    """The belief as a law knows it: two fixed rotors for each that tilts."""
+    """The model of the inner law: two fixed rotors for each that tilts."""
     return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))
 
 
@@ -116,7 +115,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
     if not vehicle.tilts:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt")
     rest = (0.0,) * len(vehicle.tilts)
-    law = partial(vectored_law, inner=controller.law, name=controller.name, compiled=controller.compiled)
+    law = partial(vectored_law, inner=checked_law(controller))
     return dataclasses.replace(
         controller,
         law=law,
@@ -131,7 +130,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
 
 
 def _lead(rotor: Rotor, tilt: Tilt) -> float:
-    """How far ahead a servo is told to go: its angle then lags as the rotor's speed does, as the law reckons."""
+    """Lead of a servo's setpoint, with which its angle lags as the rotor's speed does."""
     return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
 
 
@@ -157,17 +156,14 @@ def vectored_law(
     *,
     par: VectoredParameters,
     inner: Law,
-    name: str,
-    compiled: bool,
 ) -> tuple[VectoredMemory, Command]:
     """One step of the law ``inner``, which knows pairs of fixed rotors; its command as speeds and angles."""
     vehicle = par.model.vehicle
     own = own_parameters(par)
-    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
     angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
     told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
-    following, command = law(memory.inner, told, reference, dt, par=own)
+    following, command = inner(memory.inner, told, reference, dt, par=own)
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
     goals = goal_angles(par.model, forces, memory.goals, dt)
     setpoints = tuple(
@@ -187,7 +183,7 @@ def vectored_law(
 
 
 def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Measured angles, rad; the believed servos' where there are none, and in place of one that is no finite number."""
+    """Measured angles, rad; the modelled servos' where there are none, and in place of one that is not finite."""
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
@@ -195,7 +191,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[An
 
 
 def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Any) -> tuple[Any, ...]:
-    """Angles of the wanted forces, rad; one next to nothing, whose direction says little, moves its angle slowly."""
+    """Angles of the desired forces, rad; a force near zero, whose direction is noise, moves its angle slowly."""
     vehicle = model.vehicle
     total: Any = 0.0
     for each in vehicle.rotors:
@@ -212,7 +208,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: 
 
 
 def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any]) -> list[Any]:
-    """Squared speeds whose torque and thrust are the wanted forces' while the rotors stand at ``angles``.
+    """Squared speeds whose torque and thrust are the desired forces' while the rotors stand at ``angles``.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may

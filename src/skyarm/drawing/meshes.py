@@ -20,41 +20,37 @@ BLADE = (0.12, 0.02)
 """Width and height of a rotor's blade, shares of its radius."""
 
 
-def mesh_of(shape: Shape) -> tuple[Array, Faces]:
+def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
     """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
 
     Args:
         shape: any of :data:`skyarm.drawing.shapes`; one with a mesh whose file is there is that.
+        around: corners of a circle.
 
     Raises:
         ValueError: a kind of shape that there is not.
     """
-    own = own_mesh(shape)
+    own, size = own_mesh(shape), shape.size
+    arc = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)]
     if own is not None:
         vertices, faces = own
     elif shape.kind in ("sphere", "ellipsoid"):
-        axes = shape.size * 3 if shape.kind == "sphere" else shape.size
-        vertices, faces = _revolved([(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, math.pi, AROUND // 2 + 1)])
-        vertices = vertices * np.array(axes)
+        vertices, faces = _revolved([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
+        vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
     elif shape.kind == "cylinder":
-        radius, length = shape.size
-        rim = [(0.0, -0.5), (1.0, -0.5), (1.0, 0.5), (0.0, 0.5)]
-        vertices, faces = _revolved([(radius * r, length * z) for r, z in rim])
+        radius, half = size[0], 0.5 * size[1]
+        vertices, faces = _revolved([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
     elif shape.kind == "capsule":
-        radius, length = shape.size
-        lower = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, 5)]
-        profile = [(radius * r, radius * z - 0.5 * length) for r, z in lower]
-        vertices, faces = _revolved([*profile, *((r, -z) for r, z in reversed(profile))])
+        lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
+        vertices, faces = _revolved([*lower, *((r, -z) for r, z in reversed(lower))], around)
     elif shape.kind == "box":
-        vertices, faces = _box(np.array(shape.size))
+        vertices, faces = _box(np.array(size))
     elif shape.kind == "hole":
-        radius, depth, chamfer, outer, length = shape.size
-        plate = [(0.0, -length), (outer, -length), (outer, 0.0)]
-        vertices, faces = _revolved(
-            [*plate, (radius + chamfer, 0.0), (radius, -chamfer), (radius, -depth), (0.0, -depth)]
-        )
+        radius, depth, chamfer, outer, length = size
+        plate = [(0.0, -length), (outer, -length), (outer, 0.0), (radius + chamfer, 0.0)]
+        vertices, faces = _revolved([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
     elif shape.kind == "patch":
-        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*shape.size, 0.0]
+        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*size, 0.0]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
     else:
         allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
@@ -86,16 +82,15 @@ def _box(half: Array) -> tuple[Array, Faces]:
     return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
 
 
-def _revolved(profile: list[tuple[float, float]]) -> tuple[Array, Faces]:
+def _revolved(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
     """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
-    angles = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
-    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)], axis=1)
+    angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])
-    k = np.arange(AROUND)
-    following = (k + 1) % AROUND
-    faces = []
-    for row in range(len(profile) - 1):
-        low, high = row * AROUND, (row + 1) * AROUND
+    k = np.arange(around)
+    following, faces = (k + 1) % around, []
+    for low in range(0, (len(profile) - 1) * around, around):
+        high = low + around
         faces.append(np.stack([low + k, low + following, high + following], axis=1))
         faces.append(np.stack([low + k, high + following, high + k], axis=1))
     return vertices, np.concatenate(faces)

@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 Vector = tuple[float, float, float]
+
+RGBA = tuple[float, float, float, float]
+"""Red, green, blue, opacity, from 0 to 1."""
 
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -43,12 +53,36 @@ class Shape:
     mesh: str = ""
 
 
+SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
+OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A shape in the world at N instants.
+
+    Attributes:
+        shape: kind and size.
+        position: (N, 3) of its origin in the world, m. rotation: (N, 3, 3), its axes to the world's.
+        rgba: colour.
+    """
+
+    shape: Shape
+    position: Array
+    rotation: Array
+    rgba: RGBA = SURFACE
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is elsewhere at any later instant."""
+        return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
+
+
 def between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
     """A capsule or cylinder from one point of a body to another."""
-    along = tuple(b - a for a, b in zip(start, end, strict=True))
-    centre = tuple(0.5 * (a + b) for a, b in zip(start, end, strict=True))
-    length = math.hypot(*along)
-    return Shape(name, role, kind, body, (radius, length), _vector(centre), turn_onto(_vector(along)))
+    along = floats(b - a for a, b in zip(start, end, strict=True))
+    centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))
+    return Shape(name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along))
 
 
 def turn_onto(axis: Vector) -> Matrix:
@@ -65,6 +99,7 @@ def turn_onto(axis: Vector) -> Matrix:
     return ((1.0 - k * x * x, -k * x * y, x), (-k * x * y, 1.0 - k * y * y, y), (-x, -y, z))
 
 
-def _vector(values: tuple[float, ...]) -> Vector:
+def floats(values: Iterable[Any]) -> Vector:
+    """Three concrete numbers as floats."""
     x, y, z = values
-    return (x, y, z)
+    return (float(x), float(y), float(z))

@@ -6,7 +6,7 @@ import math
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.drawing.meshes import own_mesh
-from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
+from skyarm.drawing.shapes import Shape, Vector, between, floats, turn_onto
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 
@@ -42,12 +42,12 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
             shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
         if link.joint.kind == "revolute":
             half = 0.07 * reach
-            axis = _floats(link.joint.axis)
-            ends = (_scaled(axis, -half), _scaled(axis, half))
+            axis = floats(link.joint.axis)
+            ends = (floats(-half * c for c in axis), floats(half * c for c in axis))
             shapes.append(between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
     if vehicle.end_effector:
         tip = vehicle.frame()
-        shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), _floats(tip.position)))
+        shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), floats(tip.position)))
     return tuple(shapes)
 
 
@@ -55,12 +55,12 @@ def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZE
     """Ball of a payload (kg) about its centre of mass (m, axes of the frame), at a frame or the end effector."""
     at = vehicle.frame(frame or None)
     radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
-    return Shape("payload", "payload", "sphere", at.link, (radius,), _floats(at.position + at.rotation.apply(com)))
+    return Shape("payload", "payload", "sphere", at.link, (radius,), floats(at.position + at.rotation.apply(com)))
 
 
 def rotor_radius(vehicle: Vehicle) -> float:
     """Radius of the discs, m: neighbours leave each other a tenth of their distance, or half the longest boom."""
-    hubs = [_floats(rotor.position) for rotor in vehicle.rotors]
+    hubs = [floats(rotor.position) for rotor in vehicle.rotors]
     apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
     longest = 0.5 * longest_boom(vehicle)
     # coaxial pairs are closer than their discs are wide
@@ -70,17 +70,17 @@ def rotor_radius(vehicle: Vehicle) -> float:
 
 def longest_boom(vehicle: Vehicle) -> float:
     """Distance of the farthest rotor from the base, m; LEAST_REACH without rotors: the scale of every shape."""
-    return max((math.hypot(*_floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
+    return max((math.hypot(*floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
 
 
 def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
     shapes = []
     radius = rotor_radius(vehicle)
     for rotor in vehicle.rotors:
-        hub = _floats(rotor.position)
+        hub = floats(rotor.position)
         if math.hypot(*hub) > 1e-6:
             shapes.append(between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
-        disc, axis = (radius, 0.02 * reach), turn_onto(_floats(rotor.axis))
+        disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
         shapes.append(Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis))
     return shapes
 
@@ -94,23 +94,14 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
         ends = [("com", vehicle.moving[body].body.com)]
     rods = []
     for carried, end in ends:
-        if math.hypot(*_floats(end)) > 1e-6:
-            rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, _floats(end)))
+        if math.hypot(*floats(end)) > 1e-6:
+            rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)))
     return rods
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:
     """A link's mesh as its file has it."""
-    a, b, c = (_floats(Vec3(*row)) for row in look.rotation.rows)
+    a, b, c = (floats(row) for row in look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
-    return Shape(name, role, "mesh", look.link, _floats(look.scale), _floats(look.position), (a, b, c), look.file)
-
-
-def _floats(v: Vec3) -> Vector:
-    return (float(v.x), float(v.y), float(v.z))
-
-
-def _scaled(v: Vector, by: float) -> Vector:
-    x, y, z = v
-    return (by * x, by * y, by * z)
+    return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)

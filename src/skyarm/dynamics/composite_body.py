@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
-from skyarm.dynamics.followers import every_joint, onto_leaders
-from skyarm.dynamics.kinematics import joint_direction
+from skyarm.dynamics.kinematics import every_joint, joint_direction, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.scalars import add
 from skyarm.vehicle.linkage import BASE

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
-from skyarm.dynamics.followers import every_joint, every_rate, onto_leaders
-from skyarm.dynamics.kinematics import Pose, joint_direction
+from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, joint_direction, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.scalars import add, mul
 from skyarm.vehicle.linkage import BASE, Joint

@@ -1,8 +1,6 @@
 """Environments for learning, in the conventions of Gymnasium 1.x (the extra ``gym``), as fast as the engine."""
 
 from skyarm.env.action_kinds import ACTIONS, Actions, RatesAndThrust, References, Residual, RotorsAndJoints
-from skyarm.env.env_views import Result, Sight
-from skyarm.env.make_jax import make_jax
 from skyarm.env.observed_quantities import (
     OBSERVED,
     Attitude,
@@ -13,12 +11,14 @@ from skyarm.env.observed_quantities import (
     LastAction,
     Observed,
     PositionError,
+    Result,
+    Sight,
     SpecificForce,
     TipError,
     VelocityError,
 )
 from skyarm.env.policy_law import as_law, network
-from skyarm.env.registered_environments import register
+from skyarm.env.registered_environments import make_jax, register
 from skyarm.env.reward_terms import (
     REWARDS,
     ActionChange,

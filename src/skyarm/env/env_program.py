@@ -19,9 +19,8 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.env.env_task import Task
-from skyarm.env.env_views import Result, Sight
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.records.blend import blend
+from skyarm.env.observed_quantities import Result, Sight
+from skyarm.records.leaves import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
 from skyarm.scenario.endings import Divergence
@@ -29,10 +28,10 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
-from skyarm.simulate.period import Begun, after_period, issue
-from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.period import Measured, act, measure
+from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
@@ -86,9 +85,7 @@ class EnvProgram:
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.controller.par.model.vehicle)
-        stiff = task.randomised.stiffest
-        around = first_surroundings(stiff, first_loop_state(stiff))
-        self._plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        self._plant = rigid_body_plant(task.randomised.stiffest)
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self._ratio = scenario.rates.control // scenario.rates.reference
@@ -141,19 +138,18 @@ class EnvProgram:
         loop, row = now.loop, self._row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop.components, loop.drives, row.time)
-        begun = Begun(loop.alive, loop.components, around, stages.acting(loop.queue), None)
         nothing: Any = None
         read = Readings(sensors=loop.sensors, estimate=loop.estimate, readings=(), measurement=nothing)
-        found = issue(stages, loop, begun, read, memory, command, loop.clock)
+        measured = Measured(loop.components, around, stages.acting(loop.queue), None, read)
         plant = RigidBodySteps(stages, self._plant.substeps)
-        moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        flown = act(stages, plant, loop, measured, memory, command, loop.clock)
+        sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
-        state: State = blend(found.alive > 0.5, moved, loop.state)
-        # its endings are told beside it, and a period that ends an episode counts
-        flown = after_period(stages, begun, found, state, coupled)
-        flown = dataclasses.replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
+        state: State = blend(sent > 0.5, flown.state, loop.state)
+        # endings are told beside the loop, and a period that ends an episode counts
+        flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
         coming = self._row(stages.scenario, flown.ticks)
-        ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), found.alive)
+        ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measured(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
         result = Result(
@@ -215,13 +211,9 @@ class EnvProgram:
 
     def _measured(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
         """Surroundings and sensors of the period that comes next."""
-        components, around = stages.surround(now.components, now.drives, now.state, row.time, draws)
-        acting = stages.acting(now.queue)
-        force = RigidBodySteps(stages, self._plant.substeps).specific_force(now.state, acting, around)
-        pushes = stages.pushes(around, now.state)
-        read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, draws, pushes)
-        following = dataclasses.replace(now, components=components, sensors=read.sensors, estimate=read.estimate)
-        return following, read.measurement
+        found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
+        memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
+        return dataclasses.replace(now, **memories), found.read.measurement
 
     def _seen(self, measurement: Any) -> tuple[Any, ...]:
         numbers = leaves(measurement)

@@ -16,8 +16,8 @@ from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_arguments import require_rigid_body
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.lane_numbers import require_rigid_body
+from skyarm.simulate.user_code import require_shapes
 
 PRECISIONS = ("single", "double", "bit_exact")
 
@@ -86,7 +86,7 @@ def make_task(
     else:
         # a law that is not asked ends no episode where it is not defined
         flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None), pause=None)
-    try_own_code(flown, law=kind.asks_law)
+    require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm)
     if not rewarded:
         raise ScenarioError(f"reward = {shown(reward)}: must have at least one term")

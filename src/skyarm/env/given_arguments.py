@@ -1,4 +1,4 @@
-"""What an environment is given at each call, looked at before anything flies."""
+"""Checks of the arguments of environments: counts, actions, options and seeds."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.simulate.lane_arguments import require_count
+from skyarm.simulate.lane_numbers import require_count
 
 MOST_LANES = 1_000_000
 """Episodes that fly together at most: some hundreds of numbers each, so that this asks for gigabytes already."""
@@ -78,3 +79,34 @@ def require_arguments(given: Mapping[str, Any], make: Callable[..., Any], *also:
         if name not in known:
             meant = did_you_mean(name, known)
             raise ScenarioError(f"{name} = {shown(value)}: unknown argument; {meant}there are {', '.join(known)}")
+
+
+KEYS = 2**32
+"""How many keys the noise has; a larger seed counts as its rest."""
+
+
+def seed_of(seed: Any, field: str = "seed") -> int:
+    """A whole number that is not negative, as a key.
+
+    Raises:
+        ScenarioError: it is none.
+    """
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ScenarioError(f"{field} = {shown(seed)}: must be a whole number, at least 0")
+    return int(seed) % KEYS
+
+
+def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | None]:
+    """The seed of each lane: seed + k of lane k, the k-th of a list, or None.
+
+    Raises:
+        ScenarioError: no such seed, or a list of another length.
+    """
+    if seed is None:
+        return [None] * lanes
+    if isinstance(seed, (list, tuple, np.ndarray)):
+        if len(seed) != lanes:
+            raise ScenarioError(f"seed: a list of {len(seed)}, must be one number, or one for each of {lanes} lanes")
+        return [None if each is None else seed_of(each, f"seed[{k}]") for k, each in enumerate(seed)]
+    first = seed_of(seed)
+    return [(first + k) % KEYS for k in range(lanes)]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.compile import rebuild, trace
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics import State
 from skyarm.env.env_program import EnvProgram
 from skyarm.env.env_task import Task

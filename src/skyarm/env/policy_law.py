@@ -16,7 +16,7 @@ from skyarm.control.laws.learned.network import Layer, Network
 from skyarm.control.model import Model
 from skyarm.env.env_program import observation_of
 from skyarm.env.env_task import Task
-from skyarm.env.env_views import Sight
+from skyarm.env.observed_quantities import Sight
 from skyarm.files import shown
 from skyarm.records.leaves import is_record
 from skyarm.records.units import Unit

@@ -14,8 +14,7 @@ from skyarm.files import shown
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.numbers import number_at, require_apart
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_arguments import require_within_queue
-from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
+from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_latencies, require_within_queue
 from skyarm.sweep.design import FIRST_CHANNEL
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.plan import fastest_plant

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.env.env_views import Result
-from skyarm.env.observed_quantities import tip_error
+from skyarm.env.observed_quantities import Result, tip_error
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import exp, sqrt

@@ -12,10 +12,8 @@ import numpy.typing as npt
 from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
-from skyarm.env.given_arguments import require_actions, require_arguments, require_open, require_options
-from skyarm.env.lane_page import HUMAN, LanePage, options_of_modes
-from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures, with_size
-from skyarm.env.seeds_of_lanes import seed_of
+from skyarm.env.given_arguments import require_actions, require_arguments, require_open, require_options, seed_of
+from skyarm.env.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, options_of_modes, with_size
 from skyarm.env.vector_environment import spaces
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by

@@ -15,12 +15,19 @@ from gymnasium.vector.utils import batch_space
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_program import LARGEST
 from skyarm.env.env_task import Task, make_task
-from skyarm.env.given_arguments import require_arguments, require_lanes, require_open, require_options
-from skyarm.env.lane_pictures import RENDER_MODES, LanePictures, lane_pictures, with_size
-from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
+from skyarm.env.given_arguments import (
+    KEYS,
+    require_arguments,
+    require_lanes,
+    require_open,
+    require_options,
+    seed_of,
+    seeds_of,
+)
+from skyarm.env.rendering import RENDER_MODES, LanePictures, lane_pictures, with_size
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_arguments import lane_mask, require_count
+from skyarm.simulate.lane_numbers import lane_mask, require_count
 
 Array = npt.NDArray[Any]
 

@@ -15,6 +15,7 @@ from skyarm.environment.component import Force, Wrench
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, maximum, sqrt
+from skyarm.vehicle.vehicle_records import Vehicle
 
 _STILL = 1e-24
 """m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative at rest is 0 instead of NaN."""
@@ -76,8 +77,8 @@ class LinkDrag(Force):
     def __post_init__(self) -> None:
         accept_fields(self, "link_drag")
 
-    def check(self, vehicle: Any) -> None:
-        """Raise ValueError unless there is an area for every link."""
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle with another number of links than of areas."""
         if len(self.area) != vehicle.n:
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 

@@ -27,6 +27,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.scalars import add, mul
 from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,6 +55,18 @@ def moved_by(memory: Any, slope: Any, dt: Any) -> Any:
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
 
+def require_frame(vehicle: Vehicle, frame: str) -> None:
+    """Refuse a name of a frame that the vehicle lacks; empty is its tip.
+
+    Raises:
+        ValueError: one line.
+    """
+    try:
+        vehicle.frame(frame or None)
+    except ValueError as error:
+        raise ValueError(f"frame = {frame!r}: {error}") from None
+
+
 class Component:
     """Base of what surrounds a vehicle. A subclass is a frozen dataclass and overrides what it needs."""
 
@@ -63,6 +76,13 @@ class Component:
     def uniforms(self) -> int:
         """Uniform numbers that one ``advance`` draws; a class attribute will do where no field decides."""
         return 0
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle, a control period (s) or a gravity (m/s^2) that it cannot be with.
+
+        Raises:
+            ValueError: one line that begins with a field of the component.
+        """
 
     largest_step: float | None = None
     """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""

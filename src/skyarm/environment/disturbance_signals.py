@@ -30,10 +30,11 @@ from typing import Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment.component import Air, Force, Wrench
+from skyarm.environment.component import Air, Force, Wrench, require_frame
 from skyarm.environment.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scaled
 from skyarm.records.field_rules import accept_fields
 from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = ("world", "frame")
 
@@ -59,6 +60,11 @@ class Disturbance(Force):
             raise ValueError(f"axes = {self.axes!r}: must be one of {', '.join(AXES)}")
         if self.noise is not None:
             self.noise.require_only("force", "torque")
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without its frame."""
+        if self.frame:
+            require_frame(vehicle, self.frame)
 
     @property
     def uniforms(self) -> int:

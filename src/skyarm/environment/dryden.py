@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, Vec3
-from skyarm.records.coerce import accept
-from skyarm.records.directions import unit_vector
+from skyarm.records.coerce import accept, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, exp, log, maximum, sqrt

@@ -18,12 +18,13 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile.tracing.repeat import repeat
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment.component import Wrench
+from skyarm.environment.component import Wrench, require_frame
 from skyarm.environment.timed_payload import Grasp, TimedPayload
 from skyarm.files import shown
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, maximum, mul, sqrt, where
+from skyarm.vehicle.vehicle_records import Vehicle
 
 SUBSTEPS = 20
 """Steps of the load in a control period."""
@@ -87,8 +88,9 @@ class HangingPayload(TimedPayload):
         """No: it has a motion of its own."""
         return False
 
-    def require_slow(self, period: float, gravity: Any) -> None:
-        """Raise ValueError for a cord that is too stiff for the control period (s)."""
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without its frame, and a cord that is too stiff for the control period."""
+        require_frame(vehicle, self.frame)
         if not concrete(self.cord, self.stretch, gravity):
             return
         least = gravity * (period / FASTEST) ** 2 / self.cord

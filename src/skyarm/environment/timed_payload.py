@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
-from skyarm.environment.component import Component
+from skyarm.environment.component import Component, require_frame
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -111,6 +111,10 @@ class TimedPayload(Component):
         instants = isinstance(self.pick, (int, float)) and isinstance(self.drop, (int, float))
         if instants and self.drop_place is None and not self.pick < self.drop:
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without the frame that holds it."""
+        require_frame(vehicle, self.frame)
 
     def start(self, period: float, draws: Any) -> Any:
         """Not held yet."""

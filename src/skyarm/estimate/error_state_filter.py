@@ -21,48 +21,50 @@ from typing import Any
 from skyarm.actuation import Command, tilting
 from skyarm.actuation.rotor import speeds_after
 from skyarm.algebra import Vec3
-from skyarm.estimate.error_covariance import (
+from skyarm.estimate.error_state import (
     Covariance,
+    Navigated,
+    ScalarInnovation,
     choose_covariance,
     gate_of,
+    innovations,
+    navigate,
+    of_specific_force,
     predict_covariance,
     scaled_covariance,
     transition,
     update_by_scalar,
 )
-from skyarm.estimate.filter_memory import (
+from skyarm.estimate.error_state import corrected as with_error
+from skyarm.estimate.filter_constants import (
     AIDS,
     BLANK_BELIEF,
     BLANK_INERTIAL,
     BLANK_READINGS,
     FilterMemory,
+    FilterNumbers,
     choose,
     in_turn,
+    only,
 )
-from skyarm.estimate.filter_numbers import FilterNumbers
-from skyarm.estimate.filter_sensors import only
-from skyarm.estimate.inertial_navigation import Navigated, navigate
-from skyarm.estimate.inertial_navigation import corrected as with_error
-from skyarm.estimate.innovations import ScalarInnovation, innovations, of_specific_force
-from skyarm.estimate.joint_filter import FilteredJoints, filter_joints
-from skyarm.estimate.modelled_force import modelled_force
+from skyarm.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import data, logical_and, logical_not, where
 from skyarm.sensors.measurement import Measurement
-from skyarm.sensors.sensor_readings import EncoderReading, ImuReading
+from skyarm.sensors.sensor_kinds import EncoderReading, ImuReading
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ErrorStateFilter(FilterNumbers):
-    """The filter, with the numbers that it believes of its sensors and the controller's belief of the vehicle."""
+    """The filter with its model of the sensors and the controller's model of the vehicle."""
 
     def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
         """The filter with the controller's belief."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
-        """Blank but for the covariance; the first readings begin the belief."""
+        """Blank but for the covariance; the first readings initialise the state."""
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
@@ -82,7 +84,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Take in what has arrived; the measurement is the belief of the present."""
+        """Process the arrived readings; the measurement is the present estimate."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -123,7 +125,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
     def _predicted(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
-        """Belief and covariance at the filter's instant, from those at the reading before."""
+        """State and covariance at the filter's instant, from those at the reading before."""
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
@@ -153,7 +155,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
     def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
-        """The belief of the filter's instant carried to the present."""
+        """The estimate of the filter's instant carried to the present."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
             given = memory.modelled[i + 1] if self.modelled else None
@@ -179,7 +181,7 @@ class ErrorStateFilter(FilterNumbers):
 def _corrected(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
 ) -> tuple[Navigated, Covariance, Any]:
-    """Belief and covariance after scalars that are due and together surprise no more than allowed; their surprise."""
+    """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""
     error: list[Any] = [0] * len(P)
     after, surprise = P, 0
     for row in rows:

@@ -24,7 +24,7 @@ class Estimator:
     __slots__ = ()
 
     def believing(self, vehicle: Vehicle, gravity: Any) -> Estimator:
-        """The estimator of a controller that believes in a vehicle and a gravity (m/s^2); itself if it needs neither.
+        """The estimator with a controller's model: vehicle and gravity (m/s^2); itself if it needs neither.
 
         The loop steps what this returns.
         """
@@ -42,8 +42,11 @@ class Estimator:
             ValueError: one line with field, value and what is allowed.
         """
 
+    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+        """Refuse drives, by the joint's name, whose efforts the estimator cannot know; ``vehicle`` is a name."""
+
     def start(self, vehicle: Vehicle) -> Any:
-        """First memory: a record or tuple of scalars. ``vehicle`` is the believed one."""
+        """First memory: a record or tuple of scalars. ``vehicle`` is the controller's model."""
         return ()
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:

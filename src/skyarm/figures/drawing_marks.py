@@ -1,22 +1,25 @@
-"""Marks on one view of a vehicle: axes, arrows, angles, lengths, and the labels that belong to them."""
+"""The pose in which a vehicle is drawn, and the marks of a view: axes, arrows, angles, lengths and their labels."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
+from skyarm.drawing.poses import body_poses
 from skyarm.drawing.shapes import Shape
-from skyarm.figures.drawing_pose import DrawnFrame, DrawnJoint, Rod
-from skyarm.figures.label_places import Labels
-from skyarm.figures.picture_styles import PictureStyle
 from skyarm.figures.projection import View, across, arc
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.figures.style import PictureStyle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 Array = npt.NDArray[np.float64]
 
@@ -38,6 +41,18 @@ MERGED = 0.02
 """Share of the reach within which names stand together at one point."""
 
 
+DISTANCES = (0.9, 1.4, 2.0, 2.8, 3.8, 5.0, 6.5)
+"""Of a label from its point, in font sizes, nearest first."""
+
+DIRECTIONS = 16
+
+GAP = 0.12
+"""Least gap between two labels, in font sizes."""
+
+LEADER = 1.6
+"""Distance from which a thin line leads from a label to its point, in font sizes."""
+
+
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """A label still to be placed: its words, its point (2,) on paper, its colour."""
@@ -56,7 +71,7 @@ class Marks:
 
     def __init__(self, ax: Axes, view: View, style: PictureStyle, reach: float) -> None:
         self.ax, self.view, self.style, self.reach = ax, view, style, reach
-        self.colors = AXIS_COLORS[style.face != "#ffffff"]
+        self.colors = AXIS_COLORS[style.dark]
         self._wanted: list[Wanted] = []
         self._names: list[tuple[Array, list[str]]] = []
         self._points: list[Array] = []
@@ -151,14 +166,11 @@ class Marks:
     def write(self) -> None:
         """Place every label; names of what stands at one point are one label."""
         labels = Labels(self.ax, self.style, np.concatenate(self._points) if self._points else np.zeros((0, 2)))
+        names = [Wanted(", ".join(names), at) for at, names in self._names]
+        # the letters of axes first: they have the least room
         letters = [each for each in self._wanted if each.text in LETTERS]
-        others = [each for each in self._wanted if each.text not in LETTERS]
-        for each in letters:
-            labels.put(each.text, each.at, color=each.color)
-        for at, names in self._names:
-            labels.put(", ".join(names), at)
-        for each in others:
-            labels.put(each.text, each.at, color=each.color)
+        for each in (*letters, *names, *(each for each in self._wanted if each.text not in LETTERS)):
+            labels.put(each.text, each.at, each.color)
 
     def _name(self, at: Array, name: str) -> None:
         flat = self.view.flat(at)
@@ -170,36 +182,197 @@ class Marks:
 
     def _arrow(self, flat: Array, color: str, width: float, *, dashed: bool = False) -> None:
         """A line through points (N, 2) with a head at its end."""
-        width *= self.style.small
-        before = flat[-2]
         dash = (0, (3.0, 2.0)) if dashed else "-"
-        self.ax.plot(
-            *flat.T, color=color, linewidth=width, linestyle=dash, zorder=5.0, solid_capstyle="butt", label="_mark"
-        )
+        look: dict[str, Any] = {"color": color, "linewidth": width * self.style.small, "linestyle": dash, "zorder": 5.0}
+        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
         # the head alone: its shaft would end before the point
-        head = FancyArrowPatch(
-            tuple(before),
-            tuple(flat[-1]),
-            arrowstyle="-|>",
-            mutation_scale=0.9 * self.style.small,
-            color=color,
-            shrinkA=0.0,
-            shrinkB=0.0,
-        )
+        ends = tuple(flat[-2]), tuple(flat[-1])
+        scale = 0.9 * self.style.small
+        head = FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=scale, color=color, shrinkA=0.0, shrinkB=0.0)
         head.set(linewidth=0.0, zorder=5.1)
         self.ax.add_patch(head)
         self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
 
     def _line(self, flat: Array, dash: tuple[float, ...]) -> None:
-        self.ax.plot(
-            *flat.T,
-            color=self.style.frame,
-            linewidth=0.08 * self.style.small,
-            linestyle=(0, dash),
-            zorder=4.5,
-            label="_mark",
-        )
+        look: dict[str, Any] = {"color": self.style.frame, "linewidth": 0.08 * self.style.small, "zorder": 4.5}
+        self.ax.plot(*flat.T, linestyle=(0, dash), label="_mark", **look)
 
 
 def _millimetres(length: float) -> str:
     return f"{round(1e3 * length, 1):g} mm"
+
+
+class Labels:
+    """Labels of one panel, placed one after the other, each where it covers no other one.
+
+    Args:
+        ax: with its limits set. style: of the picture. points: (N, 2) in data units that labels should leave free.
+    """
+
+    def __init__(self, ax: Axes, style: PictureStyle, points: Array) -> None:
+        self.ax, self.style = ax, style
+        self._taken: list[Bbox] = []
+        self._points = ax.transData.transform(points) if points.size else np.zeros((0, 2))
+        self._dots = style.small * ax.figure.dpi / 72.0
+
+    def put(self, text: str, at: Array, color: str | None = None) -> None:
+        """Write a label near a point (2,), where it covers no label and as few points as can be."""
+        words = {**self.style.small_words, "color": color or self.style.ink}
+        label = self.ax.text(
+            float(at[0]), float(at[1]), text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words
+        )
+        halo = withStroke(linewidth=0.3 * self.style.small, foreground=self.style.face, alpha=0.8)
+        label.set_path_effects([halo])
+        here, box = self.ax.transData.transform(at), label.get_window_extent()
+        _, middle, box = min(self._tries(here, box), key=lambda found: found[0])
+        label.set_position(tuple(self.ax.transData.inverted().transform(middle)))
+        self._taken.append(box.padded(GAP * self._dots))
+        if math.dist(middle, here) > LEADER * self._dots + 0.5 * box.width:
+            edge = np.array([np.clip(here[0], box.x0, box.x1), np.clip(here[1], box.y0, box.y1)])
+            ends = self.ax.transData.inverted().transform([edge, here])
+            width = 0.07 * self.style.small
+            self.ax.plot(*ends.T, color=self.style.frame, linewidth=width, zorder=8.0, label="_leader")
+
+    def _tries(self, here: Array, box: Bbox) -> Iterator[tuple[float, Array, Bbox]]:
+        """(cost, middle, box) of each place, in dots."""
+        size = np.array([box.width, box.height])
+        for distance in DISTANCES:
+            for k in range(DIRECTIONS):
+                angle = 2.0 * math.pi * (k + 0.5) / DIRECTIONS
+                way = np.array([math.cos(angle), math.sin(angle)])
+                middle = here + way * (distance * self._dots + 0.5 * size)
+                tried = Bbox([middle - 0.5 * size, middle + 0.5 * size])
+                yield distance + self._cost(tried), middle, tried
+
+    def _cost(self, box: Bbox) -> float:
+        wide, inside = box.padded(GAP * self._dots), self.ax.bbox
+        covered = sum(wide.overlaps(each) for each in self._taken)
+        out = not (inside.x0 <= box.x0 and box.x1 <= inside.x1 and inside.y0 <= box.y0 and box.y1 <= inside.y1)
+        hits = np.all((self._points >= box.min) & (self._points <= box.max), axis=1).sum()
+        return 1000.0 * covered + 500.0 * out + min(int(hits), 8)
+
+
+BENT = 0.5
+"""rad: angle of the joints whose motion the side view shows."""
+
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnFrame:
+    """Axes to draw: a name, their origin (3,), m, and R (3, 3), whose columns are x, y and z in the world."""
+
+    name: str
+    at: Array
+    R: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnJoint:
+    """A joint to draw.
+
+    Attributes:
+        name: as in the vehicle. revolute: it turns; else it slides. value: rad or m.
+        at: origin (3,), m. axis: unit vector (3,) of positive motion. zero: (3,) where its rod would point at zero, m;
+            of no length where its link carries nothing.
+    """
+
+    name: str
+    revolute: bool
+    value: float
+    at: Array
+    axis: Array
+    zero: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Rod:
+    """A length to write: from one joint to the next joint or frame, both (3,), m."""
+
+    start: Array
+    end: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Posed:
+    """A vehicle in a pose, level, its base at the world's origin.
+
+    Attributes:
+        poses: body -> (R_WB, p_WB). frames: base first, then the named ones. joints, rods: in their order.
+        reach: the longest distance from the base to anything that is named, m.
+    """
+
+    poses: dict[int, tuple[Array, Array]]
+    frames: tuple[DrawnFrame, ...]
+    joints: tuple[DrawnJoint, ...]
+    rods: tuple[Rod, ...]
+    reach: float
+
+
+def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
+    """Joint values for a drawing: BENT where the axis lies across the side view at zero, else zero; within limits."""
+    level = _at_origin(vehicle, [0.0] * vehicle.n)
+    found = []
+    for i, link in enumerate(vehicle.links):
+        axis = level[i][0] @ np.array([float(c) for c in link.joint.axis])
+        wanted = BENT if link.joint.kind == "revolute" and abs(axis[1]) > 0.9 else 0.0
+        found.append(min(max(wanted, float(link.joint.lower)), float(link.joint.upper)))
+    return tuple(found)
+
+
+def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
+    """A vehicle as it is drawn.
+
+    Args:
+        vehicle: with concrete numbers.
+        joints: rad or m; :func:`drawing_angles` if left out.
+
+    Raises:
+        ValueError: one line: another number of joints.
+    """
+    values = drawing_angles(vehicle) if joints is None else tuple(float(q) for q in joints)
+    if len(values) != vehicle.n:
+        raise ValueError(f"joints = {list(values)}: must be {vehicle.n} numbers, one a joint of {vehicle.name}")
+    poses = _at_origin(vehicle, values)
+    frames = [DrawnFrame("base", poses[BASE][1], poses[BASE][0])]
+    for frame in vehicle.frames:
+        R, p = poses[frame.link]
+        local = np.array([[float(c) for c in row] for row in frame.rotation.rows])
+        frames.append(DrawnFrame(frame.name, p + R @ _vector(frame.position), R @ local))
+    drawn = tuple(_joint(vehicle, i, values, poses) for i in range(vehicle.n))
+    points = [frame.at for frame in frames] + [joint.at for joint in drawn]
+    points += [_vector(rotor.position) for rotor in vehicle.rotors]
+    rods = tuple(Rod(poses[i][1], end) for i in range(len(vehicle.moving)) for end in _ends(vehicle, i, poses))
+    return Posed(poses, tuple(frames), drawn, rods, max(float(np.linalg.norm(each)) for each in points) or 0.1)
+
+
+def _joint(vehicle: Vehicle, i: int, values: Sequence[float], poses: dict[int, tuple[Array, Array]]) -> DrawnJoint:
+    joint = vehicle.links[i].joint
+    R, p = poses[i]
+    axis = R @ _vector(joint.axis)
+    ends = _ends(vehicle, i, poses)
+    rod = ends[0] - p if ends else np.zeros(3)
+    if joint.kind == "revolute":
+        # the rod turned back by the joint's own angle
+        back = -values[i]
+        along = axis * (axis @ rod)
+        rod = along + math.cos(back) * (rod - along) + math.sin(back) * np.cross(axis, rod)
+    return DrawnJoint(joint.name, joint.kind == "revolute", values[i], p, axis, rod)
+
+
+def _ends(vehicle: Vehicle, i: int, poses: dict[int, tuple[Array, Array]]) -> list[Array]:
+    """Joints and frames that a link carries away from its own joint."""
+    R, p = poses[i]
+    found = [R @ _vector(other.joint.position) for other in vehicle.moving if other.parent == i]
+    found += [R @ _vector(frame.position) for frame in vehicle.frames if frame.link == i]
+    return [p + each for each in found if np.linalg.norm(each) > 1e-6]
+
+
+def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> dict[int, tuple[Array, Array]]:
+    """Body -> (R_WB, p_WB) of a level base at the origin."""
+    found = body_poses(vehicle, np.zeros((1, 3)), np.array([UPRIGHT]), np.array([joints], dtype=float))
+    return {body: (R[0], p[0]) for body, (R, p) in found.items()}
+
+
+def _vector(v: Iterable[Any]) -> Array:
+    return np.array([float(c) for c in v])

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from skyarm.figures import style
+from skyarm.figures.style import PAGE, plain_numbers
 
 Array = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]
@@ -70,27 +70,26 @@ def error_strip(
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
-    size = TEXT * scale
+    style = replace(PAGE, text=TEXT * scale, small=TEXT * scale)
     # ticks and pads do not shrink with the texts
     edge = 78.0 * scale + 10.0
     bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
     ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
-    style.dress(ax, size=size, family=style.PAGE_FONT[0])
+    style.dress(ax)
     logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
     for curve in curves:
         time, error = _highest(curve.time, unit * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
         ax.plot(time, error, color=curve.color, linewidth=1.7 * scale)
     if logarithmic:
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_formatter(FuncFormatter(lambda _value, _: ""))
+        plain_numbers(ax.yaxis)
+        ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylim(0.0, max(ax.get_ylim()[1], unit * SMALLEST))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=3))
     ax.set_xlim(*span)
-    text: dict[str, Any] = {"fontsize": size, "family": style.PAGE_FONT}
-    ax.set_xlabel("time, s", labelpad=1.0, **text)
-    ax.set_ylabel("force, N" if forces else "tip error, mm", **text)
+    ax.set_xlabel("time, s", labelpad=1.0, **style.words)
+    ax.set_ylabel("force, N" if forces else "tip error, mm", **style.words)
     canvas.draw()
     box = ax.get_window_extent()
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

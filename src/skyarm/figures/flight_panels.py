@@ -1,4 +1,4 @@
-"""What a picture of flights can show: panels by kind, each with its unit, reference and limits."""
+"""Panels of pictures of flights, by kind: each with its label, unit, curve, reference and limits."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.figures.contact_curves import contact_force, wanted_force
-from skyarm.figures.flight_facts import FlightFacts
+from skyarm.figures.flight_facts import FlightFacts, Touching, contact_force, wanted_force
 from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
 
 Array = npt.NDArray[np.float64]
+
+Read = Callable[[Log], Array | None]
+"""Log -> curve (N,); None of a log that has none of it."""
 
 AXES = "xyz"
 
@@ -24,76 +26,80 @@ MILLIMETRES = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlightPanel:
+class Panel:
     """One panel.
 
     Attributes:
         label: words for the axis. unit: of all that it shows.
-        of: log -> (N,); a log that has none of it is left out.
-        desired: log -> (N,), the continuous reference, drawn dotted.
+        of: curve. desired: its reference, drawn dotted.
         limits: flight -> values that it must not pass, in the unit of the panel.
         magnitude: never negative, so the axis begins at zero.
         span: least extent of the axis, so that rounding noise does not fill a panel.
         touching: (surface, point) of the pairs whose touches and losses are marked below; empty for none, None for all.
+        letter: names the part of a figure that begins here, "" within a part.
+        scale: panels with the same name share their limits, "" for its own.
     """
 
     label: str
     unit: str
-    of: Callable[[Log], Array | None]
-    desired: Callable[[Log], Array | None] | None = None
+    of: Read
+    desired: Read | None = None
     limits: Callable[[FlightFacts], tuple[float, ...]] = lambda _facts: ()
     magnitude: bool = False
     span: float = 0.02
     touching: tuple[tuple[str, str], ...] | None = ()
+    letter: str = ""
+    scale: str = ""
 
 
-def _column(name: str, i: int, scale: float = 1.0) -> Callable[[Log], Array | None]:
-    """Column ``i`` of an array of the log; None of a log that has fewer."""
+def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
+    """Column ``i`` of an array of the log, or its difference from that of a reference."""
 
     def read(log: Log) -> Array | None:
         table: Array = getattr(log, name)
-        return scale * table[:, i] if i < table.shape[1] else None
+        if i >= table.shape[1]:
+            return None
+        off = getattr(log, reference)[:, i] if reference else 0.0
+        return np.asarray(factor * (table[:, i] - off))
 
     return read
 
 
-def _tracking(flight: FlightFacts) -> list[FlightPanel]:
+def distance(name: str, reference: str, factor: float = 1.0) -> Read:
+    """Norm of an array's difference from a reference."""
+    return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
+
+
+def _tracking(flight: FlightFacts) -> list[Panel]:
     base = [
-        FlightPanel(label=f"Base {axis}", unit="m", of=_column("position", i), desired=_column("position_reference", i))
+        Panel(label=f"Base {axis}", unit="m", of=column("position", i), desired=column("position_reference", i))
         for i, axis in enumerate(AXES)
     ]
     return base + [
-        FlightPanel(
+        Panel(
             label=name,
             unit="rad" if turns else "m",
-            of=_column("joints", i),
-            desired=_column("joints_reference", i),
+            of=column("joints", i),
+            desired=column("joints_reference", i),
             limits=_finite("joint_limits", i),
         )
         for i, (name, turns) in enumerate(zip(flight.joints, flight.revolute, strict=True))
     ]
 
 
-def _tip(_flight: FlightFacts) -> list[FlightPanel]:
+def _tip(_flight: FlightFacts) -> list[Panel]:
     at = [
-        FlightPanel(label=f"Tip {axis}", unit="m", of=_column("tip", i), desired=_column("tip_reference", i))
+        Panel(label=f"Tip {axis}", unit="m", of=column("tip", i), desired=column("tip_reference", i))
         for i, axis in enumerate(AXES)
     ]
-    error = FlightPanel(
-        label="Tip error",
-        unit="mm",
-        of=lambda log: MILLIMETRES * np.asarray(np.linalg.norm(log.tip - log.tip_reference, axis=1)),
-        magnitude=True,
-        span=1.0,
-        touching=None,
-    )
-    return [*at, error]
+    error = distance("tip", "tip_reference", MILLIMETRES)
+    return [*at, Panel(label="Tip error", unit="mm", of=error, magnitude=True, span=1.0, touching=None)]
 
 
-def _contact(flight: FlightFacts) -> list[FlightPanel]:
+def _contact(flight: FlightFacts) -> list[Panel]:
     """Normal force of every pair of a surface and a point that touched in any flight."""
     return [
-        FlightPanel(
+        Panel(
             label=f"{each.surface}, {each.point}",
             unit="N",
             of=contact_force(each.surface, each.point),
@@ -106,14 +112,12 @@ def _contact(flight: FlightFacts) -> list[FlightPanel]:
     ]
 
 
-def _attitude(_flight: FlightFacts) -> list[FlightPanel]:
-    def angle(i: int) -> Callable[[Log], Array]:
-        return lambda log: np.degrees(log.euler[:, i])
-
+def _attitude(_flight: FlightFacts) -> list[Panel]:
+    angle, yaw = math.degrees(1.0), Panel(label="Yaw", unit="deg", of=_yaw, span=1.0)
     return [
-        FlightPanel(label="Roll", unit="deg", of=angle(0), span=1.0),
-        FlightPanel(label="Pitch", unit="deg", of=angle(1), span=1.0),
-        FlightPanel(label="Yaw", unit="deg", of=_yaw, desired=lambda log: np.degrees(log.yaw_reference), span=1.0),
+        Panel(label="Roll", unit="deg", of=column("euler", 0, factor=angle), span=1.0),
+        Panel(label="Pitch", unit="deg", of=column("euler", 1, factor=angle), span=1.0),
+        replace(yaw, desired=lambda log: np.degrees(log.yaw_reference)),
     ]
 
 
@@ -123,31 +127,31 @@ def _yaw(log: Log) -> Array:
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
-def _efforts(flight: FlightFacts) -> list[FlightPanel]:
+def _efforts(flight: FlightFacts) -> list[Panel]:
     named = zip(flight.joints, flight.revolute, flight.setpoints, strict=True)
-    return [_command(i, name, turns, told) for i, (name, turns, each) in enumerate(named) for told in each]
+    return [_command(i, name, turns, unit) for i, (name, turns, each) in enumerate(named) for unit in each]
 
 
-def _command(i: int, name: str, turns: bool, told: str | None) -> FlightPanel:
-    """What joint ``i`` is told, of the flights in which that is a torque or a setpoint in this unit."""
-    column = _column("efforts", i)
+def _command(i: int, name: str, turns: bool, setpoint: str | None) -> Panel:
+    """Command of joint ``i``, of the flights in which that is a torque or a setpoint in this unit."""
+    efforts = column("efforts", i)
 
     def read(log: Log) -> Array | None:
-        return column(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == told else None
+        return efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 
-    if told is None:
-        what, unit = ("torque", "N m") if turns else ("force", "N")
-        return FlightPanel(label=f"{name} {what}", unit=unit, of=read, limits=_finite("effort_limits", i))
-    limits = _finite("joint_limits", i) if told in ("rad", "m") else lambda _facts: ()
-    return FlightPanel(label=f"{name} setpoint", unit=told, of=read, limits=limits)
+    if setpoint is None:
+        word, unit = ("torque", "N m") if turns else ("force", "N")
+        return Panel(label=f"{name} {word}", unit=unit, of=read, limits=_finite("effort_limits", i))
+    limits = _finite("joint_limits", i) if setpoint in ("rad", "m") else lambda _facts: ()
+    return Panel(label=f"{name} setpoint", unit=setpoint, of=read, limits=limits)
 
 
-def _rotors(flight: FlightFacts) -> list[FlightPanel]:
+def _rotors(flight: FlightFacts) -> list[Panel]:
     return [
-        FlightPanel(
+        Panel(
             label=f"Rotor {name}",
             unit="rad/s",
-            of=_column("rotor_speeds", i),
+            of=column("rotor_speeds", i),
             limits=_finite("rotor_limits", i),
             span=5.0,
         )
@@ -165,7 +169,7 @@ def _finite(field: str, i: int) -> Callable[[FlightFacts], tuple[float, ...]]:
     return read
 
 
-KINDS: Mapping[str, Callable[[FlightFacts], list[FlightPanel]]] = {
+KINDS: Mapping[str, Callable[[FlightFacts], list[Panel]]] = {
     "tracking": _tracking,
     "attitude": _attitude,
     "tip": _tip,
@@ -193,7 +197,7 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
             yield word, replace(log, **shown)
 
 
-def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
+def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[Panel]:
     """The panels of a kind, named after the flight with most joints and the one with most rotors.
 
     Raises:
@@ -202,6 +206,9 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
     if kind not in (*KINDS, ALL):
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     arm = max(flights, key=lambda flight: len(flight.joints))
+    touching: dict[tuple[str, str], Touching] = {}
+    for each in (each for flight in flights for each in flight.touching):
+        touching[each.surface, each.point] = each
     most = FlightFacts(
         joints=arm.joints,
         revolute=arm.revolute,
@@ -211,7 +218,7 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
         ),
         rotors=max((flight.rotors for flight in flights), key=len),
         tip=any(flight.tip for flight in flights),
-        touching=tuple({(each.surface, each.point): each for flight in flights for each in flight.touching}.values()),
+        touching=tuple(touching.values()),
     )
     kinds = [name for name in KINDS if name != "tip" or most.tip] if kind == ALL else [kind]
     found = [panel for each in kinds for panel in KINDS[each](most)]

@@ -11,19 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from skyarm.figures import picture_styles
-from skyarm.figures.flight_events import Event
-from skyarm.figures.flight_facts import FlightFacts, flight_facts
-from skyarm.figures.flight_labels import ending_of, flights_by_label
-from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, FlightPanel, measured_flights, panels_of
-from skyarm.figures.path_views import path_figure
-from skyarm.figures.picture_files import save_picture
-from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
-from skyarm.figures.quantities import end_time
-from skyarm.figures.style import limits
-from skyarm.figures.touch_marks import TOUCH_WORDS, mark_touches
+from skyarm.figures.flight_facts import Event, FlightFacts, end_time, ending_of, flight_facts, flights_by_label
+from skyarm.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
+from skyarm.figures.path_views import TOUCH_WORDS, mark_touches, path_figure
+from skyarm.figures.style import Picture, PictureStyle, limits, picture_style, save_picture
 from skyarm.files import number
-from skyarm.files.picture_names import require_suffix
+from skyarm.files.names import require_suffix
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]
@@ -78,37 +71,38 @@ def plot(
     span = _window(window, named)
     if kind == PATH:
         figure = path_figure(named, facts, chosen, span)
-        if file is not None:
-            save_picture(figure, Path(file), style)
-        return figure
-    panels = panels_of(kind, list(facts.values()))
-    columns = OF_A_PAGE[style] if kind == ALL else None
-    figure, axes = picture_styles.panels(chosen, len(panels), columns)
-    handles: dict[str, Any] = {}
-    for ax, panel in zip(axes, panels, strict=True):
-        handles |= _draw(ax, panel, named, chosen, span) | _limits(ax, panel, facts, chosen)
-        handles |= mark_touches(ax, panel, facts, chosen)
-    shading: dict[str, Any] = {}
-    for ax in axes:
-        shading |= _shade(ax, facts, chosen, span)
-    axes[0].set_xlim(*span)
-    title = _title(named)
-    if style == "talk" and title:
-        figure.suptitle(title, **chosen.words)
-    order = [
-        label
-        for label in (*_legend_names(named), MEASURED, ESTIMATED, "desired", "limit", *TOUCH_WORDS)
-        if label in handles
-    ]
-    handles = {label: handles[label] for label in order} | shading
-    picture_styles.legend(figure, chosen, list(handles.values()), list(handles))
+    else:
+        figure = _panels_figure(panels_of(kind, list(facts.values())), named, facts, chosen, span, kind == ALL)
     if file is not None:
         save_picture(figure, Path(file), style)
     return figure
 
 
-def _legend_names(named: Mapping[str, Log]) -> list[str]:
-    return [label + ending_of(log) for label, log in named.items()]
+def _panels_figure(
+    panels: Sequence[Panel],
+    named: Mapping[str, Log],
+    facts: Mapping[str, FlightFacts],
+    style: PictureStyle,
+    span: tuple[float, float],
+    every: bool,
+) -> Picture:
+    """Panels over one time axis; ``every`` kind of them fills pages."""
+    figure, axes = style.stacked(len(panels), OF_A_PAGE[style.name] if every else None)
+    handles: dict[str, Any] = {}
+    for ax, panel in zip(axes, panels, strict=True):
+        handles |= _draw(ax, panel, named, style, span) | _limits(ax, panel, facts, style)
+        handles |= mark_touches(ax, panel, facts, style)
+    shading: dict[str, Any] = {}
+    for ax in axes:
+        shading |= _shade(ax, facts, style, span)
+    axes[0].set_xlim(*span)
+    title = _title(named)
+    if style.name == "talk" and title:
+        figure.suptitle(title, **style.words)
+    flown = [label + ending_of(log) for label, log in named.items()]
+    order = (*flown, MEASURED, ESTIMATED, "desired", "limit", *TOUCH_WORDS)
+    style.legend(figure, {label: handles[label] for label in order if label in handles} | shading)
+    return figure
 
 
 def _title(named: Mapping[str, Log]) -> str:
@@ -131,11 +125,11 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
 
 
 def _draw(
-    ax: Axes, panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
+    ax: Axes, panel: Panel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
 ) -> dict[str, Any]:
     """Curves and references of one panel; words of the legend -> line."""
     handles: dict[str, Any] = {}
-    picture_styles.name_axis(ax, style, panel.label, panel.unit)
+    style.name_axis(ax, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
         values = panel.of(log)
         if values is None:
@@ -158,7 +152,7 @@ def _draw(
 
 
 def _beside_truth(
-    panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle
+    panel: Panel, named: Mapping[str, Log], style: PictureStyle
 ) -> Iterator[tuple[str, Array, dict[str, Any]]]:
     """Word, curve and look of a panel's quantity as measured and as estimated, of a flight that is drawn alone."""
     if len(named) > 1:
@@ -174,7 +168,7 @@ def _beside_truth(
             yield word, values, looks[word]
 
 
-def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> list[Log]:
+def _of_different_references(panel: Panel, named: Mapping[str, Log]) -> list[Log]:
     """Flights whose references differ: one line for each, drawn once, the longest flight's first."""
     if panel.desired is None:
         return []
@@ -191,7 +185,7 @@ def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> li
 
 
 def _ends(
-    panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
+    panel: Panel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
 ) -> tuple[float, float]:
     """Ends of the value axis: of the flights that were completed, if there are any, and of their references.
 
@@ -204,19 +198,15 @@ def _ends(
         curves = [read(log) if read else None for read in (panel.of, panel.desired)]
         curves += [values for _, values, _ in _beside_truth(panel, named, style)]
         (kept if log.status == "completed" else lost).extend(each[inside] for each in curves if each is not None)
-    ends = _range(panel, kept) if any(each.size for each in kept) else None
-    both = _range(panel, kept + lost)
-    if ends is None:
+    both = limits(kept + lost, floor=panel.magnitude, span=panel.span)
+    if not any(each.size for each in kept):
         return both
+    ends = limits(kept, floor=panel.magnitude, span=panel.span)
     more = ends[1] - ends[0]
     return max(both[0], ends[0] - more), min(both[1], ends[1] + more)
 
 
-def _range(panel: FlightPanel, curves: Sequence[Array]) -> tuple[float, float]:
-    return limits(curves, floor=panel.magnitude, span=panel.span, cap=np.inf)
-
-
-def _limits(ax: Axes, panel: FlightPanel, facts: Mapping[str, FlightFacts], style: PictureStyle) -> dict[str, Any]:
+def _limits(ax: Axes, panel: Panel, facts: Mapping[str, FlightFacts], style: PictureStyle) -> dict[str, Any]:
     """Lines of the limits that a curve comes near to; words about the others."""
     values = sorted({limit for each in facts.values() for limit in panel.limits(each)})
     low, high = ax.get_ylim()

@@ -1,27 +1,20 @@
-"""Interactive figures: logs and tables in, records for the page's script out."""
+"""Interactive figures of the paper's report: logs and tables in, records for the page's script out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib import resources
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.figures.interactive_spec import Choice, Curve, Panel, PanelsFigure, Path, PathFigure, Shade, rounded
-from skyarm.figures.quantities import (
-    PITCH,
-    POSITION_ERROR,
-    ROLL,
-    TOOL_ERROR,
-    Quantity,
-    by_hold,
-    gust_interval,
-    joint_error,
-    position_error,
-)
-from skyarm.figures.style import SMALLEST_SPAN
-from skyarm.simulate import Log, Window
+from skyarm.figures.flight_facts import gust_interval
+from skyarm.figures.flight_panels import Panel as FlightPanel
+from skyarm.figures.paper_figures import PITCH, POSITION_ERROR, POSITION_ERRORS, ROLL, TOOL_ERROR, by_hold, joint_error
+from skyarm.log.flight_log import Log
+from skyarm.simulate import Window
 
 Array = npt.NDArray[np.float64]
 Logs = Mapping[str, Mapping[str, Log]]
@@ -38,6 +31,124 @@ LINES = {
     ("mujoco", "PD"): "pd-mujoco",
 }
 
+DIGITS = 6
+"""Decimals kept: 1 um, 1 urad, far below a pixel unless one magnifies a hundred times."""
+STYLES = ("ct", "pd", "ct-mujoco", "pd-mujoco", "ct-paper", "pd-paper", "desired", "other")
+"""How a line may look: classes of ``plot.css``, which knows light and dark pages."""
+
+SCRIPTS = ("plot_parts.js", "plot_panels.js", "plot_pointer.js", "plot_path.js", "plot_page.js")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One panel of values.
+
+    Attributes:
+        label: words for the axis of values. unit: SI, or "".
+        span: (low, high) that is always in view, so that rounding noise does not fill the panel; None for none.
+        from_zero: the axis begins at zero where no value is negative.
+    """
+
+    label: str
+    unit: str = ""
+    span: tuple[float, float] | None = None
+    from_zero: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """One line of a panel.
+
+    Attributes:
+        panel: number of the panel. name: in the legend, which shows and hides all curves of a name at once.
+        style: of :data:`STYLES`. shown: from the start.
+        x0, dx: first place on the horizontal axis, and step. y: values, None for a gap. points: with dots.
+    """
+
+    panel: int
+    name: str
+    style: str
+    shown: bool
+    x0: float
+    dx: float
+    y: Sequence[float | None]
+    points: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """One path in space: points (x, y, z) in m, None for a gap; the rest as of a :class:`Curve`."""
+
+    name: str
+    style: str
+    shown: bool
+    x: Sequence[float | None]
+    y: Sequence[float | None]
+    z: Sequence[float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shade:
+    """An interval of the horizontal axis, shaded in all panels; ``name`` is "window" or "gust"."""
+
+    name: str
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """A button that shows the curves of these names and hides the others."""
+
+    label: str
+    names: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PanelsFigure:
+    """Curves over one horizontal axis, in panels.
+
+    Attributes:
+        axis: words for the horizontal axis, with its unit.
+        height: of one panel, px. columns: of panels, where the page is wide enough.
+        categories: names at 0, 1, 2 ... of the horizontal axis; empty for an axis of numbers.
+    """
+
+    axis: str
+    height: int
+    columns: int = 1
+    categories: Sequence[str] = ()
+    panels: Sequence[Panel]
+    curves: Sequence[Curve]
+    shades: Sequence[Shade] = ()
+    choices: Sequence[Choice] = ()
+    kind: str = "panels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathFigure:
+    """Paths in space.
+
+    Attributes:
+        height: of the drawing, px. aspect: lengths of the box's sides x, y, z in the picture.
+    """
+
+    height: int
+    aspect: tuple[float, float, float]
+    curves: Sequence[Path]
+    choices: Sequence[Choice] = ()
+    kind: str = "path"
+
+
+def figure_json(figure: PanelsFigure | PathFigure) -> str:
+    """JSON of a figure; "<" is written as an escape, so that it is safe inside a script element."""
+    return json.dumps(asdict(figure), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def rounded(values: npt.NDArray[np.float64] | Iterable[float]) -> list[float | None]:
+    """Short numbers; a gap for whatever is not finite."""
+    return [round(float(v), DIGITS) if np.isfinite(v) else None for v in values]
+
 
 def experiment_figure(logs: Logs, window: Window | None = None) -> PanelsFigure:
     """Overlay controllers and plants of one experiment, a panel per quantity over one time axis.
@@ -51,7 +162,7 @@ def experiment_figure(logs: Logs, window: Window | None = None) -> PanelsFigure:
     """
     flown = [log for by_controller in logs.values() for log in by_controller.values()]
     joints = min((log.joints.shape[1] for log in flown), default=0)
-    quantities = [POSITION_ERROR, replace(position_error(0), label="Position error x"), ROLL, PITCH]
+    quantities = [POSITION_ERROR, replace(POSITION_ERRORS[0], label="Position error x"), ROLL, PITCH]
     quantities += [*map(joint_error, range(joints)), TOOL_ERROR]
     first = next(iter(logs), "")
     curves = [
@@ -130,13 +241,12 @@ def damping_figure(
     )
 
 
-def _panel(quantity: Quantity) -> Panel:
-    span = SMALLEST_SPAN[quantity.unit]
-    seen = (0.0, span) if quantity.magnitude else (-0.5 * span, 0.5 * span)
-    return Panel(label=quantity.label, unit=quantity.unit, span=seen, from_zero=quantity.magnitude)
+def _panel(panel: FlightPanel) -> Panel:
+    seen = (0.0, panel.span) if panel.magnitude else (-0.5 * panel.span, 0.5 * panel.span)
+    return Panel(label=panel.label, unit=panel.unit, span=seen, from_zero=panel.magnitude)
 
 
-def _curve(log: Log, quantity: Quantity, panel: int, plant: str, controller: str, shown: bool) -> Curve:
+def _curve(log: Log, quantity: FlightPanel, panel: int, plant: str, controller: str, shown: bool) -> Curve:
     """One curve, a point per hold of the reference; the time axis is a start and a step, not a column."""
     curve = by_hold(log, quantity.of(log))
     step = float(curve.time[1] - curve.time[0]) if curve.time.size > 1 else 1.0
@@ -174,3 +284,17 @@ def _choices(logs: Logs) -> list[Choice]:
         label="both" if len(names) == 2 else "all", names=[name for group in names.values() for name in group]
     )
     return [*(Choice(label=plant, names=group) for plant, group in names.items()), whole]
+
+
+def plot_script() -> str:
+    """The script that draws every interactive figure of a page, to be put into it once, at its end."""
+    return "".join(_resource(name) for name in SCRIPTS)
+
+
+def plot_style() -> str:
+    """The styles of interactive figures, for light and dark pages."""
+    return _resource("plot.css")
+
+
+def _resource(name: str) -> str:
+    return (resources.files(__package__) / name).read_text("utf-8")

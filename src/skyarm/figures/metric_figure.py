@@ -1,4 +1,4 @@
-"""Curves of a sweep's metrics with their bands, over a varied number; lost episodes below them."""
+"""Curves of a study's metrics with their bands, over varied numbers."""
 
 from __future__ import annotations
 
@@ -8,19 +8,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from skyarm.figures import picture_styles
-from skyarm.figures.picture_files import save_picture
-from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
-from skyarm.figures.style import Look, limits
-from skyarm.files.picture_names import require_suffix
-from skyarm.metrics.words_of_metrics import metric_words
-from skyarm.scenario.units_of_numbers import labelled
+from skyarm.figures.style import PAPER, Look, Picture, PictureStyle, limits, logarithmic, picture_style, save_picture
+from skyarm.files.names import require_suffix
+from skyarm.metrics.metric_catalogue import metric_words
+from skyarm.scenario.numbers import labelled
 from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
+
+Array = npt.NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Extent below which values differ by rounding; it does not fill a panel."""
+
+COLUMNS, WIDTH, HEIGHT, FURNITURE = 3, 3.1, 2.3, 0.5
+"""Panels of a study side by side; in: of one panel, and of legend and margins."""
 
 MOST_PANELS = 6
 """Metrics of one picture."""
@@ -96,15 +104,15 @@ def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture
             grid[-1, j].set_xscale("log")
     for i, each in enumerate(found):
         words, unit = metric_words(each.metric)
-        picture_styles.name_axis(grid[i, 0], style, words, unit)
+        style.name_axis(grid[i, 0], words, unit)
         grid[i, 0].set_ylim(*_ends(each))
     if lost:
         grid[-1, 0].set_ylabel("Lost", **style.small_words)
     figure.align_ylabels(list(grid[:, 0]))
     shares = " to ".join(f"{100.0 * share:g}" for share in first.band)
     of = " of completed" if lost else ""
-    handles[f"{first.center}{of}, band {shares} %"] = _key(style)
-    picture_styles.legend(figure, style, list(handles.values()), list(handles))
+    handles[f"{first.center}{of}, band {shares} %"] = Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
+    style.legend(figure, handles)
     return figure
 
 
@@ -112,11 +120,11 @@ def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[
     heights = [2.0] * metrics + [0.7] * lost
     scale = 1.0 if style.name == "paper" else 6.4 / sum(heights)
     width = style.width if columns == 1 else style.wide
-    figure = picture_styles.blank(style, width, scale * sum(heights) + 6.0 * style.text / 72.0)
+    figure = style.blank(width, scale * sum(heights) + 6.0 * style.text / 72.0)
     options = {"height_ratios": heights}
     grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
     for ax in grid.flat:
-        picture_styles.dress(ax, style).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
+        style.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
     return figure, grid
 
 
@@ -129,12 +137,7 @@ def _draw(
         label = curve.controller
         if one_law and curve.by:
             label = _class_words(each.by, curve.by, " = ")
-        band: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
-        ax.fill_between(curve.x, curve.low, curve.high, **band)
-        for end in (curve.low, curve.high):
-            ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
-        marks = _marks(curve, look, style)
-        (handles[label],) = ax.plot(curve.x, curve.middle, label=label, **look.line, **marks)
+        handles[label] = _banded(ax, (curve.x, curve.low, curve.middle, curve.high), look, label, style)
     return handles
 
 
@@ -151,13 +154,22 @@ def _ends(each: BandedCurves) -> tuple[float, float]:
     """Ends of the value axis, which begins at zero where no curve is below."""
     found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
     seen = np.concatenate(found)
-    return limits([seen], floor=not (seen < 0.0).any(), span=1e-9, cap=np.inf)
+    return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _marks(curve: BandedCurve, look: Look, style: PictureStyle) -> dict[str, Any]:
+def _banded(ax: Axes, curve: Sequence[Array], look: Look, label: str, style: PictureStyle) -> Any:
+    """Line of x, low, middle and high with its band."""
+    x, low, middle, high = curve
+    ax.fill_between(x, low, high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0)
+    for end in (low, high):
+        ax.plot(x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
+    (line,) = ax.plot(x, middle, label=label, **look.line, **_marks(x, style))
+    return line
+
+
+def _marks(x: Array, style: PictureStyle) -> dict[str, Any]:
     """Points where a curve has few."""
-    few = curve.x.size <= 15
-    return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if few else {}
+    return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
 
 
 def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> None:
@@ -165,14 +177,42 @@ def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> 
     for i, curve in enumerate(curves):
         look = style.look(i)
         share = curve.lost / np.maximum(curve.episodes, 1)
-        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve, look, style))
+        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve.x, style))
     ax.set_ylim(-0.05, 1.05)
     ax.set_yticks([0.0, 0.5, 1.0])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
 
 
-def _key(style: PictureStyle) -> Any:
-    """What the legend shows for the band: its shade with a line in it."""
-    from matplotlib.patches import Patch
+def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
+    """Draw a metric over each varied number of a study, a panel each on one value axis, a line for each law.
 
-    return Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
+    Args:
+        curves: from :func:`skyarm.sweep.banded_curves.metric_curves`; one at least.
+        label: of the metric, with its unit.
+    """
+    columns = min(COLUMNS, len(curves))
+    rows = -(-len(curves) // columns)
+    figure = PAPER.blank(WIDTH * columns, HEIGHT * rows + FURNITURE)
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+    for ax in panels[len(curves) :]:
+        ax.set_axis_off()
+    handles: dict[str, Any] = {}
+    for i, (ax, lines) in enumerate(zip(panels, curves, strict=False)):
+        PAPER.dress(ax)
+        for k, each in enumerate(lines.curves):
+            points = each.x, each.low, each.middle, each.high
+            handles[each.controller] = _banded(ax, points, PAPER.look(k), each.controller, PAPER)
+        if lines.over.logarithmic:
+            logarithmic(ax.xaxis)
+        else:
+            ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
+        ax.set_xlabel(labelled(lines.over.words, lines.over.unit), **PAPER.small_words)
+        if i % columns == 0:
+            ax.set_ylabel(label, **PAPER.small_words)
+    every = [each for lines in curves for each in lines.curves]
+    seen = np.concatenate([np.concatenate([each.low, each.high]) for each in every])
+    seen = seen[np.isfinite(seen)]
+    if seen.size and np.ptp(seen) < ROUNDING:
+        panels[0].set_ylim(*limits([seen], floor=bool((seen >= 0.0).all()), span=ROUNDING))
+    PAPER.legend(figure, handles)
+    return figure

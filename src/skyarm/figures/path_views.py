@@ -1,8 +1,8 @@
-"""Paths of flights from above and from the right, with the world about them."""
+"""Paths of flights in the world about them, and the contacts on their way."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,14 +10,20 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from skyarm.drawing.carried_poses import logged_poses
-from skyarm.drawing.world_shapes import WorldShape, ground_height, world_shapes
-from skyarm.figures import picture_styles
-from skyarm.figures.flight_facts import FlightFacts
-from skyarm.figures.flight_labels import ending_of
-from skyarm.figures.picture_styles import Picture, PictureStyle
+from skyarm.drawing.shapes import Solid
+from skyarm.drawing.world_shapes import ground_height, logged_poses, world_shapes
+from skyarm.figures.flight_facts import (
+    FlightFacts,
+    Touching,
+    end_time,
+    ending_of,
+    flight_facts,
+    scenario_of,
+    wanted_push,
+)
+from skyarm.figures.flight_panels import Panel
 from skyarm.figures.projection import BEHIND, SIDE, TOP, View, hull, surface
-from skyarm.figures.touch_marks import TOUCH_WORDS, touch_places
+from skyarm.figures.style import PAPER, Picture, PictureStyle
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]
@@ -27,6 +33,17 @@ HEIGHTS = {"paper": 3.0, "talk": 6.2}
 
 ROOM, LEAST = 0.3, 0.15
 """Room about the paths, as a share of how far they go, and m."""
+
+TOUCH_WORDS = ("touch", "loss")
+"""Words of the legend for a filled mark and an open one."""
+
+TASK_SIZE = 3.6, 3.9
+"""in: of the picture of a task."""
+
+VIEWS = (BEHIND, SIDE, TOP)
+"""View that leaves out x, y and z."""
+
+TIP = "tip"
 
 FACE_ON = 0.5
 """A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
@@ -50,15 +67,14 @@ def path_figure(
         a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
         where it is at last. A plane is drawn where it is seen from its edge.
     """
-    figure = picture_styles.blank(style, style.wide, HEIGHTS[style.name])
+    figure = style.blank(style.wide, HEIGHTS[style.name])
     axes = figure.subplots(1, 2)
     handles: dict[str, Any] = {}
     world = world_of(named, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, facts, style, span, world)
-    order = [each for each in (*handles,) if each not in ("desired", *TOUCH_WORDS)]
-    order += [each for each in ("desired", *TOUCH_WORDS) if each in handles]
-    picture_styles.legend(figure, style, [handles[each] for each in order], order)
+    last = [each for each in ("desired", *TOUCH_WORDS) if each in handles]
+    style.legend(figure, {each: handles[each] for each in [*(each for each in handles if each not in last), *last]})
     return figure
 
 
@@ -69,7 +85,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 def draw_view(
     ax: Axes, view: View, named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle,
-    span: tuple[float, float], world: tuple[tuple[WorldShape, ...], float | None],
+    span: tuple[float, float], world: tuple[tuple[Solid, ...], float | None],
 ) -> dict[str, Any]:  # fmt: skip
     """Draw the tips' paths and the world in one view; returns what a legend has of it.
 
@@ -82,7 +98,7 @@ def draw_view(
         span: first and last instant, s.
         world: as :func:`world_of` has it.
     """
-    picture_styles.dress(ax, style)
+    style.dress(ax)
     handles = _paths(ax, view, named, style, span)
     handles |= touch_places(ax, view, named, facts, style, span)
     _frame(ax)
@@ -90,10 +106,9 @@ def draw_view(
         _draw_solid(ax, view, solid, style)
     if world[1] is not None and view is not TOP:
         ax.axhspan(-1e3, world[1], facecolor=_fill(style, "surface"), edgecolor="none", zorder=0.5)
-    words: dict[str, Any] = {"fontsize": style.text, "family": list(style.font), "color": style.ink}
     title, right, up = SEEN[view]
-    ax.set_xlabel(right, **words)
-    ax.set_ylabel(up, **words)
+    ax.set_xlabel(right, **style.words)
+    ax.set_ylabel(up, **style.words)
     ax.set_title(title, **style.small_words)
     return handles
 
@@ -125,13 +140,11 @@ def _frame(ax: Axes) -> None:
     ax.set_autoscale_on(False)
 
 
-def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[WorldShape, ...], float | None]:
+def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[Solid, ...], float | None]:
     """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
     for log in named.values():
-        try:
-            contacts = log.scenario.contacts
-        except ValueError:  # of a version that kept none, or of a plugin that is not loaded
-            continue
+        scenario = scenario_of(log)
+        contacts = () if scenario is None else scenario.contacts
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
         if not contacts or not inside.size:
             continue
@@ -147,7 +160,7 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple
     return (), None
 
 
-def _draw_solid(ax: Axes, view: View, solid: WorldShape, style: PictureStyle) -> None:
+def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None:
     """Outline of a solid as it is at first, filled; where it is at last, as a line."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
@@ -161,4 +174,105 @@ def _draw_solid(ax: Axes, view: View, solid: WorldShape, style: PictureStyle) ->
 
 
 def _fill(style: PictureStyle, role: str) -> str:
-    return FILLS[style.face != "#ffffff"][role]
+    return FILLS[style.dark][role]
+
+
+def mark_touches(ax: Axes, panel: Panel, facts: Mapping[str, FlightFacts], style: PictureStyle) -> dict[str, Any]:
+    """Marks on the time axis of a panel where points touch and let go; words of the legend -> artist."""
+    handles: dict[str, Any] = {}
+    for i, flight in enumerate(facts.values()):
+        chosen = flight.touching
+        if panel.touching is not None:
+            chosen = tuple(each for each in chosen if (each.surface, each.point) in panel.touching)
+        at: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 5.0}
+        for word, times, look in _touch_marks(chosen, style, i):
+            (mark,) = ax.plot(times, [0.0] * len(times), markeredgewidth=0.08 * style.small, **look, **at)
+            handles.setdefault(word, mark)
+    return handles
+
+
+def touch_places(
+    ax: Axes,
+    view: View,
+    named: Mapping[str, Log],
+    facts: Mapping[str, FlightFacts],
+    style: PictureStyle,
+    span: tuple[float, float],
+) -> dict[str, Any]:
+    """Places on the tip's path where it touched and let go."""
+    handles: dict[str, Any] = {}
+    for i, (label, log) in enumerate(named.items()):
+        for word, times, look in _touch_marks([e for e in facts[label].touching if e.at_tip], style, i):
+            inside = [t for t in times if span[0] <= t <= span[1]]
+            if inside:
+                at = view.flat(log.tip[np.searchsorted(log.time, inside).clip(max=log.time.size - 1)]).T
+                (handles[word],) = ax.plot(*at, zorder=4.5, **look)
+    return handles
+
+
+def _touch_marks(
+    touching: Sequence[Touching], style: PictureStyle, i: int
+) -> Iterator[tuple[str, list[float], dict[str, Any]]]:
+    """Word, instants and look of touches, then of losses, in the colour of the i-th flight."""
+    color = style.look(i).color
+    for word, marker, face, times in (
+        (TOUCH_WORDS[0], "^", color, [t for each in touching for t in each.starts]),
+        (TOUCH_WORDS[1], "v", style.face, [t for each in touching for t in each.ends]),
+    ):
+        look = {"color": color, "markerfacecolor": face, "markersize": 0.6 * style.small, "marker": marker}
+        if times:
+            yield word, times, {**look, "linestyle": "none", "label": f"_{word}"}
+
+
+def task_figure(log: Log) -> Picture:
+    """Draw the forces of a flight over time, and the path of its tip in the view in which that is widest.
+
+    Args:
+        log: of a flight with a world.
+
+    Returns:
+        a figure: normal force at all points of the vehicle, what was wanted of it, and the force of what is gripped.
+    """
+    style = PAPER
+    figure = style.blank(*TASK_SIZE)
+    above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
+    span = 0.0, end_time(log) or 1.0
+    named, facts = {TIP: log}, {TIP: flight_facts(log)}
+    handles = _forces(above, log, style)
+    above.set_xlim(*span)
+    seen = draw_view(below, _view(log), named, facts, style, span, world_of(named, span))
+    handles |= {name: seen[name] for name in seen if name.startswith(TIP)}
+    style.legend(figure, handles)
+    return figure
+
+
+def _view(log: Log) -> View:
+    """The view along the axis of a hinge that is gripped, or along which the tip goes least; else from the right."""
+    if log.gripper_force.size and log.gripper_force.any() and log.mechanism_position.size:
+        hinge = log.scenario.contacts[0].mechanisms[0].hinge
+        if hinge:
+            return VIEWS[int(np.argmax(np.abs([float(c) for c in hinge[3:]])))]
+    wide = np.ptp(log.tip, axis=0) if log.time.size else np.zeros(3)
+    wide[1] -= 1e-3  # m: noise
+    return VIEWS[int(np.argmin(wide))]
+
+
+def _forces(ax: Axes, log: Log, style: PictureStyle) -> dict[str, Any]:
+    """Curves of force, each in the look of its place; returns what a legend has of them."""
+    style.dress(ax)
+    grip, touching = (each.sum(axis=1) if each.size else None for each in (log.gripper_force, log.contact_force))
+    curves: list[tuple[str, Array]] = []
+    if grip is None or (touching is not None and touching.any()):
+        curves.append(("normal force", np.zeros(log.time.size) if touching is None else touching))
+    if grip is not None and grip.any():
+        curves.append(("grip", grip))
+    handles: dict[str, Any] = {}
+    for i, (name, force) in enumerate(curves):
+        (handles[name],) = ax.plot(log.time, force, **style.look(i).line)
+    wanted = wanted_push(log)
+    if wanted is not None and wanted.any():
+        (handles["wanted force"],) = ax.plot(log.time, wanted, **style.desired.line)
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("time [s]", **style.words)
+    ax.set_ylabel("force [N]", **style.words)
+    return handles

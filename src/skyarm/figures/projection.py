@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.drawing.meshes import mesh_of
-from skyarm.drawing.shapes import UPRIGHT, Shape
+from skyarm.drawing.shapes import Shape
 
 Array = npt.NDArray[np.float64]
 
@@ -63,39 +63,7 @@ BEHIND = View("behind", (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 
 def surface(shape: Shape) -> Array:
     """Points of a solid's surface (N, 3) in the frame of its body, dense enough that their hull is its outline."""
-    if shape.mesh or shape.kind in ("box", "patch", "hole"):
-        local = mesh_of(replace(shape, rotation=UPRIGHT, position=(0.0, 0.0, 0.0)))[0]
-    elif shape.kind == "cylinder":
-        radius, length = shape.size
-        ring = circle(radius)
-        local = _both_ends(ring, length)
-    elif shape.kind == "capsule":
-        radius, length = shape.size
-        ball = radius * _directions()
-        local = _both_ends(ball, length)
-    else:
-        half = shape.size if shape.kind == "ellipsoid" else shape.size * 3
-        local = _directions() * np.array(half)
-    return np.asarray(local @ np.array(shape.rotation).T + np.array(shape.position))
-
-
-def _both_ends(points: Array, length: float) -> Array:
-    """Points moved by half a length along z, to either side."""
-    half = np.array([0.0, 0.0, 0.5 * length])
-    return np.concatenate([points + half, points - half])
-
-
-def circle(radius: float) -> Array:
-    """Points of a circle about z (AROUND, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    return radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(AROUND)], axis=1)
-
-
-def _directions() -> Array:
-    """Unit vectors (N, 3) by longitude and latitude."""
-    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, AROUND // 2 + 1)
-    rings = [circle(math.cos(each)) + np.array([0.0, 0.0, math.sin(each)]) for each in latitude]
-    return np.concatenate(rings)
+    return mesh_of(shape, AROUND)[0]
 
 
 def hull(points: Array) -> Array:

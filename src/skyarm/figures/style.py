@@ -1,15 +1,20 @@
-"""One visual style for every static figure, set on the objects themselves.
+"""Styles of static figures: for a paper's column, for a talk, light or dark, and for a web page.
 
 Matplotlib's rc parameters are global, and a context that changes them is seen by every thread; so fonts, widths and
-colours are passed to each artist instead. Two controllers differ in colour, in lightness and in dash: any one suffices.
+colours are passed to each artist instead. Neighbours in ``looks`` differ in colour, in lightness and in dash, so that a
+print in grey tells them apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import io
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -20,23 +25,26 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from skyarm.files import must_be_one_of, shown, write_atomically
+from skyarm.files.names import require_suffix
+
 Array = npt.NDArray[np.float64]
 
-COLUMN_WIDTH = 3.5
-"""in: one column of a two-column paper."""
-PANEL_HEIGHT = 1.12
-"""in: one panel of a stack."""
-FURNITURE_HEIGHT = 0.58
-"""in: title, time axis and legend together."""
-FONT = ["STIXGeneral", "DejaVu Serif"]
-TEXT_SIZE, SMALL_SIZE = 8.0, 7.0
-"""pt."""
-PAGE_FONT, PAGE_WIDTH, PAGE_SIZE = ["DejaVu Sans"], 11.0, 9.5
-"""Of a figure as wide as a page: font like the page's, in, pt; 9.5 pt are about 14 px there."""
-SMALLEST_SPAN = {"m": 0.02, "rad": 0.02}
-"""Extent of a value axis below which differences mean nothing in the paper's figures."""
-FRAME, GRID = "#333333", "#d9d9d9"
+STYLES = ("paper", "talk")
+
+DPI = {"paper": 300.0, "talk": 144.0}
+"""Dots an inch of a PNG: what journals ask of line drawings with text, and 1920 across a slide."""
+
+NOTEBOOK_DPI = 110.0
+
 WINDOW_FILL, GUST_FILL, GUST_EDGE = "#f1f1f1", "#dcdcdc", "#9a9a9a"
+
+
+class Picture(Figure):
+    """A figure that a notebook shows, whichever Matplotlib backend is loaded there."""
+
+    def _repr_png_(self) -> bytes:
+        return image_bytes(self, dpi=NOTEBOOK_DPI)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,8 +59,8 @@ class Look:
     color: str
     tint: str = "#e0e0e0"
     dash: tuple[float, ...] = ()
-    width: float = 1.0
-    layer: float = 3.0
+    width: float = 1.1
+    layer: float = 3.3
 
     @property
     def line(self) -> dict[str, Any]:
@@ -61,58 +69,220 @@ class Look:
         return {"color": self.color, "linestyle": style, "linewidth": self.width, "zorder": self.layer}
 
 
-# The lighter, dashed line lies over the dark, solid one: both stay visible where they agree.
-LOOKS = {
-    "CT": Look(color="#08306b", tint="#c3d2e6", width=1.15, layer=3.0),
-    "PD": Look(color="#e6762b", tint="#f8dcc8", dash=(3.2, 1.3), layer=3.2),
-    "reference": Look(color="#000000", dash=(1.0, 1.4), width=0.75, layer=3.4),
-}
-OTHER_LOOKS = (
-    Look(color="#1b7837", dash=(6.0, 1.5, 1.0, 1.5)),
-    Look(color="#762a83", dash=(6.0, 2.5)),
-    Look(color="#6b6b6b", dash=(2.0, 2.0)),
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureStyle:
+    """How a picture looks.
+
+    Attributes:
+        name: one of STYLES, or "page". font: families in order. text, small: pt.
+        width, wide: of one column of panels, and of several, in. panel: least height of a panel, in.
+        rows: panels one above the other before another column begins.
+        face, ink, frame, grid: colours of the ground, of words, of frames, of grids.
+        looks: of the flights or laws in their order. desired, limit: of references and of limits.
+        shades: fills of events in their order.
+    """
+
+    name: str
+    font: tuple[str, ...]
+    text: float
+    small: float
+    width: float
+    wide: float
+    panel: float
+    rows: int
+    face: str
+    ink: str
+    frame: str
+    grid: str
+    looks: tuple[Look, ...]
+    desired: Look
+    limit: Look
+    shades: tuple[str, ...]
+
+    @property
+    def dark(self) -> bool:
+        """Light on dark."""
+        return self.face != "#ffffff"
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """Keywords of a text of the larger size."""
+        return {"fontsize": self.text, "family": list(self.font), "color": self.ink, "parse_math": False}
+
+    @property
+    def small_words(self) -> dict[str, Any]:
+        """Keywords of a text of the smaller size."""
+        return {**self.words, "fontsize": self.small}
+
+    @property
+    def prop(self) -> dict[str, Any]:
+        """Font of a legend."""
+        return {"size": self.small, "family": list(self.font)}
+
+    def look(self, position: int) -> Look:
+        """The look of a flight by its place; after the last the colours begin again, with a dash of their own."""
+        look = self.looks[position % len(self.looks)]
+        return look if position < len(self.looks) else replace(look, dash=(1.0, 1.0), width=0.8 * look.width)
+
+    def blank(self, width: float, height: float) -> Picture:
+        """An empty figure of this size, in."""
+        pad = 0.006 * self.text
+        layout = ConstrainedLayoutEngine(w_pad=pad, h_pad=pad)
+        figure = Picture(figsize=(width, height), layout=layout, facecolor=self.face)
+        FigureCanvasAgg(figure)
+        return figure
+
+    def dress(self, ax: Axes) -> Axes:
+        """Frame, grid and ticks of one panel."""
+        line = 0.06 * self.text
+        ax.set_facecolor(self.face)
+        ticks: dict[str, Any] = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
+        ax.tick_params(**ticks, direction="in", width=line, length=5.0 * line, color=self.frame)
+        ax.grid(visible=True, color=self.grid, linewidth=0.8 * line)
+        ax.set_axisbelow(True)
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+        for spine in ax.spines.values():
+            spine.set_linewidth(line)
+            spine.set_edgecolor(self.frame)
+        return ax
+
+    def single(self, width: float, height: float) -> tuple[Picture, Axes]:
+        """A figure of one panel, in."""
+        figure = self.blank(width, height)
+        return figure, self.dress(figure.subplots())
+
+    def stacked(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
+        """A figure of so many panels over one time axis, filled column by column, top to bottom."""
+        columns = -(-count // (rows or self.rows))
+        rows = -(-count // columns)
+        height = max(self.panel, 5.6 / rows) if self.name == "talk" else self.panel
+        figure = self.blank(self.width if columns == 1 else self.wide, height * rows + 5.0 * self.text / 72.0)
+        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        # what is left over stays blank at the top of the last column, so that every column ends with a time axis
+        blanks = rows * columns - count
+        order = [grid[row, column] for column in range(columns) for row in range(rows)]
+        first = rows * (columns - 1)
+        for ax in order[first : first + blanks]:
+            ax.remove()
+        axes = [self.dress(ax) for ax in order[:first] + order[first + blanks :]]
+        for ax in grid[-1]:
+            ax.set_xlabel("Time [s]", **self.words)
+        figure.align_ylabels(axes)
+        return figure, axes
+
+    def name_axis(self, ax: Axes, label: str, unit: str) -> None:
+        """Words and unit of a value axis, on two lines where one is longer than the panel is high."""
+        height = ax.get_window_extent().height / ax.figure.dpi * 72.0
+        words = f"{label} [{unit}]" if unit else label
+        if 0.48 * self.small * len(words) > height:
+            words = f"{label}\n[{unit}]"
+        ax.set_ylabel(words, linespacing=1.0, **self.small_words)
+
+    def legend(self, figure: Figure, handles: Mapping[str, Any]) -> None:
+        """One legend below the panels, in as many columns as fit into the figure's width."""
+        canvas: Any = FigureCanvasAgg(figure)
+        renderer = canvas.get_renderer()
+        for columns in range(min(len(handles), 6), 0, -1):
+            drawn = figure.legend(
+                list(handles.values()),
+                list(handles),
+                loc="outside lower center",
+                ncols=columns,
+                frameon=False,
+                labelcolor=self.ink,
+                prop=self.prop,
+                handlelength=2.4,
+                columnspacing=1.3,
+                handletextpad=0.5,
+                borderaxespad=0.1,
+            )
+            for text in drawn.get_texts():
+                text.set_parse_math(False)
+            if columns == 1 or drawn.get_window_extent(renderer).width < 0.98 * figure.bbox.width:
+                return
+            drawn.remove()
+
+
+PAPER = PictureStyle(
+    name="paper",
+    font=("STIXGeneral", "DejaVu Serif"),
+    text=8.0,
+    small=7.0,
+    width=3.5,
+    wide=7.16,
+    panel=0.95,
+    rows=8,
+    face="#ffffff",
+    ink="#000000",
+    frame="#333333",
+    grid="#d9d9d9",
+    # the lighter, dashed line lies over the dark, solid one: both stay visible where they agree
+    looks=(
+        Look(color="#08306b", tint="#c3d2e6", layer=3.0),
+        Look(color="#e6762b", tint="#f8dcc8", dash=(3.2, 1.3), layer=3.2),
+        Look(color="#1b7837", tint="#cfe3d5", dash=(6.0, 1.5, 1.0, 1.5)),
+        Look(color="#762a83", tint="#dfcde2", dash=(6.0, 2.5)),
+        Look(color="#6b6b6b", tint="#dddddd", dash=(2.0, 2.0)),
+        Look(color="#b2182b", tint="#eccdd1", dash=(5.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
+    ),
+    desired=Look(color="#000000", dash=(1.0, 1.4), width=0.8, layer=3.6),
+    limit=Look(color="#8c1a10", dash=(8.0, 2.0), width=0.8, layer=2.6),
+    shades=("#dcdcdc", "#f3e3c3", "#f2d3d0", "#d7e6f2"),
+)
+"""One column of a two-column paper (3.5 in), or both (7.16 in): IEEE's widths."""
+
+TALK = replace(
+    PAPER,
+    name="talk",
+    font=("DejaVu Sans",),
+    text=15.0,
+    small=13.0,
+    width=13.33,
+    wide=13.33,
+    panel=1.75,
+    rows=3,
+    ink="#1b1f24",
+    frame="#555555",
+    grid="#dddddd",
+    looks=tuple(replace(look, width=2.3) for look in PAPER.looks),
+    desired=replace(PAPER.desired, width=1.6),
+    limit=replace(PAPER.limit, width=1.6),
+)
+"""A slide of 13.33 by 7.5 in, readable from the last row."""
+
+_DARK_COLORS = ("#79b0ee", "#f79a5c", "#6fce8f", "#c9a0f0", "#b8bec6", "#ff7d8b")
+_DARK_TINTS = ("#26384f", "#4d3524", "#24432f", "#3d3150", "#3a3f45", "#512b31")
+
+TALK_DARK = replace(
+    TALK,
+    face="#11151b",
+    ink="#e4e8ec",
+    frame="#8a949e",
+    grid="#323940",
+    looks=tuple(
+        replace(look, color=color, tint=tint)
+        for look, color, tint in zip(TALK.looks, _DARK_COLORS, _DARK_TINTS, strict=True)
+    ),
+    desired=replace(TALK.desired, color="#ffffff"),
+    limit=replace(TALK.limit, color="#ff8a7a"),
+    shades=("#333d49", "#4a4028", "#4b2c2c", "#233b4d"),
 )
 
-
-def look(name: str, position: int = 0) -> Look:
-    """The look of a controller; other controllers take the remaining looks by their position."""
-    return LOOKS.get(name) or OTHER_LOOKS[position % len(OTHER_LOOKS)]
+PAGE = replace(PAPER, name="page", font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
+"""A figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
 
 
-def stacked(title: str, panels: int) -> tuple[Figure, list[Axes]]:
-    """A figure of one column with panels stacked over one time axis."""
-    size = (COLUMN_WIDTH, FURNITURE_HEIGHT + PANEL_HEIGHT * panels)
-    layout = ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02)
-    figure = Figure(figsize=size, layout=layout, facecolor="white")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(panels, 1, sharex=True, squeeze=False)
-    figure.suptitle(title, fontsize=TEXT_SIZE, family=FONT)
-    axes = [dress(ax) for ax in grid[:, 0]]
-    axes[-1].set_xlabel("Time [s]", fontsize=TEXT_SIZE, family=FONT)
-    figure.align_ylabels(axes)
-    return figure, axes
+def picture_style(name: str, *, dark: bool = False) -> PictureStyle:
+    """A style by its name.
 
-
-def dress(ax: Axes, *, size: float = SMALL_SIZE, family: str = FONT[0]) -> Axes:
-    """Frame, grid and ticks of one panel; ticks of ``size`` pt."""
-    ax.set_facecolor("white")
-    ax.tick_params(labelsize=size, labelfontfamily=family, direction="in", width=0.5, length=2.5, color=FRAME)
-    ax.grid(visible=True, color=GRID, linewidth=0.4)
-    ax.set_axisbelow(True)
-    ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
-    for spine in ax.spines.values():
-        spine.set_linewidth(0.5)
-        spine.set_edgecolor(FRAME)
-    return ax
-
-
-def name_panel(ax: Axes, label: str, unit: str, letter: str) -> None:
-    """Label the value axis with its SI unit; a letter names the part of the figure."""
-    ax.set_ylabel(f"{label} [{unit}]", fontsize=SMALL_SIZE, family=FONT)
-    if letter:
-        box = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-        written = ax.text(0.012, 0.95, f"({letter})", transform=ax.transAxes, fontsize=TEXT_SIZE, family=FONT)
-        written.set(verticalalignment="top", bbox=box, zorder=5)
+    Raises:
+        ValueError: one line: no such style, or a dark paper.
+    """
+    if name not in STYLES:
+        raise ValueError(f"style = {shown(name)}: {must_be_one_of(STYLES, name)}")
+    if dark and name != "talk":
+        raise ValueError(f"dark: must come with style = 'talk', not {shown(name)}")
+    return (TALK_DARK if dark else TALK) if name == "talk" else PAPER
 
 
 def shade_window(ax: Axes, span: tuple[float, float]) -> Patch:
@@ -125,7 +295,7 @@ def shade_gust(ax: Axes, span: tuple[float, float]) -> Patch:
     return ax.axvspan(*span, facecolor=GUST_FILL, edgecolor=GUST_EDGE, hatch="////", linewidth=0.0, zorder=0.2)
 
 
-def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float) -> tuple[float, float]:
+def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np.inf) -> tuple[float, float]:
     """Limits of a value axis.
 
     Args:
@@ -151,28 +321,32 @@ def logarithmic(axis: Axis) -> None:
     """A logarithmic axis with plain numbers at 1, 2 and 5 of each decade, which also short ranges have."""
     (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(axis)
     axis.set_minor_formatter(NullFormatter())
 
 
-def legend(
-    figure: Figure,
-    handles: Sequence[Any],
-    labels: Sequence[str],
-    *,
-    size: float = SMALL_SIZE,
-    family: Sequence[str] = FONT,
-) -> None:
-    """One legend for the whole figure, below the time axis."""
-    figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=min(len(labels), 5) or 1,
-        frameon=False,
-        prop={"size": size, "family": list(family)},
-        handlelength=2.2,
-        columnspacing=1.1,
-        handletextpad=0.5,
-        borderaxespad=0.1,
-    )
+def plain_numbers(axis: Axis) -> None:
+    """Numbers of a logarithmic axis as 0.1 and 100, not as powers."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
+    """Encode a static figure as "png", "svg" or "pdf", without dates, so that equal figures give equal pixels."""
+    stamp = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        # a name in letters that the fonts lack is drawn as boxes: no reason for a line for each of them
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=stamp[kind])
+    return buffer.getvalue()
+
+
+def save_picture(figure: Picture, path: Path, style: str) -> Path:
+    """Write a picture in the format of its suffix; the file appears whole or not at all."""
+    return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI[style]))
+
+
+def typeface(*, bold: bool = False) -> Path:
+    """File of DejaVu Sans, which comes with Matplotlib: the same letters on every machine."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name

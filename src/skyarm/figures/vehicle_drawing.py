@@ -12,11 +12,9 @@ from matplotlib.patches import Polygon
 
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.vehicle_shapes import rotor_radius, vehicle_shapes
-from skyarm.figures import picture_styles
-from skyarm.figures.drawing_marks import TRIAD, Marks
-from skyarm.figures.drawing_pose import DrawnFrame, Posed, pose
-from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
+from skyarm.figures.drawing_marks import TRIAD, DrawnFrame, Marks, Posed, pose
 from skyarm.figures.projection import SIDE, TOP, View, axonometric, hull, surface
+from skyarm.figures.style import Picture, PictureStyle, picture_style
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -73,7 +71,7 @@ def vehicle_drawing(
     """
     chosen = picture_style(style, dark=dark)
     posed = pose(vehicle, joints)
-    figure = picture_styles.blank(chosen, chosen.wide, HEIGHTS[style])
+    figure = chosen.blank(chosen.wide, HEIGHTS[style])
     figure.set_layout_engine("none")  # every view has its place
     shapes = vehicle_shapes(vehicle)
     for view, place, draw in (
@@ -86,7 +84,7 @@ def vehicle_drawing(
         outlines = _outlines(shapes, posed, view)
         world = _world(outlines, posed, view) if draw is _solid else None
         _fit(ax, outlines, posed, view, world)
-        _draw_shapes(ax, outlines, chosen, dark=dark)
+        _draw_shapes(ax, outlines, chosen)
         marks = Marks(ax, view, chosen, posed.reach)
         for shape, corners in outlines:
             marks.avoid(shape, corners)
@@ -131,10 +129,10 @@ def _fit(ax: Axes, outlines: Sequence[tuple[Shape, Array]], posed: Posed, view: 
     ax.set_ylim(middle[1] - half[1], middle[1] + half[1])
 
 
-def _draw_shapes(ax: Axes, outlines: Sequence[tuple[Shape, Array]], style: PictureStyle, *, dark: bool) -> None:
+def _draw_shapes(ax: Axes, outlines: Sequence[tuple[Shape, Array]], style: PictureStyle) -> None:
     """Outlines of the solids, the farthest first."""
     for i, (shape, corners) in enumerate(outlines):
-        outline = Polygon(corners, closed=True, facecolor=FILLS[dark][shape.role], edgecolor=style.frame)
+        outline = Polygon(corners, closed=True, facecolor=FILLS[style.dark][shape.role], edgecolor=style.frame)
         clear = shape.role == "rotor"
         outline.set(linewidth=0.06 * style.small, alpha=0.4 if clear else 1.0, zorder=1.0 + 1e-3 * i, label=shape.name)
         ax.add_patch(outline)

@@ -1,15 +1,21 @@
 """Reading tables field by field, and writing files that appear whole or not at all. Knows nothing of flying."""
 
-from skyarm.files.atomic import output_file, require_replaceable, require_writable, sync_folder, write_atomically
 from skyarm.files.fields import Fields, all_wrong_words, number
-from skyarm.files.inside import file_names, require_no_link, write_inside
-from skyarm.files.one_line import one_line, printable, shown
-from skyarm.files.optional_extras import how_to_install, needs_extra
-from skyarm.files.read import file_name, unreadable
-from skyarm.files.suggestions import did_you_mean, must_be_one_of, nearest
-from skyarm.files.take_back import taken_back
-from skyarm.files.toml_text import read_toml
-from skyarm.files.versions import versions
+from skyarm.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown
+from skyarm.files.names import file_name, unreadable
+from skyarm.files.packages import how_to_install, needs_extra, versions
+from skyarm.files.toml import read_toml
+from skyarm.files.writing import (
+    file_names,
+    output_file,
+    require_no_link,
+    require_replaceable,
+    require_writable,
+    sync_folder,
+    taken_back,
+    write_atomically,
+    write_inside,
+)
 
 __all__ = [
     "Fields",

@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from skyarm.files.one_line import listed, shown
-from skyarm.files.suggestions import did_you_mean, must_be_one_of
+from skyarm.files.messages import did_you_mean, listed, must_be_one_of, shown
 
 _REQUIRED: Any = object()
 
@@ -124,6 +123,28 @@ class Fields:
             raise ValueError(f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}")
         return str(value)
 
+    def text(self, name: str, *default: str) -> str:
+        """Text; not empty where there is no default."""
+        value = self.take(name, *default)
+        if not isinstance(value, str) or (not value and not default):
+            raise ValueError(f"{self.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
+        return value
+
+    def flag(self, name: str, *default: bool) -> bool:
+        """True or false."""
+        value = self.take(name, *default)
+        if not isinstance(value, bool):
+            raise ValueError(f"{self.at(name)} = {shown(value)}: must be true or false")
+        return value
+
+    def inner(self, name: str) -> Fields:
+        """Reader of a table within this one; of an empty table where it is left out."""
+        return Fields(self.take(name, {}), self.at(name))
+
+    def tables(self, name: str) -> list[Fields]:
+        """Readers of a list of tables; none where it is left out."""
+        return list_of_tables(self.take(name, []), self.at(name))
+
     def done(self) -> None:
         """Refuse fields that were not asked for, at once or with the other wrong words of the file."""
         wrong = _wrong_words.get()
@@ -135,6 +156,13 @@ class Fields:
             if wrong is None:
                 raise ValueError(line)
             wrong[self.where, name] = line
+
+
+def list_of_tables(value: Any, where: str) -> list[Fields]:
+    """Readers of a list of tables, in order."""
+    if not isinstance(value, list):
+        raise ValueError(f"{where} = {shown(value)}: must be a list of tables")
+    return [Fields(table, f"{where}[{i}]") for i, table in enumerate(value)]
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:

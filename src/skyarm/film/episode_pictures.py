@@ -16,14 +16,11 @@ from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.drawing.world_shapes import world_shapes
 from skyarm.environment import WindSample
 from skyarm.files import must_be_one_of, shown
-from skyarm.film.camera_paths import CAMERAS, CameraPath
+from skyarm.film.camera_paths import CAMERAS, CameraPath, free_azimuth
+from skyarm.film.captions import DESIGNED
 from skyarm.film.film_settings import FilmSettings
-from skyarm.film.filmed_flight import COLORS, FilmedFlight, film_flight
-from skyarm.film.filmed_world import carried_at, patch_about
-from skyarm.film.frame_layout import DESIGNED
-from skyarm.film.free_view import free_azimuth
-from skyarm.film.marks import THIN, Mark, desired_path, touch_marks, wind_arrow
-from skyarm.film.solids import ghost_solids, vehicle_solids
+from skyarm.film.filmed_flight import COLORS, FilmedFlight, carried_at, film_flight, patch_about
+from skyarm.film.marks import THIN, Mark, desired_path, ghost_solids, touch_marks, vehicle_solids, wind_arrow
 from skyarm.film.stage import Panel, Stage, open_stage
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_record import Scenario, first_state

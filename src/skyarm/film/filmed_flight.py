@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.drawing.shapes import Shape
-from skyarm.drawing.touch_arrows import TouchArrow
-from skyarm.drawing.world_shapes import WorldShape, ground_height, point_shapes, world_shapes
-from skyarm.environment import HangingPayload
-from skyarm.figures.contact_curves import wanted_push
+from skyarm.contact import Contact
+from skyarm.drawing.poses import body_poses
+from skyarm.drawing.shapes import Shape, Solid
+from skyarm.drawing.vehicle_shapes import payload_shape
+from skyarm.drawing.world_shapes import (
+    PATCH,
+    CarriedPoses,
+    TouchArrow,
+    ground_height,
+    logged_poses,
+    point_shapes,
+    touch_arrows,
+    world_shapes,
+)
+from skyarm.figures.flight_facts import flight_labels, wanted_push
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
-from skyarm.film.filmed_world import carried_at, patch_about, touches_at
-from skyarm.film.read_log import continuous, end_of, read
 from skyarm.log.flight_log import Log
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -40,25 +48,26 @@ eyes."""
 MOST_FLIGHTS = len(COLORS)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Load:
-    """A payload that is held for a part of a flight.
+READ = (
+    "position",
+    "joints",
+    "position_reference",
+    "joints_reference",
+    "tip",
+    "tip_reference",
+    "wind_force",
+    "air_velocity",
+    "tilts",
+)
+"""Arrays of a log that a film reads as they are."""
 
-    Attributes:
-        mass: kg. com: m, axes of the frame that holds it. frame: its name; empty for the tip.
-        held_at: (F,) numbers of frames: of each frame itself while the payload is held, else of the nearest one in
-            which it was: it lies where it is taken and left.
-    """
-
-    mass: float
-    com: Vec3
-    frame: str
-    held_at: npt.NDArray[np.int64]
+WIDEST = 6.0
+"""m of way beyond which the patch of a plane grows no more."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
-    """What a film shows of one flight at F instants; world axes, SI units, radians.
+    """One flight at F instants; world axes, SI units, radians.
 
     Attributes:
         label: name in the picture. color: of the vehicle, its trail and its curve.
@@ -72,7 +81,7 @@ class FilmedFlight:
         contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
             where it asks for none.
         tilts: (F, rotors that tilt) rad; without columns where none does.
-        loads: payloads that are taken or left on the way.
+        loads: payloads that are taken or left on the way, where they are held and lie.
         surfaces: of the world, but for its ground. ground: height of that, m. points: marks of what may touch them.
         touches: contact forces.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
@@ -98,8 +107,8 @@ class FilmedFlight:
     error_curve: Array
     end: float
     lost: str
-    loads: tuple[Load, ...] = ()
-    surfaces: tuple[WorldShape, ...] = ()
+    loads: tuple[Solid, ...] = ()
+    surfaces: tuple[Solid, ...] = ()
     contact: Array | None = None
     contact_curve: Array | None = None
     wanted_curve: Array | None = None
@@ -139,15 +148,6 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
 
 
-def flight_labels(logs: Sequence[Log]) -> list[str]:
-    """What tells the flights apart: their laws, or their scenarios, or the plants that they were flown on."""
-    for field in ("controller", "scenario", "plant"):
-        names = [str(log.info.get(field, "")) for log in logs]
-        if len(set(names)) == len(names):
-            return names
-    return [f"flight {i + 1}" for i in range(len(logs))]
-
-
 def _contact(log: Log) -> Array | None:
     """Sum of the normal forces on the vehicle, or where nothing touches, of its grips, N; None without a world."""
     if not log.contact_force.size:
@@ -167,6 +167,8 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     carried = carried_at(log, contacts, times)
     now = {name: read(log.time, getattr(log, name), times) for name in READ}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
+    quaternion = read(log.time, continuous(log.quaternion), times)
+    poses = body_poses(vehicle, now["position"], quaternion, now["joints"])
     push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
     error, contact = _error(log, push), _contact(log)
     return FilmedFlight(
@@ -174,7 +176,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         color=color,
         vehicle=vehicle,
         position=now["position"],
-        quaternion=read(log.time, continuous(log.quaternion), times),
+        quaternion=quaternion,
         joints=now["joints"],
         tilts=now["tilts"],
         desired_position=now["position_reference"],
@@ -192,11 +194,11 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         wanted_curve=wanted_push(log),
         end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        loads=tuple(_loads(log, scenario.payloads, times)),
+        loads=tuple(_loads(log, vehicle, scenario.payloads, poses, times)),
         surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), patch_about(now["tip"]), carried),
         ground=ground_height(contacts),
         points=point_shapes(contacts, vehicle),
-        touches=tuple(touches_at(log, vehicle, contacts, times, carried)),
+        touches=tuple(_touches(log, vehicle, contacts, poses, times, carried)),
     )
 
 
@@ -208,27 +210,70 @@ def _error(log: Log, push: TipPush | None) -> Array:
     return np.asarray(np.linalg.norm(away, axis=1))
 
 
-READ = (
-    "position",
-    "joints",
-    "position_reference",
-    "joints_reference",
-    "tip",
-    "tip_reference",
-    "wind_force",
-    "air_velocity",
-    "tilts",
-)
-"""Arrays of a log that a film reads as they are."""
+def _loads(
+    log: Log, vehicle: Vehicle, payloads: Sequence[Any], poses: Mapping[int, tuple[Array, Array]], times: Array
+) -> Iterator[Solid]:
+    """Payloads that are held at some frames, where they are taken, held and left.
 
-
-def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
-    """Payloads that are held at some frames; one on a cord is left out, a log does not tell where it hangs."""
+    One on a cord is left out: a log does not keep its place.
+    """
     instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for payload, masses in zip(payloads, log.payload_mass.T, strict=False):
+    for i, (payload, masses) in enumerate(zip(payloads, log.payload_mass.T, strict=False)):
         (held,) = np.nonzero(masses[instants] > 0.0)
-        if isinstance(payload, HangingPayload) or not held.size:
+        if not payload.rigid or not held.size:
             continue
         # the last frame at which it was held, and before the first that one
         at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
-        yield Load(mass=float(payload.mass), com=payload.com, frame=payload.frame, held_at=at)
+        shape = payload_shape(vehicle, float(payload.mass), payload.frame, payload.com)
+        R, p = poses[shape.body]
+        yield Solid(replace(shape, name=f"payload{i + 1}"), (p + R @ np.array(shape.position))[at], R[at])
+
+
+def patch_about(tip: Array) -> float:
+    """Half the width of the patch that stands for a plane, m: a metre more than the tip goes, up to a point."""
+    finite = tip[np.isfinite(tip).all(axis=1)]
+    way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
+    return PATCH + 0.5 * min(way, WIDEST)
+
+
+def carried_at(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
+    """Free objects and mechanisms at the frames."""
+    turns = [continuous(each) for each in np.split(log.object_quaternion, log.object_quaternion.shape[1] // 4 or 1, 1)]
+    kept = log.object_position, np.concatenate(turns, axis=1), log.mechanism_position
+    return logged_poses(contacts, *(read(log.time, each, times) for each in kept))
+
+
+def _touches(
+    log: Log,
+    vehicle: Vehicle,
+    contacts: Sequence[Contact],
+    poses: Mapping[int, tuple[Array, Array]],
+    times: Array,
+    carried: CarriedPoses,
+) -> Iterator[TouchArrow]:
+    """Contact forces at the frames, at the places that the bodies have then."""
+    begin = 0
+    for contact in contacts if log.contact_force.size else ():
+        end = begin + contact.logged_pairs
+        force = read(log.time, log.contact_force[:, begin:end], times)
+        force = np.where(times[:, None] < end_of(log), force, 0.0)
+        yield from touch_arrows(contact, vehicle, poses, times, force, carried)
+        begin = end
+
+
+def end_of(log: Log) -> float:
+    """When the last control period of a flight is over, s."""
+    return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
+
+
+def read(time: Array, values: Array, times: Array) -> Array:
+    """Columns (N, k) at other instants, (F, k)."""
+    columns = [np.interp(times, time, column) for column in values.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def continuous(quaternion: Array) -> Array:
+    """The same attitudes with signs that do not jump, so that they can be read between two instants."""
+    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
+    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
+    return np.asarray(quaternion * sign[:, None], dtype=float)

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.shapes import Solid
 from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.film.camera_paths import CAMERAS, CameraPath
-from skyarm.film.captions import Captions
+from skyarm.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
-from skyarm.film.frame_layout import FrameLayout, frame_layout
-from skyarm.film.marks import marks_of
-from skyarm.film.solids import Solid, ghost_solids, vehicle_solids
+from skyarm.film.marks import ghost_solids, marks_of, vehicle_solids
 from skyarm.film.stage import Panel, open_stage
 from skyarm.film.video_files import require_film_format
 from skyarm.log.flight_log import Log

@@ -1,16 +1,19 @@
-"""What a film draws beside the solids: the trail of the tip, the path it should take, the wind."""
+"""Solids, lines and arrows of a film: vehicles, desired poses, payloads, world, trails, wind and contact forces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.film.filmed_flight import FilmedFlight
-from skyarm.film.solids import RGBA
+from skyarm.drawing.poses import body_poses, rotor_turns, turned_shape
+from skyarm.drawing.shapes import RGBA, Solid
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.drawing.world_shapes import without_holes
+from skyarm.film.filmed_flight import Color, FilmedFlight
 
 Array = npt.NDArray[np.float64]
 
@@ -20,6 +23,12 @@ TRAIL = 4.0
 TRAIL_PIECES = 80
 """Lines of a trail."""
 
+GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
+GHOST: Color = (0.15, 0.2, 0.3)
+DARK: Color = (0.16, 0.17, 0.2)
+TIP: Color = (0.85, 0.12, 0.16)
+POINT: Color = (0.95, 0.75, 0.1)
+WHITE: Color = (1.0, 1.0, 1.0)
 PATH: RGBA = (0.25, 0.28, 0.34, 0.55)
 WIND: RGBA = (0.25, 0.55, 0.85, 0.9)
 
@@ -149,3 +158,54 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
         return [*still, *moving, *touching, *blowing]
 
     return at
+
+
+def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
+    """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
+    own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
+    return [*own, *load_solids(flight), *without_holes(flight.surfaces)]
+
+
+def load_solids(flight: FilmedFlight) -> list[Solid]:
+    """Payloads where they are held, and where they lie before and after."""
+    return [replace(each, rgba=role_color("payload", flight.color, ghost=False)) for each in flight.loads]
+
+
+def ghost_solids(flight: FilmedFlight) -> list[Solid]:
+    """The desired pose, see-through: a level base on its reference, joints on theirs."""
+    desired = flight.desired_position, flight.desired_quaternion, flight.desired_joints
+    return _solids(flight, *desired, ghost=True)
+
+
+def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
+    """Colour of a shape by what it stands for; ``color`` is the flight's."""
+    if ghost:
+        return (*GHOST, GHOST_OPACITY)
+    if role == "rotor":
+        return (*_mix(color, WHITE, 0.45), ROTOR_OPACITY)
+    own = {
+        "hull": color,
+        "link": _mix(color, WHITE, 0.25),
+        "tip": TIP,
+        "point": POINT,
+        "payload": _mix(color, DARK, 0.5),
+    }
+    return (*own.get(role, DARK), 1.0)
+
+
+def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Array, *, ghost: bool) -> list[Solid]:
+    poses = body_poses(flight.vehicle, position, quaternion, joints)
+    # nothing is wanted of the servos: the desired pose has them at rest
+    turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
+    found = []
+    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.points)):
+        R, p = poses[shape.body]
+        color = role_color(shape.role, flight.color, ghost=ghost)
+        found.append(Solid(shape, p + R @ np.array(shape.position), R @ turned_shape(shape, turns), color))
+    return found
+
+
+def _mix(a: Color, b: Color, share: float) -> Color:
+    """Colour between two, ``share`` of the second."""
+    red, green, blue = ((1.0 - share) * one + share * other for one, other in zip(a, b, strict=True))
+    return (red, green, blue)

@@ -5,28 +5,47 @@ The extra ``studio`` (viser) writes it and brings the player, one page without a
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import io
+import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import write_atomically
-from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
+from skyarm.drawing.poses import body_poses, rotor_turns
+from skyarm.drawing.shapes import RGBA
+from skyarm.files import needs_extra, write_atomically
+from skyarm.film.camera_paths import (
+    CAMERAS,
+    FIELD_OF_VIEW,
+    CameraPath,
+    free_azimuth,
+    looking_towards,
+    vehicle_reach,
+)
 from skyarm.film.captions import state_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
-from skyarm.film.free_view import free_azimuth
-from skyarm.film.marks import LEAST_FORCE, LEAST_SPEED, WIND, wind_words
-from skyarm.film.recording_page import import_viser, page_with, player_page
-from skyarm.film.recording_scene import PATH_COLOR, RecordedBodies, add_path, add_world
-from skyarm.film.recording_touches import RecordedTouches, turn_x_onto
+from skyarm.film.marks import (
+    LEAST_FORCE,
+    LEAST_SPEED,
+    TOUCH,
+    WIND,
+    load_solids,
+    role_color,
+    touch_marks,
+    wind_words,
+)
 from skyarm.log.flight_log import Log
+from skyarm.studio.scene import DIGITS, Arrows, SolidNodes, VehicleNodes, bytes_of
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +60,10 @@ WORDS_PER_SECOND = 2.0
 ASPECT = 1.0
 """Of the window for which the camera is placed: a phone's is narrower, a screen's wider."""
 
-GRID = (208, 212, 218)
+GRID, PATH_COLOR = (208, 212, 218), (90, 96, 110)
+
+COARSE = 3
+"""Decimals of the ends of contact forces that are recorded, 1 mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +112,7 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[P
     """Write a recording: NAME.viser alone, NAME.html (page and recording in one), or a folder of both.
 
     Returns:
-        What was written.
+        the files that were written.
     """
     target = Path(path)
     if target.suffix.lower() == ".viser":
@@ -103,7 +125,7 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[P
 
 @contextlib.contextmanager
 def _server() -> Iterator[Any]:
-    """A server of viser that nobody is told of: scenes are made on one. It listens on loopback for that long."""
+    """A server of viser on loopback, which scenes are made on."""
     with contextlib.redirect_stdout(io.StringIO()):
         server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
@@ -142,65 +164,87 @@ def _recorded(
 
 
 class _Recorded:
-    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and what touches it."""
+    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and contact forces."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
     ) -> None:
         self._flight, self._times = flight, times
-        reach = vehicle_reach(flight)
-        self._bodies = [RecordedBodies(scene, f"{root}/vehicle", flight, shift, ghost=False)]
+        reach = self._reach = vehicle_reach(flight)
+        self._blows = np.zeros(3)
+        # the origin is the flight's own place
+        scene.add_frame(root, show_axes=False, position=shift)
+        pose = flight.position, flight.quaternion, flight.joints
+        self._bodies = [self._vehicle(scene, f"{root}/vehicle", pose, ghost=False)]
+        self._turns = rotor_turns(flight.vehicle, flight.tilts)
         if settings.ghost:
-            self._bodies.append(RecordedBodies(scene, f"{root}/desired", flight, shift, ghost=True))
-        color = tuple(round(255 * c) for c in flight.color)
-        add_path(scene, f"{root}/tip_path", flight.tip + shift, color, 2.0)
-        add_path(scene, f"{root}/desired_tip_path", flight.desired_tip + shift, PATH_COLOR, 1.0)
-        above = flight.desired_position.mean(axis=0) + shift + np.array([0.0, 0.0, 1.3 * reach])
+            pose = flight.desired_position, flight.desired_quaternion, flight.desired_joints
+            self._bodies.append(self._vehicle(scene, f"{root}/desired", pose, ghost=True))
+        _add_path(scene, f"{root}/tip_path", flight.tip, bytes_of(flight.color), 2.0)
+        _add_path(scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0)
+        above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
         self._words = scene.add_label(f"{root}/words", self._text(0), position=above, anchor="bottom-center")
-        self._wind = scene.add_arrows(
-            f"{root}/wind",
-            points=np.array([[[-0.9 * reach, 0.0, 0.0], [0.0, 0.0, 0.0]]], np.float32),
-            colors=np.array([round(255 * c) for c in WIND[:3]], np.uint8),
-            shaft_radius=0.04 * reach,
-            head_radius=0.1 * reach,
-            head_length=0.22 * reach,
-        )
-        self._touches = RecordedTouches(scene, root, flight, shift, reach)
-        self._world = add_world(scene, root, flight, shift)
-        self._wind_from = above - np.array([0.0, 0.0, 0.5 * reach])
-        self._reach = reach
+        self._wind_to = above - np.array([0.0, 0.0, 0.5 * reach])
+        around = self._wind_to + reach * np.array([[-1.0], [1.0]])
+        self._wind = Arrows(scene, f"{root}/wind", [bytes_of(WIND)], 0.04 * reach, around)
+        spots = [each.spot for each in flight.touches] or [flight.position]
+        reached = np.array([np.min(spots, axis=(0, 1)), np.max(spots, axis=(0, 1))])
+        colors = [bytes_of(TOUCH)] * len(flight.touches)
+        self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
+        self._solids = [*load_solids(flight), *flight.surfaces]
+        self._world = SolidNodes(scene, f"{root}/solids")
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
-        self._blows: tuple[float, ...] | None = (np.nan,)
+
+    def _vehicle(
+        self, scene: Any, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
+    ) -> tuple[VehicleNodes, Array, Array]:
+        """Nodes with the rotations and positions of their bodies at every frame."""
+        flight = self._flight
+
+        def paint(role: str) -> RGBA:
+            return role_color(role, flight.color, ghost=ghost)
+
+        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.points)
+        rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
+        return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:
-        for bodies in self._bodies:
-            bodies.put(k)
+        """Move it to frame k; what has not moved is not recorded again."""
+        flight = self._flight
+        for nodes, rotations, positions in self._bodies:
+            nodes.place(rotations[k], positions[k])
+        # nothing is wanted of the servos: the desired pose has them at rest
+        self._bodies[0][0].tilt({name: turn[k] for name, turn in self._turns.items()})
         if k % self._every == 0:
             self._words.text = self._text(k)
-        self._put_wind(k)
-        self._touches.put(k)
-        for node in self._world:
-            node.put(k)
-
-    def _put_wind(self, k: int) -> None:
-        """Turn the arrow into the wind, hide it without one."""
-        force, air = self._flight.force[k], self._flight.air[k]
+        force, air = flight.force[k], flight.air[k]
         wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
         size = float(np.linalg.norm(wind))
-        blows = tuple(np.round(wind / size, 1)) if size > least else None
-        if blows == self._blows:
-            return
-        self._blows = blows
-        self._wind.visible = blows is not None
-        if blows is not None:
-            along = wind / size
-            self._wind.wxyz = turn_x_onto(along)
-            self._wind.position = self._wind_from - 0.9 * self._reach * along
+        along = wind / size if size > least else np.zeros(3)
+        # of one length, and turned only by what is seen: turbulence would fill the file
+        if k == 0 or (np.round(along, 1) != np.round(self._blows, 1)).any():
+            self._blows = along
+            self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
+        if self._touches is not None:
+            ends = np.zeros((len(flight.touches), 2, 3))
+            for i, mark in enumerate(touch_marks(flight, k, self._reach)):
+                ends[i] = np.round([mark.start, mark.end], COARSE)
+            self._touches.point(ends)
+        self._world.place(self._solids, k)
 
     def _text(self, k: int) -> str:
         flight = self._flight
         wind = wind_words(flight, k) if self._times[k] < flight.end else ""
         return f"{flight.label}: {state_words(flight, float(self._times[k]), k)}" + (f", {wind}" if wind else "")
+
+
+def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
+    """A line through places (F, 3)."""
+    places = np.round(places, DIGITS)
+    points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+    if len(points):
+        look = {"colors": np.array(color, np.uint8), "thickness": width, "thickness_units": "screen"}
+        scene.add_line_segments(name, points=points, **look)
 
 
 def _surroundings(
@@ -226,15 +270,14 @@ def _surroundings(
     )
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
-    wide = float(np.linalg.norm(shifts[-1] - shifts[0]))
-    eye, target = _eye(path, 0.5 * wide)
+    eye, target = _eye(path, 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0])))
     server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 
 
 def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
-    """Where each flight's world stands: all in one place, or side by side as the camera sees them."""
+    """Origins of the flights' worlds: one place, or side by side as the camera sees them."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
@@ -247,8 +290,62 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
 
 
 def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
-    """Place of the camera and what it looks at, at the first frame."""
-    azimuth, elevation = np.radians(path.azimuth[0]), np.radians(path.elevation[0])
-    along = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    """Place of the camera and its target, at the first frame."""
     target = path.look_at[0]
+    along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
     return target - (path.distance[0] + wider) * along, target
+
+
+def player_page(recording: str | None = None) -> str:
+    """The player as one page: it plays the file that ``?playbackPath=`` names, or else ``recording``.
+
+    For a site that shows several recordings: one player, and a frame ``player.html?playbackPath=FILE.viser`` for each.
+    Both must be served; a page opened as a file may read no other file (:func:`page_with` needs none).
+    """
+    page = _client()
+    if recording is None:
+        return page
+    script = (
+        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
+        f"words.set('playbackPath',{json.dumps(recording)});history.replaceState(null,'','?'+words)}}}}</script>"
+    )
+    return page.replace("</head>", f"{script}</head>", 1)
+
+
+def recording_frame(player: str, recording: str, title: str, *, height: int = 420) -> str:
+    """The HTML of a frame in which a page shows a recording.
+
+    Args:
+        player: address of the player's page, from the page that shows it.
+        recording: address of the ``.viser`` file, from the player's page.
+        title: in words, for those who do not see it.
+        height: pixels.
+    """
+    address = f"{player}?playbackPath={quote(recording)}"
+    look = f"width:100%;height:{height}px;border:1px solid #d0d4da"
+    return f'<iframe src="{escape(address)}" title="{escape(title)}" loading="lazy" style="{look}"></iframe>'
+
+
+def page_with(content: bytes) -> str:
+    """The player and a recording in one page, which plays when opened as a file, too."""
+    held = base64.b64encode(content).decode("ascii")
+    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
+    return _client().replace("</head>", f"{script}</head>", 1)
+
+
+def import_viser() -> Any:
+    """The library of recordings.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise ValueError(f"viser: is missing; a recording {needs_extra('studio')}") from None
+    return viser
+
+
+def _client() -> str:
+    """The player's page, which comes with viser."""
+    return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

@@ -16,11 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.drawing.meshes import own_mesh
-from skyarm.drawing.shapes import Shape
+from skyarm.drawing.shapes import Shape, Solid
 from skyarm.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.film.marks import Mark
 from skyarm.film.offscreen import offscreen
-from skyarm.film.solids import Solid
 
 Pixels = npt.NDArray[np.uint8]
 

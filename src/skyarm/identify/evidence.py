@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.candidates import Candidates
-from skyarm.identify.cell_loss import tally
-from skyarm.identify.records import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
+from skyarm.identify.candidates import Candidates, tally
 from skyarm.identify.search import compass, decoded, differential_evolution, encoded
+from skyarm.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
 
 Array = npt.NDArray[np.float64]
 
@@ -78,17 +77,19 @@ class Evidence:
     def _parameters(self, names: Sequence[str]) -> list[Parameter]:
         return [self.study.parameter(name) for name in names]
 
-    def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[Cell]) -> Record:
-        """The best numbers of a family, by differential evolution and a compass search from where it ended."""
-        study, parameters = self.study, self._parameters(free)
-        cost = self._cost(parameters, family, cells)
+    def _searched(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
+        """The best numbers next to fixed settings, by differential evolution and a compass search from its end."""
+        study, cost = self.study, self._cost(parameters, fixed, cells)
         begun = differential_evolution(
-            cost, len(free), population=study.population, generations=study.generations, seed=study.seed
+            cost, len(parameters), population=study.population, generations=study.generations, seed=study.seed
         )
         point, _ = compass(cost, begun[None, :])
-        settings = dict(family) | _plain(decoded(parameters, point))
-        judged = self._judged(settings, cells)
-        return {"settings": settings, "free": len(free), "choices": len(family)} | judged
+        return dict(fixed) | _plain(decoded(parameters, point))
+
+    def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[Cell]) -> Record:
+        """The best numbers of a family."""
+        settings = self._searched(self._parameters(free), family, cells)
+        return {"settings": settings, "free": len(free), "choices": len(family)} | self._judged(settings, cells)
 
     def _ladder(self, fitted: Settings) -> Record:
         """The found settings set one after the other, not fitted again."""
@@ -163,14 +164,9 @@ class Evidence:
         """The best of a rival's numbers: of one on a grid and a finer one around its best, of several by a fit."""
         if not parameters:
             return dict(fixed)
-        cost = self._cost(parameters, fixed, cells)
         if len(parameters) > 1:
-            study = self.study
-            begun = differential_evolution(
-                cost, len(parameters), population=study.population, generations=study.generations, seed=study.seed
-            )
-            point, _ = compass(cost, begun[None, :])
-            return dict(fixed) | _plain(decoded(parameters, point))
+            return self._searched(parameters, fixed, cells)
+        cost = self._cost(parameters, fixed, cells)
         grid = np.linspace(0.0, 1.0, 2 * GRID + 1)
         best = grid[int(cost(grid[:, None]).argmin())]
         finer = np.clip(best + np.linspace(-1.0, 1.0, 2 * GRID + 1) / (2 * GRID), 0.0, 1.0)

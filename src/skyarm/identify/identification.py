@@ -12,8 +12,7 @@ from typing import Any
 from skyarm.files import versions, write_atomically
 from skyarm.identify.candidates import Candidates
 from skyarm.identify.evidence import Evidence
-from skyarm.identify.records import IdentificationStudy
-from skyarm.identify.study_checks import require_searchable
+from skyarm.identify.study import IdentificationStudy, require_searchable
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import scenario_from
 

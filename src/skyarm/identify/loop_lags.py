@@ -1,9 +1,9 @@
-"""How late a vehicle's loops act, found in the log of a flight: delay of commands, lag of rotors and of joint drives.
+"""Delays of a vehicle's loops, found in the log of a flight: of commands, with the lags of rotors and joint drives.
 
-Motion says by inverse dynamics which forces acted; commands, a dead time and a first-order lag say which should have.
-The dead time and the time constants by which both agree best are found by least squares (:mod:`whitened_fit`), each
-with an interval. The strength of each row (roll, pitch, yaw, thrust) and the joints' viscous friction are found beside
-them: they need not be believed rightly.
+Motion gives by inverse dynamics the forces that acted; commands, a dead time and a first-order lag give those that
+should have. The dead time and the time constants by which both agree best are found by least squares
+(:mod:`whitened_fit`), each with an interval. The strength of each row (roll, pitch, yaw, thrust) and the joints'
+viscous friction are found with them: they need not be modelled rightly.
 
 What is found is the time from a command to the *logged* rates. Where a log holds rates as an on-board computer received
 them, their age is in it: of delays around a loop only the sum is seen by what passes through it. A log of skyarm holds
@@ -15,18 +15,133 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.lag_records import Estimated, Lag, LoopLags
-from skyarm.identify.lagged_inputs import Followed, believed_lags, pushes_of, wrench_of_pushes
-from skyarm.identify.needed_forces import Needed, needed
-from skyarm.identify.whitened_fit import Fit, blocks_of, fit
+from skyarm.files.toml import toml_key
+from skyarm.identify.lagged_inputs import (
+    Followed,
+    Needed,
+    believed_lags,
+    control_period,
+    needed,
+    pushes_of,
+    wrench_of_pushes,
+)
+from skyarm.identify.whitened_fit import Fit, blocks_of, fit, hermite
 from skyarm.log.flight_log import Log
-from skyarm.log.joint_setpoints import setpoints_of
+from skyarm.log.log_columns import setpoints_of
 from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimated:
+    """A number with the interval that holds it in 95 of 100 flights; SI."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
+        """Within half a width, and not below what it can be."""
+        return cls(value=value, low=max(least, value - half), high=value + half)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lag:
+    """How late a group of actuators acts.
+
+    Attributes:
+        name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
+        delay: s, dead time. up, down: s, time constants of rotors; of a joint drive both are its own.
+        factor: (up, down) over what is believed; NaN where nothing is.
+        explained: share of the motion, 0 to 1, that the commands explain once noise and slow disturbances are off.
+        reason: why the flight does not tell; empty where it does. apart: whether delay and lag are told apart.
+    """
+
+    name: str
+    together: Estimated
+    delay: Estimated
+    up: Estimated
+    down: Estimated
+    factor: tuple[float, float]
+    explained: float
+    reason: str = ""
+    apart: bool = True
+
+    @property
+    def known(self) -> bool:
+        """Whether the flight tells."""
+        return not self.reason
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopLags:
+    """What a log tells of its loops.
+
+    Attributes:
+        period: s, of the control. seconds: of the log.
+        rotors: None of a vehicle without any. joints: of those whose drives take a torque.
+        left_out: joint -> why it was not asked.
+    """
+
+    period: float
+    seconds: float
+    rotors: Lag | None
+    joints: tuple[Lag, ...]
+    left_out: dict[str, str]
+
+
+PHYSICS_STEP = 0.001
+"""s, of the usual physics, of which a command's delay is a whole number."""
+
+
+def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
+    """TOML to paste: delays of plant and law, the rotors' time constants, the joints' drives; empty if none is known.
+
+    Args:
+        found: in a log.
+        measured: s, age of the measurement that the law is told of beside, where the log's rates are true.
+    """
+    lines: list[str] = []
+    rotors = found.rotors
+    if rotors is not None and rotors.known:
+        periods = round((measured + rotors.delay.value) / found.period)
+        lines += [
+            "# scenario: what the plant has, in whole physics steps",
+            "[delays]",
+            f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
+            "",
+            "# what a law may be told, as an option of its law: centroidal, and others",
+            f"# controller.delay = {periods * found.period:.6g}",
+            f"# controller.delay_periods = {periods}",
+            "",
+            "# vehicle file, each of [[rotors]]",
+            f"# time_constant_up = {rotors.up.value:.4f}  {_from(rotors.up)}",
+            f"# time_constant_down = {rotors.down.value:.4f}  {_from(rotors.down)}",
+            "",
+        ]
+    for joint in found.joints:
+        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
+        lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
+        if joint.known and lagging:
+            beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
+            lines += [
+                f"[plant.drives.{toml_key(joint.name)}]",
+                'kind = "lagged_torque"',
+                f"time_constant = {joint.up.value:.4f}  {_from(joint.up)}; {beside}",
+                "",
+            ]
+    return "\n".join(lines)
+
+
+def _from(found: Estimated) -> str:
+    return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
+
 
 Array = npt.NDArray[np.float64]
 
@@ -274,3 +389,48 @@ def _untold(name: str, reason: str) -> Lag:
         explained=0.0,
         reason=reason,
     )
+
+
+OLDEST = 0.1
+"""s, age that is looked for, either way."""
+
+STILL = 0.02
+"""rad/s, root mean square of the rates below which nothing is asked."""
+
+
+def attitude_age(log: Log) -> tuple[float, float]:
+    """Age of the attitude beyond that of the rates, s, and half of its interval; NaN where the flight does not tell.
+
+    Turns of the attitude from instant to instant are compared with the integral of the rates so much earlier.
+    """
+    period = control_period(log)
+    turned, angle = turns(log.quaternion), np.zeros((len(log.time), 3))
+    angle[1:] = np.cumsum(0.5 * (log.rate[1:] + log.rate[:-1]), axis=0) * period
+    if float(np.sqrt(np.mean((log.rate - log.rate.mean(axis=0)) ** 2))) < STILL:
+        return math.nan, math.nan
+    # of the ends no rates are known that are so much older or newer
+    edge = round(OLDEST / period) + 1
+    inside = slice(edge, len(turned) - edge)
+    aim, clock = np.cumsum(turned, axis=0)[inside], log.time[1:][inside]
+    between = hermite(log.time, angle, log.rate)
+
+    def left(candidates: Array) -> Array:
+        return np.asarray(aim - between(clock - candidates))
+
+    starts = np.arange(-0.9 * OLDEST, OLDEST, 0.01)[:, None]
+    bounds = np.array([-OLDEST]), np.array([OLDEST])
+    seconds = float(log.time[-1] - log.time[0])
+    found = fit(left, aim, starts, bounds, np.array([DELAY_STEP]), blocks_of(seconds), turned.std(axis=0) + 1e-12)
+    half = found.half_width([1.0])
+    at_end = abs(found.values[0]) > 0.98 * OLDEST
+    return (math.nan, math.nan) if at_end or not half < WIDEST else (float(found.values[0]), half)
+
+
+def turns(quaternion: Array) -> Array:
+    """(N - 1, 3) rotation from each attitude (N, 4) to the next, base axes, rad; twice the vector part of q* q'."""
+    unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    (w, v), (after_w, after_v) = ((part[:, :1], part[:, 1:]) for part in (unit[:-1], unit[1:]))
+    vector = w * after_v - after_w * v - np.cross(v, after_v)
+    scalar = w * after_w + (v * after_v).sum(axis=1, keepdims=True)
+    turned: Array = 2.0 * np.where(scalar < 0.0, -vector, vector)
+    return turned

@@ -11,7 +11,7 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.identify.records import Parameter
+from skyarm.identify.study import Parameter
 from skyarm.sweep.sobol import BITS, sobol
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +26,7 @@ FIRST, LAST = 0.125, 1.0 / 512.0
 
 def decoded(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
     """Parameter -> (points,): values of points of the unit cube, in whole steps of each parameter from its low end."""
-    found = {}
+    found: dict[str, Array] = {}
     for parameter, column in zip(parameters, np.clip(points, 0.0, 1.0).T, strict=True):
         low, high = parameter.low, parameter.high
         if parameter.scale == "log":

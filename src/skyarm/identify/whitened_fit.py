@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files.optional_extras import needs_extra
+from skyarm.files.packages import needs_extra
 
 Array = npt.NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
-from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
+from skyarm.log.log_columns import COLUMNS, layout
 from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
@@ -22,11 +23,12 @@ WORDS = "must be a log of schema 1"
 SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", "phase")
 """Arrays of a number an instant."""
 
-FOURS = ("quaternion",)
-
 LAYOUT = "columns"
 """Key of a file's description that says the names and units of the arrays' columns."""
 
+
+CUT = "cut"
+"""Status of a log whose file was cut off."""
 
 TEXTS = ("scenario", "status", "cause")
 """Texts that every description has."""
@@ -55,6 +57,24 @@ OF_TEXTS = ("plugins", "code", "versions", "phases")
 KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
+class CutLogWarning(UserWarning):
+    """A log's file was cut off; what came before is read."""
+
+
+def described(log: Log) -> dict[str, Any]:
+    """Description of a log for its file: ``info`` with the columns of each array."""
+    return {**log.info, LAYOUT: layout(log)}
+
+
+def as_cut(log: Log, name: str) -> Log:
+    """A log whose file was cut off: its status and a warning say at what time."""
+    end = float(log.time[-1]) if log.time.size else 0.0
+    cause = f"the log is cut at t = {end:g} s of {log.info.get('duration', 'unknown')} s"
+    warnings.warn(f"{name}: cut at t = {end:g} s; what came before is read", CutLogWarning, stacklevel=4)
+    log.info.update(status=CUT, cause=cause, end_time=end)
+    return log
+
+
 def log_of(content: Mapping[str, Any], info: Any) -> Log:
     """The log that a file's arrays and description make.
 
@@ -70,10 +90,9 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
     count = np.shape(content["time"])
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
     for name in wanted:
-        width = (3,) if name not in SCALARS else ()
-        width = joints if name in JOINT_ARRAYS else rotors if name in ROTOR_ARRAYS else (4,) if name in FOURS else width
-        array = np.asarray(content[name])
-        width = array.shape[1:2] if name in IF_ANY and name not in SCALARS else width
+        array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
+        width = {"joints": joints, "rotors": rotors}.get(group, (4,) if name == "quaternion" else (3,))
+        width = () if name in SCALARS else array.shape[1:2] if name in IF_ANY else width
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
             raise ValueError(WORDS)
     arrays = dict(content)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,37 +32,9 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = (
-    "measured_position",
-    "measured_joints",
-    "payload_mass",
-    "lag_found",
-    "load_mass_found",
-    "load_place_found",
-    "load_inertia_found",
-    "path_time",
-    "phase",
-    "tilts",
-    "tilt_commands",
-    "contact_force",
-    "contact_friction",
-    "contact_depth",
-    "object_position",
-    "object_quaternion",
-    "object_velocity",
-    "object_rate",
-    "mechanism_position",
-    "mechanism_rate",
-    "gripper_taken",
-    "gripper_force",
-    "gripper_lost",
-    "gripper_pull",
-)
-"""Arrays of what not every flight has: left out of files, with no column, where there is none."""
-
-
-def _nothing() -> Array:
-    return np.zeros((0, 0))
+def _if_any() -> Any:
+    """Default of an array that not every flight has."""
+    return field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +52,8 @@ class Log:
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
-        lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
-            found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
+        lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
+            (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found, load_inertia_found: (N,) kg, (N, 3) m and kg m^2, of the load that the law
             learned: mass, centre, moments about it in the axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
@@ -133,48 +105,32 @@ class Log:
     tool_reference: Annotated[Array, Unit("m", f"the tip of a level base, {CONTINUOUS}, world axes")]
     wind_force: Annotated[Array, Unit("N", "world axes")]
     air_velocity: Annotated[Array, Unit("m/s", "world axes")]
-    measured_position: Annotated[Array, Unit("m", "measured, world axes")] = field(default_factory=_nothing)
-    measured_joints: Annotated[Array, Unit("rad or m", "measured")] = field(default_factory=_nothing)
-    payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
-    lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
-    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = field(default_factory=_nothing)
-    load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = field(
-        default_factory=_nothing
+    measured_position: Annotated[Array, Unit("m", "measured, world axes")] = _if_any()
+    measured_joints: Annotated[Array, Unit("rad or m", "measured")] = _if_any()
+    payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = _if_any()
+    lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = _if_any()
+    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = _if_any()
+    load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = _if_any()
+    load_inertia_found: Annotated[Array, Unit("kg m^2", "its moments there")] = _if_any()
+    path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = _if_any()
+    phase: Annotated[Array, Unit("", "number of the task's phase")] = _if_any()
+    contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = _if_any()
+    contact_friction: Annotated[Array, Unit("N", "of a surface on a point, across its normal")] = _if_any()
+    contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = _if_any()
+    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = _if_any()
+    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = _if_any()
+    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = _if_any()
+    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = _if_any()
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = _if_any()
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = _if_any()
+    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = (
+        _if_any()
     )
-    load_inertia_found: Annotated[Array, Unit("kg m^2", "its moments there")] = field(default_factory=_nothing)
-    path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = field(
-        default_factory=_nothing
-    )
-    phase: Annotated[Array, Unit("", "number of the task's phase")] = field(default_factory=_nothing)
-    contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = field(
-        default_factory=_nothing
-    )
-    contact_friction: Annotated[Array, Unit("N", "of a surface on a point, across its normal")] = field(
-        default_factory=_nothing
-    )
-    contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
-        default_factory=_nothing
-    )
-    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = field(default_factory=_nothing)
-    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = field(
-        default_factory=_nothing
-    )
-    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = field(
-        default_factory=_nothing
-    )
-    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
-        default_factory=_nothing
-    )
-    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
-    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
-    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = field(
-        default_factory=_nothing
-    )
-    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
-    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
-    gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = field(default_factory=_nothing)
-    tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
-    tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
+    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = _if_any()
+    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = _if_any()
+    gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = _if_any()
+    tilts: Annotated[Array, units(State)["tilts"]] = _if_any()
+    tilt_commands: Annotated[Array, Unit("rad", "commanded")] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
     info: dict[str, Any]
 
@@ -210,15 +166,15 @@ class Log:
 
     @property
     def contact_periods(self) -> tuple[Any, ...]:
-        """From each touch to the loss of contact: :func:`skyarm.log.contact_periods.contact_periods`."""
-        from skyarm.log.contact_periods import contact_periods
+        """From each touch to the loss of contact: :func:`skyarm.log.periods.contact_periods`."""
+        from skyarm.log.periods import contact_periods
 
         return contact_periods(self)
 
     @property
     def grasp_periods(self) -> tuple[Any, ...]:
-        """From each grasp to its end: :func:`skyarm.log.grasp_periods.grasp_periods`."""
-        from skyarm.log.grasp_periods import grasp_periods
+        """From each grasp to its end: :func:`skyarm.log.periods.grasp_periods`."""
+        from skyarm.log.periods import grasp_periods
 
         return grasp_periods(self)
 
@@ -297,7 +253,7 @@ class Log:
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
         """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
-        from skyarm.log.array_file import write_npz
+        from skyarm.log.formats import write_npz
 
         return write_npz(self, path)
 
@@ -320,7 +276,7 @@ class Log:
             path: of the file.
             with_units: heads name the unit, ``velocity_x [m/s]``; else they are names alone.
         """
-        from skyarm.log.csv_file import write_csv
+        from skyarm.log.formats import write_csv
 
         return write_csv(self, path, with_units=with_units)
 
@@ -332,9 +288,13 @@ class Log:
             OSError: the file cannot be read.
             ValueError: it is not such a log.
         """
-        from skyarm.log.array_file import read_npz
+        from skyarm.log.formats import read_npz
 
         return read_npz(path)
+
+
+IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not MISSING and each.name != "received")
+"""Arrays that not every flight has: left out of files, with no column, where there is none."""
 
 
 def rows_of(log: Log, chosen: slice) -> Log:

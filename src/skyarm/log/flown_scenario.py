@@ -8,8 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from skyarm.files import shown
-from skyarm.records.identity import log_digest
-from skyarm.records.own_files import own_files
+from skyarm.records.identity import log_digest, own_files
 from skyarm.records.restore import restore, restore_fields
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import identities

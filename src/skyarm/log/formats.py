@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from skyarm.files import must_be_one_of, shown
-from skyarm.files.code_place import own_code
-from skyarm.log.array_file import read_npz, write_npz
-from skyarm.log.csv_file import write_csv
+import numpy as np
+
+from skyarm.files import must_be_one_of, shown, write_atomically
+from skyarm.files.unpacked import TooLargeError, npz_arrays
+from skyarm.files.user_code import own_code
+from skyarm.log.contents import described, log_of
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import columns
 from skyarm.registry import RegistryError, find, names
 from skyarm.registry.class_signatures import format_mistake
 
@@ -33,41 +40,77 @@ class LogFormat:
     read: Callable[[Path], Log] | None = None
 
 
-def _write_mcap(log: Log, path: Path) -> Path:
-    from skyarm.log.mcap.flight_file import write_mcap
+def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
+    """A function of this package whose module, and the library below it, loads at the first call."""
 
-    return write_mcap(log, path)
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(f"skyarm.log.{module}"), function)(*arguments)
 
-
-def _read_mcap(path: Path) -> Log:
-    from skyarm.log.mcap.flight_file import read_mcap
-
-    return read_mcap(path)
+    return call
 
 
-def _write_parquet(log: Log, path: Path) -> Path:
-    from skyarm.log.parquet_file import write_parquet
-
-    return write_parquet(log, path)
-
-
-def _read_parquet(path: Path) -> Log:
-    from skyarm.log.parquet_file import read_parquet
-
-    return read_parquet(path)
+def write_npz(log: Log, path: PathLike) -> Path:
+    """Write one compressed npz: the arrays, and the description with the names and units of their columns as JSON."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(described(log)))}
+    np.savez_compressed(buffer, **arrays)
+    return write_atomically(path, buffer.getvalue())
 
 
-def _write_bag(log: Log, path: Path) -> Path:
-    from skyarm.log.ros.bag_file import write_bag
+def read_npz(path: PathLike) -> Log:
+    """Read a log that :func:`write_npz` wrote, or a version before it.
 
-    return write_bag(log, path)
+    Raises:
+        OSError: the file cannot be read. ValueError: it is not such a log.
+    """
+    name, content_of_file = f"log = {shown(os.fspath(path))}", Path(path).read_bytes()
+    try:
+        content = npz_arrays(content_of_file)
+        info = json.loads(str(content.pop("info")))
+    except TooLargeError as error:
+        raise ValueError(f"{name}: {error}") from None
+    except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
+        raise ValueError(f"{name}: must be a log that save_npz wrote") from None
+    try:
+        return log_of(content, info)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
+    """Write one CSV: a column a number, whose shortest text reads back as that number.
+
+    Args:
+        log: of a flight.
+        path: of the file.
+        with_units: heads name the unit, ``velocity_x [m/s]``; else they are names alone.
+    """
+    known: dict[bytes, list[str]] = {}
+    every = columns(log)
+    heads = [f"{each.name} [{each.unit}]" if with_units and each.unit else each.name for each in every]
+    rows = zip(*(_texts(each.of(log), known) for each in every), strict=True)
+    lines = "".join(f"{','.join(row)}\n" for row in rows)
+    return write_atomically(path, f"{','.join(heads)}\n{lines}".encode())
+
+
+def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
+    """Texts of a column, made once for equal columns and once for a number that stays."""
+    bits = column.tobytes()
+    if bits not in known:
+        same = bits == bits[:8] * column.size
+        texts = list(map(repr, (column[:1] if same else column).tolist()))
+        known[bits] = texts * column.size if same else texts
+    return known[bits]
 
 
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
-MCAP = LogFormat(_write_mcap, _read_mcap)
-PARQUET = LogFormat(_write_parquet, _read_parquet)
-BAG = LogFormat(_write_bag)
+MCAP = LogFormat(_loaded_when_called("ros.files", "write_mcap"), _loaded_when_called("ros.files", "read_mcap"))
+PARQUET = LogFormat(
+    _loaded_when_called("parquet_file", "write_parquet"), _loaded_when_called("parquet_file", "read_parquet")
+)
+BAG = LogFormat(_loaded_when_called("ros.files", "write_bag"))
+PARTIAL = LogFormat(_loaded_when_called("journal", "write_journal"), _loaded_when_called("journal", "read_journal"))
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:

@@ -9,48 +9,59 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.contact.mechanism_kinds import KINDS
-from skyarm.log.flight_log import IF_ANY, Log
-from skyarm.log.joint_setpoints import setpoints_of
+from skyarm.actuation.drive import TorqueDrive
+from skyarm.contact.mechanism import KINDS
+from skyarm.log.flight_log import Log
 from skyarm.log.sensor_data import sources_of
+from skyarm.records.restore import restore
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
 
-JOINT_ARRAYS = {
-    "joints": "joint",
-    "joint_rates": "joint_rate",
-    "efforts": "joint_effort",
-    "joints_held": "joint_held",
-    "joint_rates_held": "joint_rate_held",
-    "joints_reference": "joint_reference",
-    "measured_joints": "measured_joint",
+COLUMNS: dict[str, tuple[str, str]] = {
+    "joints": ("joint", "joints"),
+    "joint_rates": ("joint_rate", "joints"),
+    "efforts": ("joint_effort", "joints"),
+    "joints_held": ("joint_held", "joints"),
+    "joint_rates_held": ("joint_rate_held", "joints"),
+    "joints_reference": ("joint_reference", "joints"),
+    "measured_joints": ("measured_joint", "joints"),
+    "rotor_speeds": ("rotor_speed", "rotors"),
+    "rotor_commands": ("rotor_command", "rotors"),
+    "tilts": ("rotor_tilt", "tilting"),
+    "tilt_commands": ("rotor_tilt_command", "tilting"),
+    "lag_found": ("lag_found", "loops"),
+    "payload_mass": ("payload_mass", "payloads"),
+    "contact_force": ("contact_force", "contacts"),
+    "contact_friction": ("contact_friction", "contacts"),
+    "contact_depth": ("contact_depth", "contacts"),
+    "object_position": ("object_position", "objects"),
+    "object_quaternion": ("object_quaternion", "objects"),
+    "object_velocity": ("object_velocity", "objects"),
+    "object_rate": ("object_rate", "objects"),
+    "mechanism_position": ("mechanism_position", "mechanisms"),
+    "mechanism_rate": ("mechanism_rate", "mechanisms"),
+    "gripper_taken": ("gripper_taken", "grippers"),
+    "gripper_force": ("gripper_force", "grippers"),
+    "gripper_lost": ("gripper_lost", "grippers"),
+    "gripper_pull": ("gripper_pull", "grippers"),
+    "tool": ("tip", ""),
+    "tool_held": ("tip_held", ""),
+    "tool_reference": ("tip_reference", ""),
 }
-"""Array of a number for each joint -> beginning of its columns."""
+"""Array -> beginning of its columns, and the :class:`Names` with which they end; of all others axes, or nothing."""
+
+KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
+"""Names that a user chose -> the word that a column does not repeat."""
 
 SETPOINT = "joint_setpoint"
-"""The same of the commands to joints whose drives take no torque."""
-
-ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"}
-"""Array of a number for each rotor -> beginning of its columns."""
-
-TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
-"""Array of a number for each rotor that tilts -> beginning of its columns."""
-
-BY_NAME = (*JOINT_ARRAYS, *ROTOR_ARRAYS, *TILT_ARRAYS)
-"""Arrays, of a log or of a reading, whose columns bear the names of joints and rotors."""
-
-LOOPS = {"lag_found": ("rotors", "joints")}
-"""Array of a number for each group of loops -> endings of its columns."""
-
-PLACES = ("measured_position", "load_place_found", "load_inertia_found")
-"""Arrays of three axes that not every flight has."""
+"""Beginning of the commands to joints whose drives take no torque."""
 
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 """Arrays of a number for each surface of the world with each point of the vehicle."""
@@ -64,10 +75,7 @@ MECHANISM_ARRAYS = ("mechanism_position", "mechanism_rate")
 GRIPPER_ARRAYS = {"gripper_taken": 1, "gripper_force": 1, "gripper_lost": 1, "gripper_pull": 3}
 """Arrays of grippers, in the order in which a contact logs them, and how many numbers each gripper has in them."""
 
-RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
-"""Array that a log's file of arrays keeps under its first name -> the word for it."""
-
-AXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
+AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +119,8 @@ class Names:
     mechanisms: tuple[str, ...] = ()
     grippers: tuple[str, ...] = ()
     mechanism_kinds: tuple[str, ...] = ()
+    loops: tuple[str, ...] = ("rotors", "joints")
+    payloads: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -179,19 +189,15 @@ def columns(log: Log) -> tuple[Column, ...]:
     names, found = names_of(log), []
     for array, unit in units(Log).items():
         width = getattr(log, array).shape[1:]
-        for index, ending in enumerate(_endings(array, width[0] if width else None, names)):
-            kind = names.kinds[index] if array in JOINT_ARRAYS else ""
-            if array in MECHANISM_ARRAYS and len(names.mechanism_kinds) == width[0]:
-                kind = names.mechanism_kinds[index]
-            place = index if width else None
+        group = COLUMNS.get(array, ("", ""))[1]
+        kinds = {"joints": names.kinds, "mechanisms": names.mechanism_kinds}.get(group, ())
+        for index, name in enumerate(_endings(array, width[0] if width else None, names)):
             told = names.setpoints[index] if array == "efforts" else None
-            own = unit_of_kind(unit, kind) if told is None else told
-            found.append(Column(ending, own, unit.meaning, array, place))
+            own = unit_of_kind(unit, kinds[index] if index < len(kinds) else "") if told is None else told
+            found.append(Column(name, own, unit.meaning, array, index if width else None))
     found += _sensor_columns(log, names)
     unique = distinct([each.name for each in found])
-    return tuple(
-        Column(name, each.unit, each.meaning, each.array, each.index) for name, each in zip(unique, found, strict=True)
-    )
+    return tuple(replace(each, name=name) for name, each in zip(unique, found, strict=True))
 
 
 def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
@@ -199,49 +205,40 @@ def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
     for source, described in sources_of(log.info).items():
         begin = word(source.rpartition(".")[2])
         for name, each in described.fields.items():
-            array, axes = f"{source}.{name}", each.axes
+            array, group = f"{source}.{name}", COLUMNS.get(name, ("", ""))[1]
             if array not in log.received:
                 continue
-            if axes is None:
+            if each.axes is None:
                 yield Column(f"{begin}_{word(name)}", each.unit, each.meaning, array, None)
                 continue
-            endings = _endings(name, len(axes), names) if name in BY_NAME else []
-            by_name = len(endings) == len(axes)
-            for index, axis in enumerate(axes):
-                ending = endings[index] if by_name else f"{word(name)}_{word(axis)}"
-                kind = names.kinds[index] if by_name and name in JOINT_ARRAYS else ""
+            named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(each.axes)
+            endings = _endings(name, len(each.axes), names) if named else []
+            for index, axis in enumerate(each.axes):
+                ending = endings[index] if named else f"{word(name)}_{word(axis)}"
+                kind = names.kinds[index] if named and group == "joints" else ""
                 unit = unit_of_kind(Unit(each.unit), kind)
                 yield Column(f"{begin}_{ending}", unit, each.meaning, array, index)
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
-    """Names of an array's columns; of arrays with other columns, their numbers."""
-    begin = RENAMED.get(array, array)
+    """Names of an array's columns; numbers where the log does not name as many parts."""
+    begin, group = COLUMNS.get(array, (array, ""))
     if width is None:
         return [begin]
-    if array == "efforts":
-        begins = [JOINT_ARRAYS[array] if told is None else SETPOINT for told in names.setpoints]
-        return [f"{first}_{word(each, 'joint')}" for first, each in zip(begins, names.joints, strict=True)]
-    if array in JOINT_ARRAYS:
-        return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints[:width]]
-    if array in ROTOR_ARRAYS:
-        return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
-    if array in TILT_ARRAYS and len(names.tilting) == width:
-        return [f"{TILT_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.tilting]
-    if array in LOOPS:
-        return [f"{begin}_{each}" for each in LOOPS[array][:width]]
-    if array in CONTACT_ARRAYS and len(names.contacts) == width:
-        return [f"{begin}_{each}" for each in names.contacts]
-    if array in OBJECT_ARRAYS and len(names.objects) * OBJECT_ARRAYS[array] == width:
-        return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
-    if array in MECHANISM_ARRAYS and len(names.mechanisms) == width:
-        return [f"{begin}_{each}" for each in names.mechanisms]
-    if array in GRIPPER_ARRAYS and len(names.grippers) * GRIPPER_ARRAYS[array] == width:
-        axes = [f"_{axis}" for axis in AXES[3]] if GRIPPER_ARRAYS[array] == 3 else [""]
-        return [f"{begin}_{each}{axis}" for each in names.grippers for axis in axes]
-    if array in IF_ANY and array not in PLACES:
+    parts = getattr(names, group) if group else ("",)
+    axes = AXES.get(width // len(parts)) if parts and width % len(parts) == 0 else None
+    if not axes:
         return [f"{begin}_{i}" for i in range(width)]
-    return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
+    begins = [begin] * len(parts)
+    if array == "efforts":
+        begins = [begin if told is None else SETPOINT for told in names.setpoints]
+    kind = KINDS_OF_NAMES.get(group)
+    labels = [word(each, kind) if kind else each for each in parts]
+    return [
+        "_".join(filter(None, (first, label, axis)))
+        for first, label in zip(begins, labels, strict=True)
+        for axis in axes
+    ]
 
 
 def word(name: str, kind: str = "") -> str:
@@ -275,3 +272,34 @@ def layout(log: Log) -> dict[str, dict[str, Any]]:
         entry["columns"].append(each.name)
         entry["units"].append(each.unit)
     return found
+
+
+def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
+    """Unit of the setpoint of each joint that takes no torque, by the joint's name.
+
+    Args:
+        info: of a log, which keeps the scenario that was flown.
+
+    Returns:
+        units as ``rad or m``, of a revolute and of a prismatic joint; empty where a drive of someone's own states none,
+        or its plugin is not loaded.
+    """
+    record = _table(info.get("scenario_record"))
+    carried = _rows(_below(record, "world", "vehicle").get("drives"))
+    # the scenario's own drive of a joint wins over the vehicle's
+    given = {each.get("name"): each.get("drive") for each in carried}
+    given |= {each.get("joint"): each.get("drive") for each in _rows(record.get("drives"))}
+    found = {}
+    for joint, drive in given.items():
+        try:
+            made = restore(drive, info.get("plugins"))
+        except (ValueError, TypeError, KeyError, AttributeError):
+            made = None
+        if isinstance(joint, str) and not isinstance(made, TorqueDrive):
+            takes = getattr(made, "takes", "")
+            found[joint] = takes if isinstance(takes, str) else ""
+    return found
+
+
+def _rows(data: Any) -> list[Mapping[str, Any]]:
+    return [_table(each) for each in data] if isinstance(data, list) else []

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from skyarm.files import needs_extra, shown
-from skyarm.files.atomic import writing_atomically
 from skyarm.files.unpacked import TooLargeError, require_parquet_size
-from skyarm.log.contents import LAYOUT, arrays_of, log_of
+from skyarm.files.writing import writing_atomically
+from skyarm.log.contents import arrays_of, described, log_of
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns, layout
+from skyarm.log.log_columns import columns
 
 KEY = b"skyarm"
 """Key of the file's metadata under which the log's description stands, as JSON."""
@@ -50,7 +50,7 @@ def write_parquet(log: Log, path: Path) -> Path:
     names = [each.name for each in every]
     fields = [pa.field(name, pa.float64(), nullable=False, metadata=m) for name, m in zip(names, said, strict=True)]
     arrays = [pa.array(np.ascontiguousarray(each.of(log))) for each in every]
-    info = json.dumps(log.info | {LAYOUT: layout(log)}).encode()
+    info = json.dumps(described(log)).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info, SUM: _sum(info)}))
     with writing_atomically(path) as stream:
         pq.write_table(table, stream, compression="zstd", write_page_checksum=True)

@@ -17,9 +17,8 @@ from xml.sax.saxutils import quoteattr
 from skyarm.files import write_atomically
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import SETPOINT, columns
-from skyarm.log.ros.frame_transforms import WORLD
+from skyarm.log.ros.scene import MOVING_TOPIC, WORLD, WORLD_TOPIC, WorldMarkers
 from skyarm.log.ros.topics import FLIGHT_TOPIC
-from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
 
 FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"
 """Names of the files."""

@@ -94,19 +94,11 @@ def tilt(q: Quaternion) -> Any:
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
-def _jitter_size(now: Instant) -> Any:
-    """Mean over the rotors of the size of the change of commanded speed since a period ago, rad/s."""
+def _jitter(now: Instant, size: Callable[[Any], Any]) -> Any:
+    """Mean over the rotors of a size of the change of commanded speed since a period ago."""
     total: Any = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
-        total = total + absolute(new - old)
-    return total / float(len(now.before))
-
-
-def _jitter_square(now: Instant) -> Any:
-    """Mean over the rotors of the squared change of commanded speed since a period ago, (rad/s)^2."""
-    total: Any = 0.0
-    for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
-        total = total + (new - old) * (new - old)
+        total = total + size(new - old)
     return total / float(len(now.before))
 
 
@@ -127,10 +119,10 @@ QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "pitch_size": lambda now, _: absolute(roll_and_pitch(now.state.quaternion)[1]),
     "tilt": lambda now, _: tilt(now.state.quaternion),
     "rate_square": lambda now, _: now.state.rate.dot(now.state.rate),
-    "jitter_size": lambda now, _: _jitter_size(now),
+    "jitter_size": lambda now, _: _jitter(now, absolute),
     "lag": lambda now, _: now.lag,
     "phase": lambda now, _: now.phase,
-    "jitter_square": lambda now, _: _jitter_square(now),
+    "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
 }
 """Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""
 

@@ -45,17 +45,17 @@ class PushMemory:
         apart, farthest: sum and largest of the tip's error across the normal, m. near: instants in that sum.
     """
 
-    first: Scalar
-    touching: Scalar
-    losses: Scalar
-    peak: Scalar
-    count: Scalar
-    error: Scalar
-    square: Scalar
-    held: Scalar
-    apart: Scalar
-    farthest: Scalar
-    near: Scalar
+    first: Scalar = NOT_YET
+    touching: Scalar = 0.0
+    losses: Scalar = 0.0
+    peak: Scalar = 0.0
+    count: Scalar = 0.0
+    error: Scalar = 0.0
+    square: Scalar = 0.0
+    held: Scalar = 0.0
+    apart: Scalar = 0.0
+    farthest: Scalar = 0.0
+    near: Scalar = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +64,7 @@ class PushTotals(Metric):
 
     def start(self) -> PushMemory:
         """Nothing was touched."""
-        return PushMemory(
-            first=NOT_YET, touching=0.0, losses=0.0, peak=0.0, count=0.0, error=0.0, square=0.0, held=0.0,
-            apart=0.0, farthest=0.0, near=0.0,
-        )  # fmt: skip
+        return PushMemory()
 
     def count(self, memory: PushMemory, now: Instant) -> PushMemory:
         """Totals with one more instant; those of a flight without contact stay as they are."""
@@ -110,16 +107,16 @@ class LeftMemory:
         largest: N, at all points at any time.
     """
 
-    x: Scalar
-    y: Scalar
-    z: Scalar
-    mechanism: Scalar
-    furthest: Scalar
-    force: Scalar
-    lowest: Scalar
-    phase: Scalar
-    when: Scalar
-    largest: Scalar
+    x: Scalar = NOT_YET
+    y: Scalar = NOT_YET
+    z: Scalar = NOT_YET
+    mechanism: Scalar = NOT_YET
+    furthest: Scalar = -NOT_YET
+    force: Scalar = NOT_YET
+    lowest: Scalar = NOT_YET
+    phase: Scalar = 0.0
+    when: Scalar = 0.0
+    largest: Scalar = -NOT_YET
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +125,7 @@ class LeftTotals(Metric):
 
     def start(self) -> LeftMemory:
         """Nothing was seen."""
-        return LeftMemory(
-            x=NOT_YET, y=NOT_YET, z=NOT_YET, mechanism=NOT_YET, furthest=-NOT_YET, force=NOT_YET, lowest=NOT_YET,
-            phase=0.0, when=0.0, largest=-NOT_YET,
-        )  # fmt: skip
+        return LeftMemory()
 
     def count(self, memory: LeftMemory, now: Instant) -> LeftMemory:
         """With one more instant."""
@@ -165,8 +159,10 @@ def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
 
 
 SHIPPED: Mapping[str, Metric] = {
-    "push": PushTotals(), "left": LeftTotals(), "grip": grip_totals.GripTotals(),
-}  # fmt: skip
+    "push": PushTotals(),
+    "left": LeftTotals(),
+    "grip": grip_totals.GripTotals(),
+}
 """Totals by name, as those of registered metrics."""
 
 
@@ -189,24 +185,44 @@ def _seen(number: Any) -> Any:
     return np.where(np.abs(number) < NOT_YET, number, np.nan)
 
 
-VALUES: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
-    "contact_error_mean": ("push", lambda held: _share(held.error, held.count)),
-    "contact_ripple": ("push", _ripple),
-    "contact_held": ("push", lambda held: _share(held.held, held.count)),
-    "contact_peak": ("push", lambda held: _met(held, held.peak)),
-    "contact_losses": ("push", lambda held: _met(held, held.losses)),
-    "contact_first": ("push", lambda held: _met(held, held.first)),
-    "contact_tip_mean": ("push", lambda held: _share(held.apart, held.near)),
-    "contact_tip_max": ("push", lambda held: _met(held, held.farthest)),
-    "contact_last": ("left", lambda held: _seen(held.force)),
-    "contact_largest": ("left", lambda held: _seen(held.largest)),
-    "object_last_x": ("left", lambda held: _seen(held.x)),
-    "object_last_y": ("left", lambda held: _seen(held.y)),
-    "object_last_z": ("left", lambda held: _seen(held.z)),
-    "mechanism_last": ("left", lambda held: _seen(held.mechanism)),
-    "mechanism_furthest": ("left", lambda held: _seen(held.furthest)),
-    "tip_lowest": ("left", lambda held: _seen(held.lowest)),
-    "phases_time": ("left", lambda held: held.when),
+VALUES: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
+    "contact_error_mean": ("push", lambda held: _share(held.error, held.count), "mean error of the contact force", "N"),
+    "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
+    "contact_held": (
+        "push",
+        lambda held: _share(held.held, held.count),
+        "share of the time with the contact force within 30 % of the wanted one",
+        "",
+    ),
+    "contact_peak": (
+        "push",
+        lambda held: _met(held, held.peak),
+        "largest contact force while contact is asked for",
+        "N",
+    ),
+    "contact_losses": ("push", lambda held: _met(held, held.losses), "losses of contact", "losses"),
+    "contact_first": ("push", lambda held: _met(held, held.first), "first touch", "s"),
+    "contact_tip_mean": (
+        "push",
+        lambda held: _share(held.apart, held.near),
+        "mean tip error across the normal in contact",
+        "m",
+    ),
+    "contact_tip_max": (
+        "push",
+        lambda held: _met(held, held.farthest),
+        "largest tip error across the normal in contact",
+        "m",
+    ),
+    "contact_last": ("left", lambda held: _seen(held.force), "contact force at the end", "N"),
+    "contact_largest": ("left", lambda held: _seen(held.largest), "largest contact force", "N"),
+    "object_last_x": ("left", lambda held: _seen(held.x), "x of the first object at the end", "m"),
+    "object_last_y": ("left", lambda held: _seen(held.y), "y of the first object at the end", "m"),
+    "object_last_z": ("left", lambda held: _seen(held.z), "z of the first object at the end", "m"),
+    "mechanism_last": ("left", lambda held: _seen(held.mechanism), "coordinate of the first mechanism at the end", ""),
+    "mechanism_furthest": ("left", lambda held: _seen(held.furthest), "largest coordinate of the first mechanism", ""),
+    "tip_lowest": ("left", lambda held: _seen(held.lowest), "lowest height of the tip", "m"),
+    "phases_time": ("left", lambda held: held.when, "when the last phase was done", "s"),
     **grip_totals.VALUES,
 }
-"""Metric -> the totals that it is made of, and its value from them."""
+"""Metric -> the totals that it is made of, its value from them, its words and unit."""

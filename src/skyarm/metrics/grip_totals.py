@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.metrics.metric import Metric
-from skyarm.reference.tip_push import out_of_axis
+from skyarm.reference.tip_motion import out_of_axis
 from skyarm.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
 
 if TYPE_CHECKING:
@@ -31,15 +31,15 @@ class GripMemory:
         x, y, z: of the reference about its axis then, m. turned: rad, of the mechanism then.
     """
 
-    held: Scalar
-    force: Scalar
-    largest: Scalar
-    behind: Scalar
-    begun: Scalar
-    x: Scalar
-    y: Scalar
-    z: Scalar
-    turned: Scalar
+    held: Scalar = 0.0
+    force: Scalar = 0.0
+    largest: Scalar = 0.0
+    behind: Scalar = 0.0
+    begun: Scalar = 0.0
+    x: Scalar = 0.0
+    y: Scalar = 0.0
+    z: Scalar = 0.0
+    turned: Scalar = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class GripTotals(Metric):
 
     def start(self) -> GripMemory:
         """Nothing was held."""
-        return GripMemory(held=0.0, force=0.0, largest=0.0, behind=0.0, begun=0.0, x=0.0, y=0.0, z=0.0, turned=0.0)
+        return GripMemory()
 
     def count(self, memory: GripMemory, now: Instant) -> GripMemory:
         """Totals with one more instant."""
@@ -85,9 +85,19 @@ def _of_held(memory: Any, number: Any) -> Any:
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 
 
-VALUES: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
-    "grip_force_mean": ("grip", lambda held: _of_held(held, held.force / np.maximum(held.held, 1))),
-    "grip_force_max": ("grip", lambda held: _of_held(held, held.largest)),
-    "grip_lag_max": ("grip", lambda held: _of_held(held, held.behind)),
+VALUES: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
+    "grip_force_mean": (
+        "grip",
+        lambda held: _of_held(held, held.force / np.maximum(held.held, 1)),
+        "mean radial force on the handle that is held",
+        "N",
+    ),
+    "grip_force_max": (
+        "grip",
+        lambda held: _of_held(held, held.largest),
+        "largest radial force on the handle that is held",
+        "N",
+    ),
+    "grip_lag_max": ("grip", lambda held: _of_held(held, held.behind), "largest lag of the handle that is held", "rad"),
 }
-"""Metric -> the totals that it is made of, and its value from them."""
+"""Metric -> the totals that it is made of, its value from them, its words and unit."""

@@ -13,8 +13,9 @@ Source: Barakou et al. 2026, Table 2 and section 5.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,96 +31,101 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One metric: the totals it needs, and its value from them, the instants in its window, and the period (s)."""
+    """One metric.
+
+    Attributes:
+        totals: that it needs. window: in which its instants are counted.
+        value: (instants, period in s, *totals) -> metric.
+        words, unit: for axes and tables.
+    """
 
     totals: tuple[Total, ...]
     window: str
     value: Callable[..., Any] = field(repr=False)
+    words: str = ""
+    unit: str = ""
 
 
-def _mean(window: str, name: str) -> Measure:
-    return Measure((("sum", window, name),), window, lambda n, _dt, total: total / n)
+FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
+    "mean": (("sum",), lambda n, _dt, total: total / n),
+    "rms": (("square",), lambda n, _dt, total: np.sqrt(total / n)),
+    "root": (("sum",), lambda n, _dt, total: np.sqrt(total / n)),
+    "integral": (("sum",), lambda _n, dt, total: total * dt),
+    "half_range": (("max", "min"), lambda _n, _dt, high, low: 0.5 * (high - low)),
+    "max": (("max",), lambda _n, _dt, total: total),
+    "min": (("min",), lambda _n, _dt, total: total),
+    "peak": (("peak",), lambda _n, _dt, total: total),
+}
+"""Form of a metric -> kinds of the totals of its quantity, and its value from them; ``root`` is the RMS of a quantity
+that is squared already."""
 
 
-def _rms(window: str, name: str) -> Measure:
-    return Measure((("square", window, name),), window, lambda n, _dt, total: np.sqrt(total / n))
+def _measure(form: str, window: str, quantity: str, words: str = "", unit: str = "") -> Measure:
+    kinds, value = FORMS[form]
+    return Measure(tuple((kind, window, quantity) for kind in kinds), window, value, words, unit)
 
 
-def _root_mean(window: str, name: str) -> Measure:
-    """RMS of what is counted squared already."""
-    return Measure((("sum", window, name),), window, lambda n, _dt, total: np.sqrt(total / n))
-
-
-def _extreme(kind: str, window: str, name: str) -> Measure:
-    return Measure(((kind, window, name),), window, lambda _n, _dt, total: total)
-
-
-def _integral(window: str, name: str) -> Measure:
-    return Measure((("sum", window, name),), window, lambda _n, dt, total: total * dt)
-
-
-def _half_range(window: str, name: str) -> Measure:
-    ends: tuple[Total, ...] = (("max", window, name), ("min", window, name))
-    return Measure(ends, window, lambda _n, _dt, high, low: 0.5 * (high - low))
-
-
-def _tracking(prefix: str, window: str) -> dict[str, Measure]:
+def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
     found = {}
-    for name in ("position", "joint", "ee"):
-        found[f"{prefix}{name}_error_mean"] = _mean(window, name)
-        found[f"{prefix}{name}_error_max"] = _extreme("max", window, name)
+    for name, what, unit in (("position", "position", "m"), ("joint", "joint", "rad"), ("ee", "tip", "m")):
+        found[f"{prefix}{name}_error_mean"] = _measure("mean", window, name, f"mean {what} error{ending}", unit)
+        found[f"{prefix}{name}_error_max"] = _measure("max", window, name, f"largest {what} error{ending}", unit)
     return found
 
 
 TRACKING = _tracking("", "steady") | {
-    "position_min": _extreme("min", "steady", "position"),
-    "position_max": _extreme("max", "steady", "position"),
-    "position_ripple": _half_range("steady", "position"),
-    "peak_position": _extreme("max", "transient", "position"),
-    "iae_position": _integral("whole", "position"),
-    "iae_joint": _integral("whole", "joint"),
-    "altitude_error_max": _extreme("max", "whole", "altitude"),
-    "x_error_max": _extreme("max", "steady", "x"),
-    "ee_time_outside": _integral("steady", "ee_outside"),
+    "position_min": _measure("min", "steady", "position", "smallest position error", "m"),
+    "position_max": _measure("max", "steady", "position", "largest position error", "m"),
+    "position_ripple": _measure("half_range", "steady", "position", "ripple of the position error", "m"),
+    "peak_position": _measure("max", "transient", "position", "largest position error of the transient", "m"),
+    "iae_position": _measure("integral", "whole", "position", "integral of the position error", "m s"),
+    "iae_joint": _measure("integral", "whole", "joint", "integral of the joint error", "rad s"),
+    "altitude_error_max": _measure("max", "whole", "altitude", "largest height error", "m"),
+    "x_error_max": _measure("max", "steady", "x", "largest position error along x, with its sign", "m"),
+    "ee_time_outside": _measure(
+        "integral", "steady", "ee_outside", "time with the tip over 5 cm from its reference", "s"
+    ),
 }
 
-GUST = _tracking("gust_", "gust") | {
-    "gust_peak_x": _extreme("peak", "gust", "x"),
-    "gust_ee_peak_x": _extreme("peak", "gust", "ee_x"),
-    "gust_iae_position": _integral("gust", "position"),
-    "gust_iae_joint": _integral("gust", "joint"),
+GUST = _tracking("gust_", "gust", " in the gust") | {
+    "gust_peak_x": _measure("peak", "gust", "x", "peak position error along x in the gust", "m"),
+    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "peak tip error along x in the gust", "m"),
+    "gust_iae_position": _measure("integral", "gust", "position", "integral of the position error in the gust", "m s"),
+    "gust_iae_joint": _measure("integral", "gust", "joint", "integral of the joint error in the gust", "rad s"),
 }
 
 PAPER = {
-    "held_position_error": _mean("holds", "position"),
-    "ee_error_last_mean": _mean("last", "ee"),
-    "ee_error_last_max": _extreme("max", "last", "ee"),
+    "held_position_error": _measure("mean", "holds", "position", "mean position error while the arm is held", "m"),
+    "ee_error_last_mean": _measure("mean", "last", "ee", "mean tip error at the end", "m"),
+    "ee_error_last_max": _measure("max", "last", "ee", "largest tip error at the end", "m"),
 }
 
 FREE = {
-    "pitch_mean": _mean("steady", "pitch"),
-    "pitch_rms": _rms("steady", "pitch"),
-    "pitch_ripple": _half_range("steady", "pitch"),
-    "roll_rms": _rms("steady", "roll"),
-    "peak_pitch": _extreme("max", "transient", "pitch_size"),
-    "gust_pitch_rms": _rms("gust", "pitch"),
-    "gust_peak_pitch": _extreme("peak", "gust", "pitch"),
-    "tilt_rms": _rms("steady", "tilt"),
-    "tilt_max": _extreme("max", "whole", "tilt"),
-    "rate_rms": _root_mean("steady", "rate_square"),
-    "rotor_jitter": _root_mean("steady", "jitter_square"),
-    "rotor_jitter_mean": _mean("steady", "jitter_size"),
-    "reference_lag_mean": _mean("steady", "lag"),
-    "reference_lag_max": _extreme("max", "whole", "lag"),
-    "phases_done": _extreme("max", "whole", "phase"),
+    "pitch_mean": _measure("mean", "steady", "pitch", "mean pitch", "rad"),
+    "pitch_rms": _measure("rms", "steady", "pitch", "RMS pitch", "rad"),
+    "pitch_ripple": _measure("half_range", "steady", "pitch", "ripple of pitch", "rad"),
+    "roll_rms": _measure("rms", "steady", "roll", "RMS roll", "rad"),
+    "peak_pitch": _measure("max", "transient", "pitch_size", "peak pitch of the transient", "rad"),
+    "gust_pitch_rms": _measure("rms", "gust", "pitch", "RMS pitch in the gust", "rad"),
+    "gust_peak_pitch": _measure("peak", "gust", "pitch", "peak pitch in the gust", "rad"),
+    "tilt_rms": _measure("rms", "steady", "tilt", "RMS tilt", "rad"),
+    "tilt_max": _measure("max", "whole", "tilt", "largest tilt", "rad"),
+    "rate_rms": _measure("root", "steady", "rate_square", "RMS body rate", "rad/s"),
+    "rotor_jitter": _measure("root", "steady", "jitter_square", "RMS change of a rotor command per period", "rad/s"),
+    "rotor_jitter_mean": _measure(
+        "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
+    ),
+    "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the governor", "s"),
+    "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the governor", "s"),
+    "phases_done": _measure("max", "whole", "phase", "phases done", "phases"),
     # against the continuous reference always, as a mean height before the motion
-    "hover_offset": _mean("hover", f"height{CONTINUOUS}"),
+    "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),
 }
 """Metrics that have no twin."""
 
 CONTACT = {
-    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held))
-    for name, (totals, value) in VALUES.items()
+    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held), words, unit)
+    for name, (totals, value, words, unit) in VALUES.items()
 }
 """Metrics of contact, of which a flight without it has none."""
 
@@ -145,10 +151,18 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 def measures(joints: int) -> dict[str, Measure]:
     """Every metric there is for an arm of so many joints."""
-    found = REFERRED | FREE | CONTACT | {f"tau{i + 1}_rms": _rms("steady", f"effort{i}") for i in range(joints)}
+    found = (
+        REFERRED
+        | FREE
+        | CONTACT
+        | {
+            f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
+            for i in range(joints)
+        }
+    )
     for name, each in REFERRED.items():
         twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
-        found[f"{name}{CONTINUOUS}"] = Measure(twins, each.window, each.value)
+        found[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
     for name in registered_names("metric"):
         found[name] = _added(name)
     return found
@@ -227,3 +241,13 @@ def values(
             empty = 0.0 if each.window == "whole" and name.startswith("iae") else np.nan
             found[name] = np.where(n > 0, value, empty)
     return found
+
+
+def metric_words(name: str) -> tuple[str, str]:
+    """Words and unit of a metric; of a user's its name, without a unit.
+
+    Joint errors are in rad; those of joints that slide in m.
+    """
+    torque = re.fullmatch(r"tau(\d+)_rms", name)
+    found = measures(int(torque[1]) if torque else 0).get(name)
+    return (found.words, found.unit) if found is not None and found.words else (name.replace("_", " "), "")

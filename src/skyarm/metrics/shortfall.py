@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.contact_periods import contact_pairs
 from skyarm.log.log_columns import names_of
+from skyarm.log.periods import contact_pairs
 from skyarm.metrics.contact_totals import BAND
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import wanted_push

@@ -29,10 +29,11 @@ from skyarm.onboard.estimated_law import (
     EstimatedConstants,
     as_data,
     blank_readings,
+    command_units,
     estimated_law,
     first_estimated_memory,
+    units_of,
 )
-from skyarm.onboard.setpoint_units import command_units, units_of
 from skyarm.records.leaves import Place, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference

@@ -1,5 +1,23 @@
-"""Pages that are one file and need nothing else: a plain look for tables and pictures, light and dark."""
+"""Reports: titles, paragraphs, tables and pictures, as HTML pages of one file and as Markdown."""
 
-from skyarm.pages.html_page import details, grouped, image, page, section, table
+from skyarm.pages.markup import bullets, details, grouped, image, page, paragraph, plot, section, table
+from skyarm.pages.sections import DASH, Mark, Report, Section, Table, markdown, number
 
-__all__ = ["details", "grouped", "image", "page", "section", "table"]
+__all__ = [
+    "DASH",
+    "Mark",
+    "Report",
+    "Section",
+    "Table",
+    "bullets",
+    "details",
+    "grouped",
+    "image",
+    "markdown",
+    "number",
+    "page",
+    "paragraph",
+    "plot",
+    "section",
+    "table",
+]

@@ -11,7 +11,7 @@ from typing import Any
 from skyarm.metrics.metric_catalogue import REFERRED
 from skyarm.metrics.score import score, settling_time
 from skyarm.metrics.windows import Windows
-from skyarm.paper.published import CASES, CONTROLLERS, PAPER
+from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log, Scenario, Window, run
@@ -22,9 +22,6 @@ WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY 
 HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
-
-CONTINUOUS = "_continuous"
-"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
 
 TRACKING = tuple(f"{what}_error_{how}" for what in ("joint", "position", "ee") for how in ("mean", "max"))
 IAE = ("iae_position", "iae_joint")

@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
+from skyarm.pages import Table
 from skyarm.paper.counted_cells import RULE, counts, in_group, inferred, stated
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
-
-Row = Sequence[str]
-
-
-class PlainTable(NamedTuple):
-    """A title, the names of the columns (">" in front: of numbers), and rows of text."""
-
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Row]
-
 
 GROUPS = {
     "seen": "Cases 2 and 3 (fitted)",
@@ -32,7 +22,7 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def settings_table(evidence: Mapping[str, Any]) -> PlainTable:
+def settings_table(evidence: Mapping[str, Any]) -> Table:
     """What was found: each free number with the range in which the loss grows by less than 1, and each choice."""
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
@@ -45,20 +35,20 @@ def settings_table(evidence: Mapping[str, Any]) -> PlainTable:
         choice = study.choice(name)
         others = [each.words for each in choice.options if each.name != option]
         rows.append((choice.words, choice.option(option).words, "choice", f"not: {'; '.join(others)}"))
-    return PlainTable("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
+    return _table("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
 
 
-def ladder_table(evidence: Mapping[str, Any]) -> PlainTable:
+def ladder_table(evidence: Mapping[str, Any]) -> Table:
     """One setting after the other."""
     rows = [
         (each["name"], str(each["numbers"]), str(each["choices"]), *_judged(each), *_laws(each))
         for each in evidence["stages"]["ladder"]["rungs"]
     ]
     head = ("step", ">numbers", ">choices", *_JUDGED, ">PD: loss", ">PD within 25 %", ">CT: loss", ">CT within 25 %")
-    return PlainTable("Ladder: each step adds to the one before", head, rows)
+    return _table("Ladder: each step adds to the one before", head, rows)
 
 
-def choices_table(evidence: Mapping[str, Any]) -> PlainTable:
+def choices_table(evidence: Mapping[str, Any]) -> Table:
     """Each choice taken otherwise, the numbers fitted again."""
     rows = []
     for name, stage in evidence["stages"].items():
@@ -67,10 +57,10 @@ def choices_table(evidence: Mapping[str, Any]) -> PlainTable:
                 (stage["words"], option["words"], "taken" if option["taken"] else "", *_judged(option))
                 for option in stage["options"]
             ]
-    return PlainTable("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
+    return _table("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
 
 
-def profile_tables(evidence: Mapping[str, Any]) -> list[PlainTable]:
+def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
     """Loss over each free number."""
     study, found = unstated_study(), []
     for name in study.free:
@@ -78,11 +68,11 @@ def profile_tables(evidence: Mapping[str, Any]) -> list[PlainTable]:
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
         rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
         title = f"Loss over: {each.words}{f', {each.unit}' if each.unit else ''}"
-        found.append(PlainTable(title, (">value", ">the others held", ">the others fitted again"), rows))
+        found.append(_table(title, (">value", ">the others held", ">the others fitted again"), rows))
     return found
 
 
-def rivals_table(evidence: Mapping[str, Any]) -> PlainTable:
+def rivals_table(evidence: Mapping[str, Any]) -> Table:
     """Every alternative alone on the steady cells of Cases 2 and 3, and on top of what was found."""
     study, rows = unstated_study(), []
     for rival in study.rivals:
@@ -99,10 +89,10 @@ def rivals_table(evidence: Mapping[str, Any]) -> PlainTable:
     for group in study.rival_cells:
         law = group.removeprefix("steady_")
         head += [f">{law}: loss alone, from to", ">best value"]
-    return PlainTable("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
+    return _table("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
 
 
-def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], plant: str) -> PlainTable:
+def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], plant: str) -> Table:
     """Out of sample, flown live: as stated, as predicted from Cases 2 and 3, as fitted to everything.
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
@@ -119,23 +109,22 @@ def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], p
         rows.append(row)
     head = [f">{which}: {what}" for which in ("as stated", "from Cases 2 and 3", "fitted to all")
             for what in ("loss", "within 10 %", "within 25 %")]  # fmt: skip
-    return PlainTable(f"Out of sample, {plant}", ("cells", *head), rows)
+    return _table(f"Out of sample, {plant}", ("cells", *head), rows)
 
 
-def evidence_tables(evidence: Mapping[str, Any]) -> list[PlainTable]:
+def evidence_tables(evidence: Mapping[str, Any]) -> list[Table]:
     """Everything that a search prints."""
     before = [settings_table(evidence), ladder_table(evidence), choices_table(evidence)]
     return [*before, *profile_tables(evidence), rivals_table(evidence)]
 
 
-def markdown_of(tables: Sequence[PlainTable]) -> str:
+def markdown_of(tables: Sequence[Table]) -> str:
     """Tables as Markdown."""
-    parts = [RULE, ""]
-    for title, head, rows in tables:
-        names = [name.removeprefix(">") for name in head]
-        parts += [f"## {title}", "", f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-        parts += [f"| {' | '.join(row)} |" for row in rows] + [""]
-    return "\n".join(parts)
+    return "\n\n".join([RULE, *(f"## {each.caption}\n\n{each.markdown(each.caption)}" for each in tables)]) + "\n"
+
+
+def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    return Table(caption=title, head=head, rows=rows)
 
 
 _JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")

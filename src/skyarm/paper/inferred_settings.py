@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from skyarm.identify.identification import study_digest
-from skyarm.identify.records import IdentificationStudy
-from skyarm.identify.study_reader import read_identification
-from skyarm.paper.flights import HOLDS, Flight, Metrics, flights, metrics
+from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.files import require_replaceable, require_writable
+from skyarm.identify.identification import Progress, identify, study_digest
+from skyarm.identify.study import IdentificationStudy, read_identification
+from skyarm.paper.flights import HOLDS, Flight, Metrics, metrics
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -65,37 +66,36 @@ def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
     return dataclasses.replace(changed, delays=dataclasses.replace(changed.delays, longest_command=None))
 
 
-@dataclass(frozen=True, slots=True)
-class InferredJob:
-    """One flight of the paper under settings that were found."""
-
-    kind: str
-    flight: Flight
-    settings: tuple[tuple[str, Any], ...]
-
-    @property
-    def plant(self) -> str:
-        """That it flies on."""
-        return self.flight.plant
-
-    @property
-    def label(self) -> str:
-        """In words, for a progress bar."""
-        return f"{self.flight.case} {self.flight.controller} {self.flight.plant}, {self.kind} settings"
-
-    def perform(self) -> Metrics:
-        """Fly and measure it."""
-        planned = inferred_scenario(self.flight, dict(self.settings))
-        # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
-        later = float(planned.joined) - MOTION if self.flight.case == "case1" and planned.joined else 0.0
-        holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
-        return metrics(self.flight.case, run(planned), holds)
+def measure_inferred(flight: Flight, settings: Mapping[str, Any]) -> Metrics:
+    """Fly and measure a flight of the paper under settings that were found."""
+    planned = inferred_scenario(flight, settings)
+    # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
+    later = float(planned.joined) - MOTION if flight.case == "case1" and planned.joined else 0.0
+    holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
+    return metrics(flight.case, run(planned), holds)
 
 
-def inferred_jobs(plants: Sequence[str], evidence: Mapping[str, Any]) -> list[InferredJob]:
-    """Every flight of the paper with the inferred settings; with the predicted ones on the first plant."""
-    inferred, predicted = (tuple(settings_in(evidence, kind).items()) for kind in (INFERRED, PREDICTED))
-    return [
-        *(InferredJob(INFERRED, flight, inferred) for flight in flights(plants)),
-        *(InferredJob(PREDICTED, flight, predicted) for flight in flights(plants[:1])),
-    ]
+def infer(
+    out: str | os.PathLike[str] = "out/paper", *, threads: int = 1, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Search for the settings that the paper leaves open, with ladder, choices, profiles, rivals and predictions.
+
+    Writes ``unstated_settings.json`` after every stage; called again it continues where it was stopped, and flies
+    nothing if all of it is there. Results do not depend on the number of threads.
+
+    Args:
+        out: folder, made if missing.
+        threads: that fly.
+        progress: called before every stage and at the end.
+
+    Returns:
+        The evidence, for :func:`skyarm.paper.reproduce.reproduce`.
+
+    Raises:
+        OSError: the folder or the file in it cannot be written; raised before any flight.
+        NoMachineCodeError: before any flight; candidates fly in batches.
+    """
+    require_machine_code()
+    file = require_writable(out) / FOUND
+    require_replaceable(file)
+    return identify(unstated_study(), file, threads=threads, progress=progress)

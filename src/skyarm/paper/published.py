@@ -1,14 +1,18 @@
-"""The paper's numbers.
-
-Source: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274: Table 2 (case1-3), section 5 text and Figures 9-11 (gust),
-16-18 (wind). The mean position error of PD in the wind is derived: 0.577 m / (1 - 0.14).
-"""
+"""The paper's numbers (``library/published.toml`` has them with their sources), and how ours are compared with them."""
 
 from __future__ import annotations
 
+import math
+import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import resources
+from typing import Any
 
 Cells = Mapping[str, float]
+Number = float | int | None
+Experiments = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+"""Case -> law -> metric -> {"paper": number, plant: number, "inferred": {plant: number}}."""
 
 CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
 TITLES: Mapping[str, str] = {
@@ -19,149 +23,13 @@ TITLES: Mapping[str, str] = {
     "case3_wind": "Case 3 in constant wind",
 }
 CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
+CONTINUOUS = "_continuous"
+"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
 
-PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
-    "case1": {
-        "CT": {
-            "joint_error_mean": "0.019",
-            "joint_error_max": "0.265",
-            "position_error_mean": "0.040",
-            "position_error_max": "0.076",
-            "pitch_rms": "0.026",
-            "roll_rms": "0.0002",
-            "tau1_rms": "0.036",
-            "tau2_rms": "0.012",
-            "peak_pitch": "0.130",
-            "peak_position": "0.088",
-            "settling_time_upper_bound": "10",
-            "iae_position": "1.17",
-            "iae_joint": "2.17",
-        },
-        "PD": {
-            "joint_error_mean": "0.057",
-            "joint_error_max": "0.300",
-            "position_error_mean": "0.083",
-            "position_error_max": "0.140",
-            "pitch_rms": "0.012",
-            "roll_rms": "0.0001",
-            "tau1_rms": "0.041",
-            "tau2_rms": "0.010",
-            "peak_pitch": "0.012",
-            "peak_position": "0.035",
-            "settling_time_upper_bound": "10",
-            "iae_position": "2.33",
-            "iae_joint": "3.68",
-        },
-    },
-    "case2": {
-        "CT": {
-            "joint_error_mean": "0.036",
-            "joint_error_max": "0.105",
-            "position_error_mean": "0.031",
-            "position_error_max": "0.034",
-            "pitch_rms": "0.010",
-            "roll_rms": "0.0001",
-            "tau1_rms": "0.045",
-            "tau2_rms": "0.010",
-            "peak_pitch": "0.227",
-            "peak_position": "0.099",
-            "settling_time": "10",
-            "iae_position": "0.94",
-            "iae_joint": "2.42",
-        },
-        "PD": {
-            "joint_error_mean": "0.049",
-            "joint_error_max": "0.073",
-            "position_error_mean": "0.065",
-            "position_error_max": "0.089",
-            "pitch_rms": "0.056",
-            "roll_rms": "0.0007",
-            "tau1_rms": "0.056",
-            "tau2_rms": "0.009",
-            "peak_pitch": "0.003",
-            "peak_position": "0.037",
-            "settling_time": "23.5",
-            "iae_position": "1.47",
-            "iae_joint": "2.62",
-        },
-    },
-    "case3": {
-        "CT": {
-            "joint_error_mean": "0.012",
-            "joint_error_max": "0.025",
-            "position_error_mean": "0.035",
-            "position_error_max": "0.038",
-            "ee_error_mean": "0.036",
-            "ee_error_max": "0.041",
-            "pitch_rms": "0.010",
-            "roll_rms": "0.006",
-            "tau1_rms": "0.030",
-            "tau2_rms": "0.006",
-            "peak_pitch": "0.245",
-            "peak_position": "0.302",
-            "settling_time": "10",
-            "iae_position": "2.94",
-            "iae_joint": "1.26",
-        },
-        "PD": {
-            "joint_error_mean": "0.031",
-            "joint_error_max": "0.039",
-            "position_error_mean": "0.053",
-            "position_error_max": "0.083",
-            "ee_error_mean": "0.066",
-            "ee_error_max": "0.113",
-            "pitch_rms": "0.039",
-            "roll_rms": "0.007",
-            "tau1_rms": "0.033",
-            "tau2_rms": "0.006",
-            "peak_pitch": "0.012",
-            "peak_position": "0.303",
-            "settling_time": "24.5",
-            "iae_position": "3.89",
-            "iae_joint": "1.99",
-        },
-    },
-    "case2_gust": {
-        "CT": {
-            "peak_x": "0.55",
-            "position_error_mean": "0.13",
-            "pitch_rms": "0.121",
-            "iae_position": "2.04",
-            "iae_joint": "1.14",
-            "peak_pitch": "-0.32",
-        },
-        "PD": {
-            "peak_x": "0.71",
-            "position_error_mean": "0.17",
-            "pitch_rms": "0.138",
-            "iae_position": "2.80",
-            "iae_joint": "1.34",
-            "peak_pitch": "-0.40",
-        },
-    },
-    "case3_wind": {
-        "CT": {
-            "position_error_mean": "0.577",
-            "position_ripple": "0.01",
-            "ee_error_mean": "0.661",
-            "ee_error_max": "0.684",
-            "pitch_mean": "-0.28",
-            "pitch_ripple": "0.02",
-            "peak_pitch": "0.647",
-        },
-        "PD": {
-            "position_error_mean": "0.671",
-            "position_min": "0.62",
-            "position_max": "0.73",
-            "ee_error_mean": "0.741",
-            "ee_error_max": "0.829",
-            "pitch_mean": "-0.28",
-            "pitch_ripple": "0.06",
-            "peak_pitch": "0.381",
-        },
-    },
-}
-"""The numbers as printed, trailing zeros included: they say how well a number is known."""
+_TABLES = tomllib.loads((resources.files("skyarm.paper") / "library" / "published.toml").read_text("utf-8"))
+
+PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = _TABLES["printed"]
+"""The numbers as printed: case -> law -> metric -> digits."""
 
 PAPER: Mapping[str, Mapping[str, Cells]] = {
     case: {name: {metric: float(text) for metric, text in cells.items()} for name, cells in controllers.items()}
@@ -180,13 +48,128 @@ def printed(case: str, controller: str, metric: str) -> str:
     return PRINTED.get(case, {}).get(controller, {}).get(metric, "")
 
 
-SAID: Mapping[str, Mapping[str, Mapping[str, str]]] = {
-    case: {law: {"hover_offset": "0.035"} for law in CONTROLLERS} for case in CASES if case != "case3_wind"
-} | {"case1": {"CT": {"hover_offset": "0.035"}, "PD": {"hover_offset": "0.035", "held_position_error": "0.13-0.14"}}}
-"""What section 5 says in words where Table 2 is silent: the height offset of every case without constant wind, and how
-far PD stays away while the arm of Case 1 is held."""
-
-
 def said(case: str, controller: str, metric: str) -> str:
     """The published number as printed, or as the text says it; "" where there is none."""
-    return printed(case, controller, metric) or SAID.get(case, {}).get(controller, {}).get(metric, "")
+    return printed(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A row of a table.
+
+    Attributes:
+        label: words. unit: SI. definition: one sentence. bound: the paper states an upper bound only.
+    """
+
+    label: str
+    unit: str = ""
+    definition: str = ""
+    bound: bool = False
+
+
+METRICS = {name: Metric(**row) for name, row in _TABLES["metrics"].items()}
+
+
+def metric(name: str) -> Metric:
+    """Find a metric; a name not listed describes itself."""
+    base = name.removesuffix(CONTINUOUS)
+    found = METRICS.get(base, Metric(base.replace("_", " ")))
+    return found if base == name else replace(found, label=f"{found.label}, continuous reference")
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A headline number: a metric that must lie in [low, high] for every (case, law) of ``cells``."""
+
+    title: str
+    name: str
+    cells: list[tuple[str, str]]
+    low: float
+    high: float
+
+    def values(self, experiments: Experiments, plant: str) -> list[float]:
+        """The numbers of a plant that are there."""
+        every = [experiments.get(case, {}).get(law, {}).get(self.name, {}).get(plant) for case, law in self.cells]
+        return [value for value in map(known, every) if value is not None]
+
+    def meets(self, experiments: Experiments, plant: str) -> bool | None:
+        """Whether a plant meets the claim; None if one of its numbers is missing."""
+        found = self.values(experiments, plant)
+        return None if len(found) < len(self.cells) else all(self.low <= value <= self.high for value in found)
+
+
+CLAIMS = tuple(Claim(**row) for row in _TABLES["claims"])
+
+ORDERED = (
+    *((case, name) for name in ("position_error_mean", "ee_error_mean") for case in CASES),
+    *(("case2", "pitch_rms"), ("case3", "pitch_rms")),
+)
+"""Where CT must lie below PD."""
+
+
+def ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
+    """Count where CT lies below PD: (how often, of how many that were flown)."""
+    pairs = [
+        [known(experiments.get(case, {}).get(law, {}).get(name, {}).get(plant)) for law in ("CT", "PD")]
+        for case, name in ORDERED
+    ]
+    flown = [(ct, pd) for ct, pd in pairs if ct is not None and pd is not None]
+    return sum(ct < pd for ct, pd in flown), len(flown)
+
+
+def tally(experiments: Experiments, plant: str) -> tuple[int, int]:
+    """Count claims met, the order of the laws among them: (met, judged)."""
+    count, total = ordered(experiments, plant)
+    verdicts = [*(claim.meets(experiments, plant) for claim in CLAIMS), count == total if total else None]
+    return sum(verdict is True for verdict in verdicts), sum(verdict is not None for verdict in verdicts)
+
+
+def known(value: Number) -> float | None:
+    """Return the value as a float; None if it is missing or not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def digits(value: Number) -> str:
+    """Three significant digits, trailing zeros included; a dash for nothing."""
+    return "-" if value is None else "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
+
+
+def relative(ours: Number, paper: Number) -> float | None:
+    """Relative difference from the paper, measured along the paper's sign.
+
+    A magnitude that is too large is positive, for negative numbers too; another sign than the paper's is below -1.
+    None where either is missing or the paper's is zero.
+    """
+    a, b = known(ours), known(paper)
+    return None if a is None or not b else (a - b) / b
+
+
+def percent(ours: Number, paper: Number) -> str:
+    """Relative difference in whole percent with its sign; a rounded zero has none, "" where there is none."""
+    found = relative(ours, paper)
+    rounded = 0 if found is None else round(100.0 * found)
+    return "" if found is None else f"{rounded:+d} %" if rounded else "0 %"
+
+
+def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[str, str]]:
+    """(case, metric) pairs in which the controller that is better in the paper is the worse one here.
+
+    Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
+    1 % of each other have no order.
+    """
+    found = []
+    for case, controllers in experiments.items():
+        for name, cell in controllers.get("CT", {}).items():
+            other = controllers.get("PD", {}).get(name, {})
+            values = [known(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
+            if None in values:
+                continue
+            theirs, ours = (_order(abs(ct or 0.0), abs(pd or 0.0)) for ct, pd in (values[:2], values[2:]))
+            if theirs * ours < 0:
+                found.append((case, name))
+    return found
+
+
+def _order(a: float, b: float) -> int:
+    """-1 if a is the smaller, 1 if b is, 0 within 1 % of the larger."""
+    return 0 if abs(a - b) <= 0.01 * max(a, b) else 1 if a > b else -1

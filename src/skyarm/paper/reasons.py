@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.paper.agreement import difference, digits
 from skyarm.paper.campaign import Sensitivity
 from skyarm.paper.flights import first_plant
-from skyarm.paper.published import rounding
+from skyarm.paper.published import digits, relative, rounding
 from skyarm.paper.variations import ALIGNMENTS, Variation, variations
 
 AGREEMENT = 0.05
@@ -93,7 +92,7 @@ def score(compared: Compared) -> float:
 
 
 def _distance(value: float, paper: float) -> float:
-    return min(1.0, abs(difference(value, paper) or 0.0))
+    return min(1.0, abs(relative(value, paper) or 0.0))
 
 
 def _credible(compared: Compared) -> bool:

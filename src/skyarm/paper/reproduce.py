@@ -8,30 +8,26 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.compare.comparison import PAGE, Comparison, fly_comparison, prepare
-from skyarm.compare.envelope_page import envelope_section
-from skyarm.compare.envelope_suite import Envelope, fly_envelope
-from skyarm.figures.embed import image_bytes
-from skyarm.figures.overview import overview_figure
-from skyarm.figures.paper_figures import paper_figures
-from skyarm.figures.tip_trace import tip_figure
+from skyarm.compare.comparison import Comparison
+from skyarm.compare.comparison_report import CAPTION, main_sections
+from skyarm.compare.envelope import Envelope, fly_envelope
+from skyarm.compare.envelope_report import summary_section
+from skyarm.compare.run_suite import PAGE, Progress, fly_suite, prepare
+from skyarm.compare.summary import table as summarised
+from skyarm.figures.paper_figures import overview_figure, paper_figures, tip_figure
+from skyarm.figures.style import image_bytes
 from skyarm.files import require_replaceable, require_writable, write_atomically
-from skyarm.files.old_names import warn_of_old_name
-from skyarm.paper.beyond_paper import WIND, in_the_wind
-from skyarm.paper.campaign import Campaign, Progress, run_campaign
+from skyarm.pages import details, image
+from skyarm.paper.beyond import NAMES, beyond_section
+from skyarm.paper.campaign import WIND, Campaign, run_campaign
 from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
 from skyarm.paper.published import CASES
 from skyarm.paper.reasons import Reasons, reasons
-from skyarm.paper.report.report_beyond import NAMES, beyond_section, comparison_section
-from skyarm.paper.report.report_frame import MAIN
-from skyarm.paper.report.report_inferred import inferred_section
-from skyarm.paper.report.report_opening import FILM, Opening
-from skyarm.paper.report.report_page import case_files, report_pages
-from skyarm.paper.report.report_text import LOOK, OVERVIEW
-from skyarm.paper.report.report_vehicle import vehicle_section
-from skyarm.paper.short_table import markdown
+from skyarm.paper.report_pages import FILM, MAIN, Opening, case_files, inferred_section, report_pages, vehicle_section
+from skyarm.paper.report_tables import markdown_tables
+from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log
@@ -64,7 +60,6 @@ def reproduce(
     note: Note | None = None,
     film: Film | None = None,
     envelope: Envelope | None = None,
-    bench: Comparison | None = None,
 ) -> dict[str, Any]:
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
@@ -85,7 +80,6 @@ def reproduce(
         film: draws a film of the flights on the first plant, with which the report opens; without it the report opens
             with ``overview.png``.
         envelope: fly it too, into ``envelope/``, where it goes on if it was interrupted, and show its tables.
-        bench: old name of comparison.
 
     Returns:
         The content of ``results.json``.
@@ -94,9 +88,6 @@ def reproduce(
         ValueError: an unknown plant.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
-    if bench is not None:
-        warn_of_old_name("reproduce(bench=...)", "comparison")
-        comparison = bench
     folder = prepare_folder(out, plants)
     if comparison is not None:
         prepare(folder / COMPARED)
@@ -112,7 +103,7 @@ def reproduce(
     predicted = results(campaign.measured(), facts, campaign.found.get(PREDICTED))["experiments"]
     why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")
-    summaries = campaign.beyond.summaries()
+    summaries = summarised(campaign.cells)
     _write_data(folder, table, why, campaign, summaries)
     tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
     write_atomically(folder / "inference.md", markdown_of(tables).encode())
@@ -125,12 +116,10 @@ def reproduce(
     further = _further(folder, campaign, summaries)
     if envelope is not None:
         say("flying the envelope")
-        limits = fly_envelope(envelope, folder / ENVELOPE_FOLDER, threads=workers, progress=progress)
-        further["The envelope"] = envelope_section(limits, f"{ENVELOPE_FOLDER}/{PAGE}")
+        further["The envelope"] = _envelope(envelope, folder / ENVELOPE_FOLDER, workers, progress)
     if comparison is not None:
         say("flying the comparison")
-        found = fly_comparison(comparison, folder / COMPARED, threads=workers, progress=progress)
-        further["All laws compared"] = comparison_section(found, comparison, f"{COMPARED}/{PAGE}")
+        further["All laws compared"] = _comparison(comparison, folder / COMPARED, workers, progress)
     say("writing report.html")
     shown = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
     further["The vehicle"] = vehicle_section()
@@ -173,12 +162,28 @@ def _opening(
     return Opening(picture=overview, caption=caption, film=content, film_caption=words)
 
 
+def _envelope(envelope: Envelope, folder: Path, workers: int, progress: Progress | None) -> str:
+    """Fly an envelope; HTML of its sentences and summary."""
+    limits = fly_envelope(envelope, folder, threads=workers, progress=progress)
+    link = f'<p><a href="{folder.name}/{PAGE}">Axis by axis, and what violates the rules</a>.</p>'
+    return summary_section(limits, (folder / "envelope.png").read_bytes()).content() + link
+
+
+def _comparison(comparison: Comparison, folder: Path, workers: int, progress: Progress | None) -> str:
+    """Fly a comparison; HTML of its tables."""
+    found = fly_suite(comparison, folder, threads=workers, progress=progress)
+    facts = f"{len(comparison.entrants)} laws, seed {found['seed']}, plant {found['plant']}"
+    link = f'<p>{facts}; <a href="{folder.name}/{PAGE}">its own page</a>.</p>'
+    drawn = image(CAPTION, CAPTION, (folder / "laws.png").read_bytes(), kind="single")
+    sections = main_sections(found, comparison.entrants, comparison.conditions)
+    return link + drawn + "".join(details(each.title, each.content()) for each in sections)
+
+
 def _further(folder: Path, campaign: Campaign, summaries: dict[str, Any]) -> dict[str, str]:
     """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
-    if not campaign.beyond.cells:
+    if not campaign.cells:
         return {}
-    logs = in_the_wind(campaign.beyond, campaign.logs)
-    picture = b""
+    logs, picture = campaign.in_the_wind(), b""
     if logs:
         flown = {NAMES[name]: log for name, log in next(iter(logs.values())).items()}
         figure = tip_figure(flown, WINDOWS[WIND], "Case 3 in constant wind, perfect state")
@@ -218,7 +223,7 @@ def _write_data(
     write_atomically(
         folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries})
     )
-    write_atomically(folder / "table2.md", markdown(table, why).encode())
+    write_atomically(folder / "table2.md", markdown_tables(table, why).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():
             for controller, log in controllers.items():

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Self
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
+from skyarm.compile.tracing.repeat import repeat, repeat_while
+from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.coupled_memory import memories_of, places_in
 from skyarm.plant.impact import after_impact
-from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS, STAGES, VERLET
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
-from skyarm.plant.largest_step import divisions, largest_step, verlet_step
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.largest_step import (
+    FRICTION_STEP,
+    HELD_FRICTION_STEP,
+    INTEGRATORS,
+    STAGES,
+    VERLET,
+    divisions,
+    largest_step,
+    verlet_step,
+)
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
-from skyarm.plant.stop_rate import joint_rate
-from skyarm.plant.surroundings import Around, Surroundings
+from skyarm.plant.surroundings import Around, Surroundings, memories_of, with_memories
 from skyarm.scalars import where
 from skyarm.vehicle.check import require_plant
 
@@ -74,8 +84,30 @@ class Steps(int):
     __hash__ = int.__hash__
 
 
+def hold(
+    world: Truth, integrator: str, count: int, now: Moved, command: Command, around: Surroundings, seconds: Any
+) -> Moved:
+    """State and coupled memories after an interval (s) of held command and surroundings, cut into ``count`` steps."""
+    near = VERLET if isinstance(count, Steps) and count.verlet else integrator
+
+    def step(both: Moved) -> Moved:
+        return COUPLED_STEP[near](world, both[0], command, with_memories(around, both[1]), seconds / count)
+
+    far: Any = False
+    if isinstance(count, Steps):
+        far = around.with_coupled(now[1]).far(PointMotion(world.vehicle, now[0]), seconds)
+    if not isinstance(count, Steps) or far is False:
+        return repeat(count, step, now)
+
+    def step_far(both: Moved) -> Moved:
+        return far_step(integrator, world, both, command, around, seconds / count.far, count.rounds)
+
+    now = repeat_while(count, where(far, 0.0, float(count)), step, now)
+    return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
+
+
 class RigidBodyPlant:
-    """Our own multibody plant, one traced step program per step length.
+    """Our own multibody plant, one traced program per length of an interval.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -94,10 +126,9 @@ class RigidBodyPlant:
         self._world, self._around, self._integrator, self._physics_step = world, around, integrator, physics_step
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
-        self._steps: dict[tuple[str, float], Program] = {}
-        self._far_steps: dict[tuple[float, int], Program] = {}
+        self._programs: dict[float, Callable[[Any], tuple[float, ...]]] = {}
         euler = integrator == "euler"
-        self._largest, self._coupled = largest_step(around, euler=euler), places_in(around)
+        self._largest = largest_step(around, euler=euler)
         self._largest_far = largest_step(around, coupled=False, euler=euler)
         self._rate = joint_rate(world.vehicle)
         self._verlet = None if euler else verlet_step(around)
@@ -110,26 +141,6 @@ class RigidBodyPlant:
         base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
-
-    def _step(self, name: str, dt: float) -> Program:
-        if (name, dt) not in self._steps:
-            law = COUPLED_STEP[name]
-
-            def step(state: State, command: Command, around: Around) -> Moved:
-                return law(self._world, state, command, around, dt)
-
-            self._steps[name, dt] = trace(step, *self._examples)
-        return self._steps[name, dt]
-
-    def _far_step(self, dt: float, rounds: int) -> Program:
-        if (dt, rounds) not in self._far_steps:
-
-            def step(state: State, command: Command, around: Surroundings) -> Moved:
-                now = state, memories_of(around)
-                return far_step(self._integrator, self._world, now, command, around, dt, rounds)
-
-            self._far_steps[dt, rounds] = trace(step, *self._examples)
-        return self._far_steps[dt, rounds]
 
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
@@ -149,26 +160,15 @@ class RigidBodyPlant:
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` of held command and surroundings, then the coupled memories."""
-        divided = self._integrator != "euler" or self._largest is not None
-        count, rounds = self.substeps(seconds), 0
-        if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
-            rounds, count = count.rounds, count.far
-        dt = seconds / count if divided else self._physics_step
-        name = VERLET if not rounds and isinstance(count, Steps) and count.verlet else self._integrator
-        step = self._far_step(dt, rounds) if rounds else self._step(name, dt)
-        x, end, given = tuple(state), len(state), list(around)
-        for _ in range(count):
-            x = step.flat((*x[:end], *command, *given))
-            for place, value in zip(self._coupled, x[end:], strict=True):
-                given[place] = value
-        return x
+        if seconds not in self._programs:
 
-    @cached_property
-    def _far(self) -> Program:
-        def far(state: State, around: Surroundings, seconds: tuple[float]) -> tuple[Any]:
-            return (where(around.far(PointMotion(self.vehicle, state), seconds[0]), 1.0, 0.0),)
+            def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:
+                state, command, around = given
+                now, count = (state, memories_of(around)), self.substeps(seconds)
+                return (), hold(self._world, self._integrator, count, now, command, around, seconds)
 
-        return trace(far, self._examples[0], self._around, (0.0,))
+            self._programs[seconds] = trace_loop(interval, (), (), self._examples, loops=True).stepper()
+        return self._programs[seconds]((*state, *command, *around))
 
     @cached_property
     def _impact(self) -> Program:

@@ -1,4 +1,4 @@
-"""What the simulation asks of a plant: flat numbers in, flat numbers out."""
+"""The protocol of a plant: flat numbers in, flat numbers out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.units import Unit
+from skyarm.registry import find
 from skyarm.scalars import Scalar
 from skyarm.vehicle import check
 from skyarm.vehicle.check import accept
@@ -39,7 +40,7 @@ class Plant(Protocol):
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps, or one control period) of held command and surroundings.
 
-        Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.coupled_memory`), if there are any.
+        Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.surroundings`), if there are any.
         """
         ...
 
@@ -66,3 +67,10 @@ def whole_steps(seconds: float, physics_step: float) -> int:
     if count < 1 or abs(ratio - count) > 1e-6:
         raise ValueError(f"seconds = {seconds!r}: must be a whole number of physics steps of {physics_step!r} s")
     return count
+
+
+def make_plant(scenario: Any, around: Any) -> Plant:
+    """The plant of a scenario; ``around`` is an example of what it is told of one period."""
+    kind = find("plant", scenario.plant, "plant.kind")
+    plant: Plant = kind(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return plant

@@ -1,7 +1,7 @@
 """The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code.
 
 Only the length of a step where joint friction is stiff comes from our own mass matrix
-(:mod:`skyarm.plant.friction_rate`).
+(:mod:`skyarm.plant.joint_rate`).
 """
 
 from __future__ import annotations
@@ -18,19 +18,23 @@ import numpy as np
 from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.plant.coupled_memory import after_euler_step, before_euler_step, memories_of, places_in, slopes_of
-from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
-from skyarm.plant.largest_step import divisions, drives_step, largest_step
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.largest_step import (
+    FRICTION_STEP,
+    HELD_FRICTION_STEP,
+    INTEGRATORS,
+    divisions,
+    drives_step,
+    largest_step,
+)
 from skyarm.plant.loaded_vehicle import changes_inertia, payloads_of
 from skyarm.plant.loads import lagged, tilted
-from skyarm.plant.mujoco_coupling import Coupling
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.mujoco_loads import Loads
+from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
-from skyarm.plant.stop_rate import joint_rate
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Around, after_euler_step, before_euler_step, memories_of, places_in, slopes_of
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.plant.mujoco_loads import own_to_mujoco
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -31,13 +32,7 @@ class Equations:
             self._model = build_spec(vehicle, gravity).compile()
         self._data, self._vehicle = mujoco.MjData(self._model), vehicle
         self._q, self._v = joint_addresses(vehicle, self._model)
-        n = vehicle.n
-        self._G = np.zeros((int(self._model.nv), 6 + n))
-        self._G[:6, :6] = np.eye(6)
-        for i in range(n):
-            self._G[self._v[i], 6 + i] = 1.0
-        for k, each in enumerate(vehicle.followers):
-            self._G[self._v[n + k], 6 + each.leader] = float(each.ratio)
+        self._G = own_to_mujoco(vehicle, self._model, self._v)
 
     def at(
         self, position: Array, quaternion: Array, joints: Array, velocity: Array, force: Array

@@ -7,7 +7,7 @@ from operator import itemgetter
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.dynamics.followers import every_joint, every_rate
+from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import joint_addresses

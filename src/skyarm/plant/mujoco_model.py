@@ -55,7 +55,7 @@ def build_spec(
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
     damping, friction nor limits: everything that pushes is applied from outside, and followers have joints of their own
-    (:mod:`skyarm.plant.mujoco_coupling`).
+    (:mod:`skyarm.plant.mujoco_loads`).
 
     Args:
         vehicle: with concrete numbers.

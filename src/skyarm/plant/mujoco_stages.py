@@ -20,11 +20,10 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.dynamics.state import State
-from skyarm.plant.coupled_memory import memories_of, places_in, slopes_of, with_memories
 from skyarm.plant.interface import Truth, number
 from skyarm.plant.loads import lagged, tilted
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Around, memories_of, places_in, slopes_of, with_memories
 from skyarm.scalars import add, mul
 
 STAGES = (

@@ -16,8 +16,14 @@ from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.plant.coupled_memory import (
+from skyarm.plant.interface import Truth
+from skyarm.plant.largest_step import VERLET
+from skyarm.plant.loaded_vehicle import loaded_vehicle
+from skyarm.plant.loads import applied_force, lagged, tilted
+from skyarm.plant.surroundings import (
+    Around,
     Memories,
+    Surroundings,
     after_euler_step,
     before_euler_step,
     bent,
@@ -26,13 +32,9 @@ from skyarm.plant.coupled_memory import (
     moved,
     pushed,
     slopes_of,
+    surroundings_of,
     with_memories,
 )
-from skyarm.plant.integrators import VERLET
-from skyarm.plant.interface import Truth
-from skyarm.plant.loaded_vehicle import loaded_vehicle
-from skyarm.plant.loads import applied_force, lagged, tilted
-from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
 from skyarm.scalars import Scalar, add, mul
 
 

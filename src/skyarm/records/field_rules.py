@@ -143,7 +143,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
         refuse(field, value, f"must be a {'number' if unit.infinite else 'finite number'}")
     if value < unit.low or (unit.strict and value == unit.low):
         refuse(field, value, f"must be {'above' if unit.strict else 'at least'} {unit.low:g}")
-    if value > unit.high or (unit.strict and value == unit.high):
+    if value > unit.high or (unit.strict and value == unit.high < math.inf):
         refuse(field, value, f"must be {'below' if unit.strict else 'at most'} {unit.high:g}")
 
 

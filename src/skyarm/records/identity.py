@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+import sys
+import types
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from pathlib import Path
 from typing import Any
 
-from skyarm.records.own_files import all_files
-from skyarm.records.plain import digest, plain
+from skyarm.files.user_code import file_of, identity_of_file, is_own, is_own_file, numbered, source_of
+from skyarm.records.plain import digest, fields_of, plain
+from skyarm.registry.plugins import loaded, plugin_of
+from skyarm.registry.registrations import registrations
 
 DRAWN = ("mesh", "looks", "notes")
 """Fields on files that are drawn, and notes on files as they were read: where these lie changes no flight."""
@@ -41,3 +48,101 @@ def _without(data: Any, names: tuple[str, ...]) -> Any:
     if isinstance(data, dict):
         return {key: _without(value, names) for key, value in data.items() if key not in names}
     return [_without(each, names) for each in data] if isinstance(data, list) else data
+
+
+Pair = tuple[str, str]
+"""Name and identity of a file."""
+
+
+def own_files(*things: Any) -> dict[str, str]:
+    """Name -> "sha256:..." of each file of someone's own from which functions and classes in these come.
+
+    A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
+    says only its name.
+
+    Args:
+        things: records, functions, classes, or containers of such; what ships, and numbers, have none.
+    """
+    return numbered(sorted(_pairs(things)))
+
+
+def all_files(*things: Any) -> dict[str, str]:
+    """As :func:`own_files`, with every plugin that is loaded, in whatever order they were."""
+    return numbered(sorted(_pairs(things) | {pair for plugin in loaded() for pair in plugin.identities()}))
+
+
+def _pairs(things: Iterable[Any]) -> set[Pair]:
+    found: set[Pair] = set()
+    waiting, seen = list(things), {}
+    while waiting:
+        value = waiting.pop()
+        if value is None or (isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)):
+            continue
+        if id(value) not in seen:
+            seen[id(value)] = value  # kept, so that no other object gets its id
+            found |= _sources(value)
+            waiting += _parts(value)
+    return found
+
+
+def _sources(value: Any) -> set[Pair]:
+    """Files of a function's or a class's own code."""
+    if isinstance(value, type):
+        return {pair for kind in value.__mro__ for pair in _of_class(kind)}
+    code = getattr(value, "__code__", None)
+    if not isinstance(code, types.CodeType):
+        return set()
+    module = str(getattr(value, "__globals__", {}).get("__name__", ""))
+    return _of_code(code, module)
+
+
+def _of_code(code: types.CodeType, module: str) -> set[Pair]:
+    if not is_own(code, module):
+        return set()
+    plugin = plugin_of(module)
+    return {source_of(code)} if plugin is None else set(plugin.identities())
+
+
+def _of_class(kind: type) -> set[Pair]:
+    module = sys.modules.get(kind.__module__)
+    file = getattr(module, "__file__", None)
+    if isinstance(file, str):
+        if not is_own_file(file, kind.__module__):
+            return set()
+        plugin = plugin_of(kind.__module__)
+        file = file_of(module)
+        return {(Path(file).name, identity_of_file(file))} if plugin is None else set(plugin.identities())
+    held = (getattr(each, "fget", None) or getattr(each, "__func__", each) for each in vars(kind).values())
+    codes = (getattr(each, "__code__", None) for each in held)
+    return {pair for code in codes if isinstance(code, types.CodeType) for pair in _of_code(code, kind.__module__)}
+
+
+def _parts(value: Any) -> list[Any]:
+    """What a value is made of, its class first."""
+    if isinstance(value, Mapping):
+        return [*value.values()]
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [type(value), *value]
+    if isinstance(value, functools.partial):
+        return [value.func, *value.args, *value.keywords.values()]
+    if isinstance(value, (type, types.ModuleType)) or hasattr(value, "tolist"):
+        return []
+    if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(value, "__wrapped__"):
+        named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
+        return [*named, *(getattr(value, "__defaults__", None) or ()), *map(_content, _cells(value))]
+    held = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
+    plant = getattr(value, "plant", None)
+    named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
+    return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
+
+
+def _cells(function: Any) -> tuple[types.CellType, ...]:
+    return getattr(function, "__closure__", None) or ()
+
+
+def _content(cell: types.CellType) -> Any:
+    """What an inner function was closed over, if anything yet."""
+    try:
+        return cell.cell_contents
+    except ValueError:
+        return None

@@ -7,10 +7,12 @@ booleans, None and enums are structure: they shape the program and are not leave
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache
 from typing import Any, TypeVar
+
+from skyarm.scalars import where
 
 Record = TypeVar("Record")
 
@@ -133,3 +135,33 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
     if count != len(values):
         raise ValueError(f"{type(template).__name__} has {count} scalars, got {len(values)}")
     return rebuild(template, iterator)
+
+
+def part(record: Any, place: Place) -> Any:
+    """What stands at a place."""
+    for name in place:
+        record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
+    return record
+
+
+def replaced(record: Any, values: Mapping[Place, Any]) -> Any:
+    """The record with other values at some places, none of which lies inside another.
+
+    Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
+    """
+    if () in values:
+        return values[()]
+    below: dict[str, dict[Place, Any]] = {}
+    for place, value in values.items():
+        below.setdefault(place[0], {})[place[1:]] = value
+    if isinstance(record, tuple):
+        return tuple(replaced(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(record))
+    return dataclasses.replace(
+        record, **{name: replaced(getattr(record, name), inner) for name, inner in below.items()}
+    )
+
+
+def blend(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
+    values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
+    return rebuild(old, values)

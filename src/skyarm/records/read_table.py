@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
 from skyarm.records.leaves import field_names
-from skyarm.records.units import Unit, declared
+from skyarm.records.units import NUMBER, Unit, declared
+from skyarm.registry import find
 from skyarm.scalars import Scalar
 
 Record = TypeVar("Record")
@@ -34,18 +36,33 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    said = declared(kind)
+    known = declared(kind)
     values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        if not field.init or (field.name not in fields.table and _has_default(field)):
-            fields.take(field.name, None)
-            continue
-        values[field.name] = _value(_type(said, field.name, fields), fields, field.name)
+        name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
+        if not field.init or (name not in fields.table and not required):
+            fields.take(name, None)
+        elif name in known:
+            values[name] = _value(*known[name], fields, name)
+        else:
+            raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
     fields.done()
+    return make_at(fields.where, kind, **values)
+
+
+def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
+    """The record of these fields; its refusal is told with the place of its table in the file.
+
+    Raises:
+        ValueError: one line.
+    """
     try:
         return kind(**values)
     except ValueError as error:
-        raise ValueError(f"{fields.where}: {error}") from None
+        words = str(error)
+        named = re.match(r"\w+", words)
+        own = isinstance(kind, type) and named is not None and named[0] in (field_names(kind) or ())
+        raise ValueError(words if words.startswith(where) else f"{where}{'.' if own else ': '}{words}") from None
 
 
 def takes_table(function: Callable[..., Any]) -> bool:
@@ -60,79 +77,86 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    said = declared(function)
+    known = declared(function)
     values: dict[str, Any] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
-            values[name] = _value(said[name][0] if name in said else float, fields, name)
+            values[name] = _value(*known.get(name, (float, NUMBER)), fields, name)
         else:
             fields.take(name, None)
     return values
 
 
-def _lists_of_numbers(fields: Fields, name: str) -> tuple[tuple[float, ...], ...]:
-    """A list of lists of numbers; how many each has, the record says."""
-    lists, at = fields.take(name), fields.at(name)
-    if not isinstance(lists, (list, tuple)):
-        raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
-    return tuple(Fields({str(i): each}, at).numbers(str(i)) for i, each in enumerate(lists))
-
-
-def _type(said: Mapping[str, tuple[Any, Unit]], name: str, fields: Fields) -> Any:
-    if name not in said:
-        raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
-    return said[name][0]
-
-
-def _has_default(field: dataclasses.Field[Any]) -> bool:
-    return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
-
-
-def _whole(fields: Fields, name: str) -> int:
-    number = fields.number(name)
-    if number != int(number):
-        raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
-    return int(number)
+def _value(wanted: Any, unit: Unit, fields: Fields, name: str) -> Any:
+    """A field's value, of the kind that its annotation says."""
+    if typing.get_origin(wanted) in (typing.Union, types.UnionType):
+        wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
+    if wanted in (float, Scalar):
+        infinite = unit.infinite and unit is not NUMBER
+        return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
+    if wanted is int:
+        number = fields.take(name)
+        if isinstance(number, float) and number.is_integer():
+            return int(number)
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
+        return number
+    if wanted is Vec3:
+        return Vec3(*fields.vector(name))
+    if wanted is str:
+        return fields.text(name, "")
+    if wanted is bool:
+        return fields.flag(name)
+    if typing.get_origin(wanted) is tuple:
+        return _several(typing.get_args(wanted)[0], fields, name)
+    value, at = fields.take(name), fields.at(name)
+    if wanted is Any:
+        return value
+    if hasattr(wanted, "from_table"):
+        return wanted.from_table(value, at)
+    if isinstance(wanted, type) and field_names(wanted) is not None:
+        return record_from(wanted, Fields(value, at))
+    raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
 
 
 def _several(kind: Any, fields: Fields, name: str) -> tuple[Any, ...]:
     """A tuple of numbers, of tuples of numbers, or of records."""
     if kind in (float, Scalar):
         return fields.numbers(name)
-    if typing.get_origin(kind) is tuple:
-        return _lists_of_numbers(fields, name)
+    if isinstance(kind, type) and field_names(kind) is not None:
+        return tuple(record_from(kind, table) for table in fields.tables(name))
     at = fields.at(name)
-    if not (isinstance(kind, type) and field_names(kind) is not None):
+    if typing.get_origin(kind) is not tuple:
         raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")
-    tables = fields.take(name)
-    if not isinstance(tables, list):
-        raise ValueError(f"{at} = {shown(tables)}: must be a list of tables")
-    return tuple(record_from(kind, Fields(each, f"{at}[{i}]")) for i, each in enumerate(tables))
+    lists = fields.take(name)
+    if not isinstance(lists, (list, tuple)):
+        raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
+    rows = Fields({str(i): each for i, each in enumerate(lists)}, at)
+    return tuple(rows.numbers(i) for i in rows.table)
 
 
-def _value(wanted: Any, fields: Fields, name: str) -> Any:
-    """A field's value, of the kind that its annotation says."""
-    origin, options = typing.get_origin(wanted), typing.get_args(wanted)
-    if origin in (typing.Union, types.UnionType):
-        wanted = next(each for each in options if each is not type(None))
-        origin, options = typing.get_origin(wanted), typing.get_args(wanted)
-    if wanted is Vec3:
-        return Vec3(*fields.vector(name))
-    if wanted in (float, Scalar):
-        return fields.number(name)
-    if wanted is int:
-        return _whole(fields, name)
-    if origin is tuple and options:
-        return _several(options[0], fields, name)
-    value = fields.take(name)
-    if hasattr(wanted, "from_table"):
-        return wanted.from_table(value, fields.at(name))
-    if wanted in (str, bool):
-        if not isinstance(value, wanted):
-            raise ValueError(
-                f"{fields.at(name)} = {shown(value)}: must be {'text' if wanted is str else 'true or false'}"
-            )
-        return value
-    if isinstance(wanted, type) and field_names(wanted) is not None:
-        return record_from(wanted, Fields(value, fields.at(name)))
-    raise ValueError(f"{fields.at(name)}: a field of type {wanted} cannot be read from a file")
+def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
+    """The record of a table ``{ kind = NAME, numbers ... }``.
+
+    Args:
+        kind: of the registry.
+        base: class that the registered one must have.
+        table: as read.
+        where: of it, for messages.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields = Fields(table, where)
+    name = fields.take("kind")
+    found = find(kind, name, fields.at("kind"))
+    if not isinstance(found, type) or not issubclass(found, base):
+        raise ValueError(f"{fields.at('kind')} = {name!r}: must be registered as a subclass of {base.__name__}")
+    record = record_from(found, fields)
+    require_stated = getattr(found, "require_stated", None)
+    try:
+        if require_stated is not None:  # numbers that others of the table need
+            require_stated(table.keys())
+    except ValueError as error:
+        raise ValueError(f"{where}.{error}") from None
+    return record

@@ -1,11 +1,9 @@
 """Desired motion: signals with derivatives to the fourth, trajectories of base and joints, publishing at a rate."""
 
-from skyarm.reference.compose import Product, Pulses, Shifted, Sum, Windowed, sequence
-from skyarm.reference.publisher import Publisher
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.signals import Constant, Ramp, Signal, Sine
-from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
+from skyarm.reference.signals import Constant, Product, Pulses, Ramp, Shifted, Signal, Sine, Sum, Windowed, sequence
+from skyarm.reference.trajectory import Publisher, Reference, Trajectory, circle, hover
 
 __all__ = [
     "Constant",

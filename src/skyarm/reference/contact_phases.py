@@ -1,8 +1,12 @@
-"""Phases that touch: approach, press, slide, write, search, insert, turn, retreat.
+"""Phases that touch or grasp: approach, press, slide, write, search, insert, turn, retreat, grasp, release.
 
-What they ask for is the push of the reference (:class:`skyarm.reference.tip_push.TipPush`): a force along one normal,
-which a law that can press holds; across the normal the tip stays on the path. A force holds on in the phases that touch
-until ``retreat`` or a motion in free flight ends it.
+A gripper that closes on a handle with a ``center`` says that the tip goes about an axis from then on, until the gripper
+opens: the push of the reference (:class:`skyarm.reference.tip_motion.TipPush`) grips, and the force along the radius of
+the believed arc is held. A phase ``turn`` or ``open`` between them goes along that arc.
+
+Phases that touch request the push of the reference: a force along one normal, which a law that can press holds; across
+the normal the tip stays on the path. A force is held in the phases that touch until ``retreat`` or a motion in free
+flight ends it.
 """
 
 from __future__ import annotations
@@ -12,14 +16,87 @@ from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3, axis_rotation
 from skyarm.files import Fields, shown
-from skyarm.reference.grip_phases import arc_about
-from skyarm.reference.guard_tables import guard_from, unit_vector
-from skyarm.reference.minimum_snap import minimum_snap
-from skyarm.reference.phase_builder import Place, Task, require_field, seconds
-from skyarm.reference.polynomials import Polynomials
-from skyarm.reference.task_tables import MOST_POINTS, place_of, points_of, require_way, within
-from skyarm.reference.tip_push import FASTEST, STRONGEST
-from skyarm.reference.turning import Turning
+from skyarm.reference.signals import Turning
+from skyarm.reference.splines import Polynomials, minimum_snap
+from skyarm.reference.task import Arc, Place, Task, require_field, seconds, unit_vector
+from skyarm.reference.task_records import TaskEvent
+from skyarm.reference.tip_motion import FASTEST, NEAREST, STRONGEST, UPRIGHT
+from skyarm.reference.waypoints import MOST_POINTS, place_of, points_of, positive, require_way, within
+
+ABOUT = ("center", "axis", "force")
+"""Fields of the arc of a handle."""
+
+
+def grasp(task: Task, phase: Fields) -> None:
+    """Take what is there where the tip is; with a ``center`` a handle that goes about an axis."""
+    arc = _arc_of(task, phase)
+    handle(task, phase, "pick")
+    if arc is not None:
+        task.grip(arc)
+
+
+def release(task: Task, phase: Fields) -> None:
+    """Leave it where the tip is."""
+    handle(task, phase, "place")
+
+
+def handle(task: Task, phase: Fields, kind: str) -> None:
+    """Wait, then take or leave something half-way through a dwell."""
+    what = "gripper" if "gripper" in phase.table else "payload"
+    name = phase.take(what)
+    if not isinstance(name, str) or not name:
+        raise ValueError(f"{phase.at(what)} = {shown(name)}: must be the name of a {what}")
+    dwell = seconds(phase, "dwell", 1.0)
+    task.wait_until(phase)
+    task.handled = task.time, task.time + 0.5 * dwell
+    named = {"payload": "", what: name}
+    event = TaskEvent(kind=kind, time=task.handled[1], where=phase.where, **named)
+    task.setting.events.append(event)
+    task.rest(dwell)
+    if kind == "place":
+        task.let_go(name)
+
+
+def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
+    """Center and axis of a motion about an axis: of the phase, else those of the handle that is held."""
+    held = task.arc
+    if held is None:
+        return place_of(phase, "center"), unit_vector(phase, "axis")
+    words = "must be left out, or as that of the handle that is held"
+    center, axis = held.center, held.axis
+    if phase.take("center", None) is not None:
+        center = place_of(phase, "center")
+        require_field(phase, "center", center, held.center, words)
+    if phase.take("axis", None) is not None:
+        axis = unit_vector(phase, "axis")
+        require_field(phase, "axis", axis, held.axis, words)
+    return center, axis
+
+
+def _arc_of(task: Task, phase: Fields) -> Arc | None:
+    """The arc of what a phase takes hold of; None of what goes nowhere of its own."""
+    told = [name for name in ABOUT if phase.take(name, None) is not None]
+    if not told:
+        return None
+    if "center" not in told:
+        raise ValueError(f"{phase.at(told[0])}: must be left out without center")
+    if "gripper" not in phase.table:
+        raise ValueError(f"{phase.at('center')}: must be left out without gripper; a payload has no axis")
+    center = place_of(phase, "center")
+    axis = unit_vector(phase, "axis") if "axis" in told else UPRIGHT
+    force = within(phase.number("force", 0.0), phase.at("force"), -STRONGEST, STRONGEST)
+    away, a = Vec3(*task.at) - Vec3(*center), Vec3(*axis)
+    out = away - a * a.dot(away)
+    length = float(out.norm())
+    if length < NEAREST:
+        words = f"must be a place beside which the tip stands, {NEAREST:g} m or more away"
+        raise ValueError(f"{phase.at('center')} = {shown(list(center))}: {words}")
+    x, y, z = (c / length for c in out)
+    found = Arc(center=center, axis=axis, force=force, normal=(x, y, z), gripper=str(phase.take("gripper")))
+    if task.known_arc is not None and (task.known_arc.center, task.known_arc.axis) != (center, axis):
+        raise ValueError(f"{phase.at('center')}: a task goes about one axis only; must be as in the phases before")
+    return found
+
 
 EASE = 0.05
 """s of the plan between asking for a force and waiting for it."""
@@ -40,28 +117,25 @@ FASTEST_TURNING = 1.0
 def approach(task: Task, phase: Fields) -> None:
     """Go in front of a place on the surface."""
     _tell_normal(task, phase)
-    goal = place_of(phase, "position", phase.at("position"))
+    goal = place_of(phase, "position")
     _go(task, phase, _in_front(task, phase, goal, near="normal" in phase.table), touches=False)
 
 
 def press(task: Task, phase: Fields) -> None:
-    """Ask for a force, wait until something pushes back, hold it for a while."""
+    """Request a force, wait for contact, hold the force for a while."""
     _tell_push(task, phase)
     force = task.force or 0.0
     usual = {"force": TOUCHED * force, "hold": 0.1, "timeout": 10.0, "fails": True, "direction": task.normal}
-    begun, duration = task.time, seconds(phase, "duration", 1.0)
+    duration = seconds(phase, "duration", 1.0)
     task.rest(EASE)
-    task.wait(guard_from(phase, task.normal, usual))
+    task.wait_until(phase, usual)
     task.rest(duration)
-    task.press(begun, task.time)
 
 
 def slide(task: Task, phase: Fields) -> None:
     """Go to another place along the surface, pressing."""
     _tell_push(task, phase)
-    begun, goal = task.time, place_of(phase, "position", phase.at("position"))
-    _go(task, phase, goal, touches=True)
-    task.press(begun, task.time)
+    _go(task, phase, place_of(phase, "position"), touches=True)
 
 
 def write(task: Task, phase: Fields) -> None:
@@ -72,21 +146,19 @@ def write(task: Task, phase: Fields) -> None:
         said = f"{len(points)} points" if points else "[]"
         raise ValueError(f"{phase.at('points')} = {said}: must be 1 to {MOST_POINTS} points")
     require_way(task.at, points, [f"{phase.at('points')}[{i}]" for i in range(len(points))])
-    begun = task.time
     whole = None if phase.take("duration", None) is None else seconds(phase, "duration")
     length = sum(math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False))
     for point in points:
         share = None if whole is None else whole * math.dist(task.at, point) / length
         task.go([task.at, point], share)
-    task.wait(guard_from(phase, task.normal))
-    task.press(begun, task.time)
+    task.wait_until(phase)
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Ask for no force; leave along the normal, or go to a place."""
+    """Request no force; leave along the normal, or go to a place."""
     task.force = None
     if phase.take("position", None) is not None:
-        _go(task, phase, place_of(phase, "position", phase.at("position")), touches=False)
+        _go(task, phase, place_of(phase, "position"), touches=False)
         return
     goal = _in_front(task, phase, task.at, near=task.normal is not None)
     duration = seconds(phase, "duration", 1.0)
@@ -94,41 +166,38 @@ def retreat(task: Task, phase: Fields) -> None:
         task.rest(duration)
     else:  # straight out, as of a hole: an offset of the reference stays
         task.go([task.at, goal], duration)
-    task.wait(guard_from(phase, task.normal))
+    task.wait_until(phase)
 
 
 def search(task: Task, phase: Fields) -> None:
     """Follow a spiral along the surface, pressing, until the tip drops in."""
     _tell_push(task, phase)
     u, w = _across(task.normal or (0.0, 0.0, 1.0))
-    pitch = within(phase.number("pitch", low=0.0, strict=True), phase.at("pitch"))
-    radius = within(phase.number("radius", low=0.0, strict=True), phase.at("radius"))
-    pace = within(phase.number("pace", 0.02, low=0.0, strict=True), phase.at("pace"))
-    depth = within(phase.number("depth", 0.003, low=0.0, strict=True), phase.at("depth"))
+    pitch = positive(phase, "pitch")
+    radius = positive(phase, "radius")
+    pace = positive(phase, "pace", 0.02)
+    depth = positive(phase, "depth", 0.003)
     if radius > MOST_TURNS * pitch:
         raise ValueError(f"{phase.at('pitch')} = {pitch:g}: must be at least {radius / MOST_TURNS:.3g} for its radius")
-    most, growth, begun = 2.0 * math.pi * radius / pitch, pitch / (2.0 * math.pi), task.time
-    angle = _spiral_angle(begun, most, growth, pace)
-    duration = float(angle.knots[-1]) - begun
+    most, growth = 2.0 * math.pi * radius / pitch, pitch / (2.0 * math.pi)
+    angle = _spiral_angle(task.time, most, growth, pace)
+    duration = float(angle.knots[-1]) - task.time
     to = tuple(
         p + growth * most * (a * math.cos(most) + b * math.sin(most)) for p, a, b in zip(task.at, u, w, strict=True)
     )
     task.turn([Turning(angle=angle, radius=0.0, growth=growth, u=a, w=b) for a, b in zip(u, w, strict=True)],
               (to[0], to[1], to[2]), duration)  # fmt: skip
     usual = {"distance": depth, "hold": 0.05, "timeout": 0.5, "fails": True, "early": True, "direction": task.normal}
-    task.wait(guard_from(phase, task.normal, usual))
-    task.press(begun, task.time)
+    task.wait_until(phase, usual)
 
 
 def insert(task: Task, phase: Fields) -> None:
     """Press along the axis until the tip has gone in."""
     _tell_push(task, phase)
-    depth = within(phase.number("distance", low=0.0, strict=True), phase.at("distance"))
+    depth = positive(phase, "distance")
     usual = {"distance": depth, "hold": 0.05, "timeout": 10.0, "fails": True, "direction": task.normal}
-    begun = task.time
     task.rest(EASE)
-    task.wait(guard_from(phase, task.normal, usual))
-    task.press(begun, task.time)
+    task.wait_until(phase, usual)
 
 
 def turn(task: Task, phase: Fields) -> None:
@@ -151,9 +220,7 @@ def turn(task: Task, phase: Fields) -> None:
     profile = minimum_snap((begun, begun + duration), (0.0, angle))
     turning = [Turning(angle=profile, radius=radius, u=p, w=q) for p, q in zip(u, w, strict=True)]
     task.turn(turning, (to.x, to.y, to.z), duration)
-    task.wait(guard_from(phase, task.normal))
-    if task.force is not None:
-        task.press(begun, task.time)
+    task.wait_until(phase)
 
 
 TOUCHING: Mapping[str, Callable[[Task, Fields], None]] = {
@@ -183,7 +250,7 @@ def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:
             task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")]
         )
     task.go(points, duration, back=not touches)
-    task.wait(guard_from(phase, task.normal))
+    task.wait_until(phase)
 
 
 def _tell_normal(task: Task, phase: Fields) -> None:
@@ -197,12 +264,12 @@ def _tell_push(task: Task, phase: Fields) -> None:
     """Force, normal and speed of a phase that touches; what it leaves out is that of the phase before."""
     _tell_normal(task, phase)
     if phase.take("speed", None) is not None:
-        speed = within(phase.number("speed", low=0.0, strict=True), phase.at("speed"), 0.0, FASTEST)
+        speed = positive(phase, "speed", high=FASTEST)
         require_field(phase, "speed", (speed,), None if task.speed is None else (task.speed,),
                       "must be the same in all phases of a task")  # fmt: skip
         task.speed = speed
     if task.force is None or phase.take("force", None) is not None:
-        task.force = within(phase.number("force", low=0.0, strict=True), phase.at("force"), 0.0, STRONGEST)
+        task.force = positive(phase, "force", high=STRONGEST)
     if task.normal is None:
         raise ValueError(f"{phase.at('normal')}: is missing; must be a vector out of the surface that is touched first")
 

@@ -1,4 +1,4 @@
-"""Whether a vehicle can follow a reference of its tip: what its plan lacks and asks for, before anything flies."""
+"""Feasibility of a tip reference for a vehicle, before anything flies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
-from skyarm.reference.setting import Setting
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory
@@ -39,7 +39,7 @@ TOLERATED = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Feasibility:
-    """What a plan lacks and asks for.
+    """Errors and demands of a plan.
 
     Attributes:
         deviation: m, largest distance of a level base's tip from its reference.
@@ -95,7 +95,7 @@ def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Ar
 
 
 def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
-    """What the plan of a tip's reference lacks and asks for; None where the tip has no reference of its own."""
+    """Errors and demands of the plan of a tip reference; None where the tip has no reference of its own."""
     tip, vehicle = trajectory.tip, setting.vehicle
     if tip is None or vehicle is None:
         return None

@@ -15,29 +15,32 @@ Every phase may have ``start = 8.0`` (s, of the plan): what comes before rests u
 phases that take or leave a payload in the first half of the dwell, so that a gripper has closed or opened when the
 payload is taken or left.
 
-Every phase may have ``until`` (:mod:`skyarm.reference.guard_tables`): the reference rests at its planned end until the
+Every phase may have ``until`` (:mod:`skyarm.reference.task`): the reference rests at its planned end until the
 flight shows what it asks, or a timeout has passed. That of phases which take or leave a payload stands before that,
 and that of ``press`` before the force is held.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from skyarm.files import Fields, number, shown
-from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, retreat
-from skyarm.reference.grip_phases import grasp, handle, release
-from skyarm.reference.guard_tables import guard_from
-from skyarm.reference.phase_builder import Place, Task, seconds
-from skyarm.reference.setting import JointMove, Setting
-from skyarm.reference.task_tables import limits_of, place_of, points_of, require_way, within
+from skyarm.files import Fields, did_you_mean, number, shown
+from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, grasp, handle, release, retreat
+from skyarm.reference.signals import Constant, Signal, Sum
+from skyarm.reference.splines import minimum_snap
+from skyarm.reference.task import Place, Task, seconds
+from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
-from skyarm.reference.waypoints import SHORTEST
+from skyarm.reference.waypoints import SHORTEST, limits_of, place_of, points_of, require_way, within
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
     """The motion of a task: its phases, one after the other."""
-    task = Task(place_of(fields, "position", fields.at("position")), limits_of(fields, setting), setting)
+    task = Task(place_of(fields, "position"), limits_of(fields, setting), setting)
     entries, at = fields.take("phases"), fields.at("phases")
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"{at} = {shown(entries)}: must be a list of phases")
@@ -50,6 +53,8 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
             task.force = None
         _require_hands(task, phase, kind)
         KINDS[kind](task, phase)
+        if kind in TOUCHING and task.force is not None:
+            task.press(task.begun, task.time)
         phase.done()
         if joints and setting.guards and setting.guards[-1].phase == i and setting.guards[-1].early:
             raise ValueError(f"{phase.at('joints')}: must be left out of a phase that may end early (until.early)")
@@ -74,7 +79,7 @@ def _require_hands(task: Task, phase: Fields, kind: str) -> None:
 
 
 def _joints(phase: Fields) -> dict[str, float]:
-    """Where a phase moves joints, rad or m by name."""
+    """Joint positions that a phase commands, rad or m by name."""
     table = phase.take("joints", None)
     if table is None:
         return {}
@@ -87,18 +92,18 @@ def _joints(phase: Fields) -> dict[str, float]:
 def hold(task: Task, phase: Fields) -> None:
     """Stay."""
     task.rest(seconds(phase, "duration"))
-    task.wait(guard_from(phase, task.normal))
+    task.wait_until(phase)
 
 
 def go_to(task: Task, phase: Fields) -> None:
     """Go to a position, through others."""
     via = points_of(phase.take("via", []), phase.at("via"))
-    goal = place_of(phase, "position", phase.at("position"))
+    goal = place_of(phase, "position")
     duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
     points = [task.at, *via, goal]
     require_way(task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")])
     task.go(points, duration, back=True)
-    task.wait(guard_from(phase, task.normal))
+    task.wait_until(phase)
 
 
 def lift(task: Task, phase: Fields) -> None:
@@ -109,7 +114,7 @@ def lift(task: Task, phase: Fields) -> None:
     if abs(height) < SHORTEST:
         raise ValueError(f"{phase.at('height')} = {height:g}: must be {SHORTEST:g} m or more, up or down (below 0)")
     task.go([task.at, (x, y, z + height)], duration)
-    task.wait(guard_from(phase, task.normal))
+    task.wait_until(phase)
 
 
 def pick(task: Task, phase: Fields) -> None:
@@ -123,8 +128,8 @@ def place(task: Task, phase: Fields) -> None:
 
 
 def _there_and_back(task: Task, phase: Fields, kind: str) -> None:
-    x, y, z = place_of(phase, "position", phase.at("position"))
-    a, b, c = place_of(phase, "approach", phase.at("approach"), (0.0, 0.0, 0.1))
+    x, y, z = place_of(phase, "position")
+    a, b, c = place_of(phase, "approach", (0.0, 0.0, 0.1))
     near: Place = (x + a, y + b, z + c)
     there: Place = (x, y, z)
     task.go([task.at, near], back=True)
@@ -140,3 +145,74 @@ KINDS: Mapping[str, Callable[[Task, Fields], None]] = {
 """Phases by kind."""
 
 HANDLES = ("pick", "place", "grasp", "release")
+
+
+PEAK_RATE = 2.1875
+"""Largest speed of a motion of least snap from rest to rest by 1 in 1 s: 35/16, half-way through."""
+
+
+def with_joint_moves(
+    trajectory: Trajectory, moves: Sequence[JointMove], vehicle: Vehicle | None, fastest: float = math.inf
+) -> Trajectory:
+    """The trajectory with moves of the joints that do not carry the tip, in the order of time.
+
+    Args:
+        trajectory: whose own signals of these joints are constant.
+        moves: of a task's phases.
+        vehicle: whose joints; needed where there are moves.
+        fastest: rad/s or m/s, that a move may reach.
+
+    Raises:
+        ValueError: one line: a joint that is not there, carries the tip or moves already, a value beyond its limits,
+            a move that is too fast.
+    """
+    if not moves:
+        return trajectory
+    if vehicle is None:
+        raise ValueError(f"{moves[0].where} = {moves[0].value:g}: needs a vehicle; none is known")
+    signals = list(trajectory.joints)
+    added: dict[int, list[Any]] = {}
+    reached: dict[int, float] = {}
+    for move in sorted(moves, key=lambda each: each.start):
+        i = _index(move, trajectory, vehicle)
+        at = reached.get(i, float(signals[i].derivatives(0.0)[0]))
+        _require_within(move, at, vehicle, i, fastest)
+        if move.value != at:
+            added.setdefault(i, []).append(minimum_snap([move.start, move.end], [0.0, move.value - at]))
+        reached[i] = move.value
+    for i, parts in added.items():
+        signals[i] = Sum((signals[i], *parts))
+    return dataclasses.replace(trajectory, joints=tuple(signals))
+
+
+def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
+    """Number of a move's joint, which is one that nothing else moves."""
+    names = [link.joint.name for link in vehicle.links]
+    carriers = () if trajectory.tip is None else trajectory.tip.arm.carriers
+    if move.joint not in names:
+        others = [name for i, name in enumerate(names) if i not in carriers]
+        there = f"must be a joint that does not carry the tip; there are {', '.join(others) or 'none'}"
+        raise ValueError(f"{move.where}: {did_you_mean(move.joint, others)}{there}")
+    i = names.index(move.joint)
+    if i in carriers:
+        raise ValueError(f"{move.where}: must be left out, joint {move.joint!r} carries the tip and follows its path")
+    signal: Signal = trajectory.joints[i]
+    if not isinstance(signal, Constant):
+        raise ValueError(f"{move.where}: must be left out, reference.joints[{i}] moves joint {move.joint!r} already")
+    return i
+
+
+def _require_within(move: JointMove, at: float, vehicle: Vehicle, i: int, fastest: float) -> None:
+    """Refuse a value beyond the joint's limits, and a move that is too fast."""
+    joint = vehicle.links[i].joint
+    low, high = float(joint.lower), float(joint.upper)
+    if not low <= move.value <= high:
+        raise ValueError(f"{move.where} = {move.value:g}: must be within {low:g} and {high:g} of {joint.name!r}")
+    seconds = move.end - move.start
+    if PEAK_RATE * abs(move.value - at) > fastest * seconds:
+        unit = "rad" if joint.kind == "revolute" else "m"
+        least = PEAK_RATE * abs(move.value - at) / fastest
+        raise ValueError(
+            f"{move.where} = {shown(move.value)}: moves by {abs(move.value - at):.3g} {unit} in {seconds:.3g} s; "
+            f"must have {least:.3g} s or more (joint_speed = {fastest:g} {unit}/s)"
+        )

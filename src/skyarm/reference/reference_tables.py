@@ -22,29 +22,71 @@ Motions of the base (kind; a list of motions is their sum):
 * ``hover``: position
 * ``circle``: radius, frequency_hz, center; start, stop (outside: the centre)
 * ``signals``: x, y, z, each a signal (default 0)
-* ``waypoints``, ``samples``, ``phases``: tasks (:mod:`skyarm.reference.task_tables`, :mod:`skyarm.reference.phases`)
+* ``waypoints``, ``samples``, ``phases``: tasks (:mod:`skyarm.reference.waypoints`, :mod:`skyarm.reference.phases`)
 * any motion that was registered, with its own numbers
 
-A fourth entry, ``tip``, is a motion of the tip from which base and joints follow (:mod:`skyarm.reference.tip_tables`).
+A fourth entry, ``tip``, is a motion of the tip from which base and joints follow.
 
 ``yaw`` is a signal (default 0). Without ``joints`` every joint is held at 0. Signals:
 :mod:`skyarm.reference.signal_tables`.
 
 Units are SI and radians; ``start`` and ``stop`` make a half-open window. A wrong table raises ValueError with one line:
 field, value, what is allowed.
+
+``[reference.push]``: the force with which the tip presses on a surface, and what is believed of that surface.
+
+::
+
+    [reference.push]
+    force = { kind = "sequence", start = 2, segments = [[1.0, 5.0]] }  # N, a signal; 0 asks for no contact
+    normal = [-1, 0, 0]          # world axes, out of the surface; of any length
+    speed = 0.1                  # m/s, with which the tip comes; left out: 0.1
+    grip = { kind = "constant", value = 1, start = 4 }  # above 0.5: the tip is held by what it grips; left out: never
+    pivot = [0.5, 0.8, 1.2]      # m: while it grips, the normal points from the axis through here to the tip
+    axis = [0, 0, 1]             # of any length; left out: upright
+
+A wrong table raises ValueError with one line: field, value, what is allowed.
+
+``[reference.tip]``: a motion of the tip, from which base and joints follow.
+
+::
+
+    [reference.tip]
+    path = { kind = "circle", radius = 0.2, frequency_hz = 0.1, center = [0, 0, 0.7] }  # a motion, or a list of them
+    relative_to = "world"        # or "base": against its origin, axes of its heading; [reference.base] then moves it
+    posture = [0.4, -0.8]        # joints that the arm prefers, rad or m; the middle of their limits if left out
+    base_share = 0.7             # of the tip's way in the world that the base takes; 1: the arm stays in its posture
+    arm_range = 0.1              # m, that the arm moves its tip at most for the rest
+    orientation = [0.0, 0.0, 0.0]  # signals: roll, pitch, yaw (ZYX) of the tip, in the world or relative to the base
+    joint_speed = 2.0            # rad/s or m/s, the largest that is planned
+    rate = 10.0                  # Hz of the plan's samples
+
+The joints follow from ``posture`` and inverse kinematics: ``[[reference.joints]]`` stands nowhere beside it.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
+import itertools
+import math
 from typing import Any
+
+import numpy as np
 
 from skyarm.files import Fields, shown
 from skyarm.records.read_table import options_from, takes_table
-from skyarm.reference.setting import Setting
+from skyarm.reference.phases import with_joint_moves
 from skyarm.reference.signal_tables import signal_from, window_of
+from skyarm.reference.signals import Signal
+from skyarm.reference.task_records import Setting
+from skyarm.reference.tip_motion import FASTEST, SPEED, STRONGEST, TipPush
+from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory, circle, hover
+from skyarm.reference.waypoints import positive, within
 from skyarm.registry import find
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
@@ -113,3 +155,184 @@ def signals_table(fields: Fields) -> Trajectory:
     """A signal for each of ``x``, ``y``, ``z``."""
     x, y, z = (signal_from(fields.take(name, 0.0), f"{fields.where}.{name}") for name in "xyz")
     return Trajectory(x=x, y=y, z=z)
+
+
+SHORTEST = 1e-6
+"""Length of a normal below which it points nowhere."""
+
+LOOKS = 401
+"""Instants of a flight at which the force is looked at, beside those at which it switches."""
+
+ROUNDING = 1e-6
+"""N below 0 that a force without a grip may be: a smooth ramp back to 0 ends at no exact 0."""
+
+
+def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
+    """The desired contact that a table describes.
+
+    Args:
+        table: as above.
+        where: its name.
+        duration: s of the flight, in the course of which the force is looked at.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields = Fields(table, where)
+    force = signal_from(fields.take("force"), fields.at("force"))
+    normal = fields.vector("normal")
+    if sum(c * c for c in normal) < SHORTEST * SHORTEST:
+        raise ValueError(f"{fields.at('normal')} = {shown(list(normal))}: must point out of the surface")
+    speed = positive(fields, "speed", SPEED, high=FASTEST)
+    found = TipPush(force=force, normal=normal, speed=speed)
+    # each is asked for, so that a misspelt one is told of all
+    if fields.take("grip", None) is not None:
+        found = dataclasses.replace(found, grip=signal_from(fields.take("grip"), fields.at("grip")))
+    if fields.take("pivot", None) is not None:
+        found = dataclasses.replace(found, pivot=_vector(fields, "pivot", found))
+    if fields.take("axis", None) is not None:
+        found = dataclasses.replace(found, axis=_vector(fields, "axis", found))
+    fields.done()
+    _require_force(force, fields.at("force"), duration, pulls=found.grip is not None)
+    return found
+
+
+def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> None:
+    """Refuse a force that no vehicle has, and one that pulls where nothing is gripped."""
+    switches = sorted({0.0, *(float(t) for t in force.switch_times()), duration})
+    between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
+    looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
+    found = np.broadcast_to(np.asarray(force.derivatives(looks)[0], dtype=float), looks.shape)
+    worst = int(np.argmax(np.abs(found)))
+    if abs(found[worst]) > STRONGEST:
+        raise ValueError(f"{at} = {found[worst]:g} N at {looks[worst]:.4g} s: must be at most {STRONGEST:g} N")
+    least = int(np.argmin(found))
+    if not pulls and found[least] < -ROUNDING:
+        allowed = "must be at least 0 without grip; what only presses cannot pull"
+        raise ValueError(f"{at} = {found[least]:g} N at {looks[least]:.4g} s: {allowed}")
+
+
+def _vector(fields: Fields, name: str, push: TipPush) -> tuple[float, float, float]:
+    """Pivot or axis of what the tip grips."""
+    given = fields.take(name)
+    needed = "grip" if name == "pivot" else "pivot"
+    if getattr(push, needed) is None:
+        raise ValueError(f"{fields.at(name)} = {shown(given)}: must be left out without {needed}")
+    held = Fields({name: given}, fields.where).vector(name)
+    if name == "axis" and sum(c * c for c in held) < SHORTEST * SHORTEST:
+        raise ValueError(f"{fields.at(name)} = {shown(list(held))}: must point along the axis")
+    return held
+
+
+def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:
+    """The trajectory of a reference, whose tip may have a motion of its own.
+
+    Args:
+        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``,
+            ``load``.
+        n_joints: joints of the vehicle.
+        where: name of the reference's table.
+        setting: whose vehicle, and for how long.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if isinstance(table, dict) and "push" in table:
+        push = push_from(table["push"], f"{where}.push", setting.duration)
+        rest = {name: value for name, value in table.items() if name != "push"}
+        found = reference_from(rest, n_joints, where, setting)
+        if setting.pushes:
+            raise ValueError(f"{where}.push: must be left out beside phases that press")
+        return dataclasses.replace(found, push=push)
+    if isinstance(table, dict) and "load" in table:
+        load = signal_from(table["load"], f"{where}.load")
+        rest = {name: value for name, value in table.items() if name != "load"}
+        return dataclasses.replace(reference_from(rest, n_joints, where, setting), load=load)
+    if not isinstance(table, dict) or "tip" not in table:
+        found = _pushing(trajectory_from(table, n_joints, where, setting), setting)
+        return with_joint_moves(found, setting.joint_moves, setting.vehicle)
+    rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
+    base = trajectory_from(rest, n_joints, where, setting)
+    found = _pushing(_of_tip(table, base, where, setting), setting)
+    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
+
+
+def _pushing(trajectory: Trajectory, setting: Setting) -> Trajectory:
+    """The trajectory with the push that phases request."""
+    return dataclasses.replace(trajectory, push=setting.pushes[0]) if setting.pushes else trajectory
+
+
+def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:
+    """The trajectory of a reference with a tip, from its heading and the motion of its base."""
+    fields = Fields(table["tip"], f"{where}.tip")
+    vehicle = _vehicle(setting, fields.where)
+    if "joints" in table:
+        raise ValueError(f"{where}.joints = {shown(table['joints'])}: must be left out beside tip; see tip.posture")
+    relative = fields.choice("relative_to", ("world", "base"), "world") == "base"
+    if "base" in table and not relative:
+        raise ValueError(f"{where}.base = {shown(table['base'])}: must be left out, the base follows from tip.path")
+    path = motion_from(fields.take("path"), fields.at("path"), setting)
+    choices = _choices(fields, vehicle, relative)
+    fields.done()
+    try:
+        found = with_tip(base, vehicle, path, choices, setting.duration, relative=relative)
+    except ValueError as error:
+        raise ValueError(f"{fields.where}.{error}") from None
+    return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
+
+
+def _vehicle(setting: Setting, where: str) -> Vehicle:
+    vehicle = setting.vehicle
+    if vehicle is None or not vehicle.end_effector:
+        name = "none is known" if vehicle is None else f"{vehicle.name!r} has none (end_effector)"
+        raise ValueError(f"{where}: needs a vehicle with a tip; {name}")
+    link = vehicle.frame(vehicle.end_effector).link
+    if link == BASE or link >= vehicle.n:
+        held = "the base" if link == BASE else "a link that follows others"
+        raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {held}")
+    return vehicle
+
+
+def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
+    usual = TipChoices(posture=())
+    share = fields.number("base_share", 0.0 if relative else usual.base_share, low=0.0)
+    if share > 1.0 or (relative and share):
+        allowed = "must be left out of a tip that is relative to the base" if relative else "must be from 0 to 1"
+        raise ValueError(f"{fields.at('base_share')} = {share!r}: {allowed}")
+    turn = fields.take("orientation", None)
+    if turn is not None and (not isinstance(turn, list) or len(turn) != 3):
+        raise ValueError(f"{fields.at('orientation')} = {shown(turn)}: must be three signals: roll, pitch, yaw")
+    signals = None
+    if turn is not None:
+        roll, pitch, yaw = (signal_from(entry, f"{fields.at('orientation')}[{i}]") for i, entry in enumerate(turn))
+        signals = roll, pitch, yaw
+    return TipChoices(
+        posture=_posture(fields, vehicle),
+        base_share=share,
+        arm_range=_bounded(fields, "arm_range", usual.arm_range),
+        joint_speed=_bounded(fields, "joint_speed", usual.joint_speed),
+        orientation=signals,
+        rate=_bounded(fields, "rate", usual.rate),
+    )
+
+
+def _bounded(fields: Fields, name: str, usual: float) -> float:
+    """A number that is not absurd."""
+    return within(fields.number(name, usual), fields.at(name), 1e-3)
+
+
+def _posture(fields: Fields, vehicle: Vehicle) -> tuple[float, ...]:
+    """Joints that the arm prefers, within their limits."""
+    bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
+    if fields.take("posture", None) is None:
+        return tuple(
+            0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds
+        )
+    posture = fields.numbers("posture")
+    if len(posture) != vehicle.n:
+        raise ValueError(f"{fields.at('posture')} = {len(posture)} numbers: must be one for each of {vehicle.n} joints")
+    for i, (q, (low, high), link) in enumerate(zip(posture, bounds, vehicle.links, strict=True)):
+        if not low <= q <= high:
+            name = link.joint.name
+            raise ValueError(f"{fields.at('posture')}[{i}] = {q:g}: must be within {low:g} and {high:g} of {name!r}")
+    return posture

@@ -1,7 +1,6 @@
 """Signals from plain tables, as a scenario file holds them.
 
-A *signal* is a number (held), a list of
-signals (their sum), or a table with a kind:
+A *signal* is a number (held), a list of signals (their sum), or a table with a kind:
 
 * ``constant``: value; start, stop
 * ``sine``: amplitude, frequency_hz; phase (rad, 0); start, stop. Time counts from ``start`` (0 if absent).
@@ -23,12 +22,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm.files import Fields, number, shown
-from skyarm.reference.compose import MOST_PULSES, Product, Pulses, Shifted, Sum, Windowed, sequence
-from skyarm.reference.signals import SHAPES, Constant, Ramp, Signal, Sine
-from skyarm.reference.task_tables import samples_signal, spline_signal
+from skyarm.records.field_rules import accept_fields
+from skyarm.reference.signals import (
+    MOST_PULSES,
+    SHAPES,
+    Constant,
+    Product,
+    Pulses,
+    Ramp,
+    Shifted,
+    Signal,
+    Sine,
+    Sum,
+    Windowed,
+    sequence,
+)
+from skyarm.reference.waypoints import samples_signal, spline_signal
 
 
 def signal_from(entry: Any, where: str) -> Signal:
@@ -134,3 +147,28 @@ _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "spline": spline_signal,
     "samples": samples_signal,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class SignalList:
+    """A signal for each component; in a file a list, each entry a number, a table or a list of signals."""
+
+    signals: tuple[Signal, ...]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "signals")
+
+    @classmethod
+    def from_table(cls, entry: Any, where: str) -> SignalList:
+        """Read what a file holds; raises ValueError with one line."""
+        if not isinstance(entry, list) or not entry:
+            raise ValueError(f"{where} = {shown(entry)}: must be a list of signals of time, one for each component")
+        found = (
+            Constant(0) if type(each) in (int, float) and each == 0.0 else signal_from(each, f"{where}[{i}]")
+            for i, each in enumerate(entry)
+        )
+        return cls(tuple(found))
+
+    def at(self, t: Any) -> tuple[Any, ...]:
+        """Values at time t, s; a structural zero for a signal that is not there."""
+        return tuple(signal.derivatives(t)[0] for signal in self.signals)

@@ -3,18 +3,22 @@
 ``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: float, NumPy array (a whole table), traced time.
 At a switch time the right-hand limit holds, in value and in every derivative; ``switch_times()`` lists those times.
 Derivatives are those of the smooth pieces: the impulse of a jump is not represented.
+
+Signals compose: windows, shifts, sums, products, pulses, sequences of ramps and holds, arcs and spirals.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, cos, sin, where
+from skyarm.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
+from skyarm.scalars.taylor import Taylor
 
 Derivatives = tuple[Any, Any, Any, Any, Any]
 
@@ -36,7 +40,7 @@ class Signal(ABC):
 
     def __add__(self, other: Signal) -> Signal:
         """Sum."""
-        from skyarm.reference.compose import Sum
+        from skyarm.reference.signals import Sum
 
         return Sum((self, other))
 
@@ -146,3 +150,193 @@ def check_shape(field: str, value: str) -> None:
     """Refuse an unknown shape of ramps."""
     if value not in SHAPES:
         raise ValueError(f"{field} = {value!r}: must be one of {', '.join(SHAPES)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Windowed(Signal):
+    """A signal within [start, stop), zero outside."""
+
+    signal: Signal
+    start: Annotated[Scalar, Unit("s", infinite=True)] = -math.inf
+    stop: Annotated[Scalar, Unit("s", infinite=True)] = math.inf
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "windowed")
+        concrete = isinstance(self.start, (int, float)) and isinstance(self.stop, (int, float))
+        if concrete and not self.start < self.stop:
+            raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Derivatives of the signal inside, zero outside; structural zeros stay structure."""
+        d0, d1, d2, d3, d4 = (self._inside(t, value) for value in self.signal.derivatives(t))
+        return d0, d1, d2, d3, d4
+
+    def _inside(self, t: Any, value: Any) -> Any:
+        if type(value) is int and value == 0:
+            return 0
+        return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
+
+    def switch_times(self) -> tuple[float, ...]:
+        """Both ends and the signal's own times between them."""
+        first, last = float(self.start), float(self.stop)
+        inner = [s for s in self.signal.switch_times() if first < s < last]
+        return tuple(s for s in (first, *inner, last) if math.isfinite(s))
+
+
+@dataclass(frozen=True, slots=True)
+class Shifted(Signal):
+    """A signal that comes ``delay`` seconds later."""
+
+    signal: Signal
+    delay: Annotated[Scalar, Unit("s")]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "shifted")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Derivatives of the signal at t - delay."""
+        return self.signal.derivatives(t - self.delay)
+
+    def switch_times(self) -> tuple[float, ...]:
+        """List the times of the signal, later."""
+        return tuple(s + float(self.delay) for s in self.signal.switch_times())
+
+
+@dataclass(frozen=True, slots=True)
+class Sum(Signal):
+    """Several signals at once; an empty sum is a structural zero."""
+
+    signals: tuple[Signal, ...]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "sum")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Sum, term by term."""
+        total: Derivatives = (0, 0, 0, 0, 0)
+        for signal in self.signals:
+            d0, d1, d2, d3, d4 = (add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
+            total = d0, d1, d2, d3, d4
+        return total
+
+    def switch_times(self) -> tuple[float, ...]:
+        """All of them, each once."""
+        return tuple(sorted({s for signal in self.signals for s in signal.switch_times()}))
+
+
+@dataclass(frozen=True, slots=True)
+class Product(Signal):
+    """A signal times another: a sine that is eased in by a ramp, an amplitude times a pattern of pulses."""
+
+    signal: Signal
+    factor: Signal
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "product")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
+        f, g = self.signal.derivatives(t), self.factor.derivatives(t)
+        found: list[Any] = []
+        for order in range(len(f)):
+            total: Any = 0
+            for i in range(order + 1):
+                total = add(total, mul(math.comb(order, i), mul(f[i], g[order - i])))
+            found.append(total)
+        d0, d1, d2, d3, d4 = found
+        return d0, d1, d2, d3, d4
+
+    def switch_times(self) -> tuple[float, ...]:
+        """List those of both, each once."""
+        return tuple(sorted({*self.signal.switch_times(), *self.factor.switch_times()}))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pulses(Signal):
+    """Pulses are ``height`` in the first ``width`` seconds of each period, ``count`` times from ``start`` on, else 0.
+
+    The value jumps; its derivatives are those of the flat pieces, structural zeros.
+    """
+
+    start: Annotated[Scalar, Unit("s")] = 0.0
+    period: Annotated[Scalar, Unit("s", "above 0")]
+    width: Annotated[Scalar, Unit("s", "of a pulse", low=0.0)]
+    height: Annotated[Scalar, Unit("", "in the unit of the signal")] = 1.0
+    count: int
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "pulses")
+        if isinstance(self.period, (int, float)) and not self.period > 0.0:
+            raise ValueError(f"pulses.period = {self.period!r}: must be above 0 s")
+        if not 1 <= self.count <= MOST_PULSES:
+            raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Height or 0, and zeros."""
+        number = floor((t - self.start) / self.period)
+        within = (t - self.start) - number * self.period < self.width
+        on = logical_and(within, logical_and(number >= 0.0, number < float(self.count)))
+        return where(on, self.height, 0.0), 0, 0, 0, 0
+
+    def switch_times(self) -> tuple[float, ...]:
+        """Both ends of every pulse."""
+        begins = [float(self.start + k * self.period) for k in range(self.count)]
+        return tuple(sorted({t for begin in begins for t in (begin, begin + float(self.width))}))
+
+
+MOST_PULSES = 100_000
+"""Pulses of one signal."""
+
+
+def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 0.0, shape: str = "linear") -> Signal:
+    """Ramps and holds one after another; the last value is held.
+
+    Args:
+        start: begin of the first segment, s.
+        segments: (duration in s, value at its end); a segment that ends where it begins is a hold.
+        initial: value before ``start``.
+        shape: of every ramp, "linear" or "quintic".
+    """
+    signals: list[Signal] = [Constant(initial)]
+    t, value = start, initial
+    for duration, target in segments:
+        if isinstance(duration, (int, float)) and not duration > 0.0:
+            raise ValueError(f"sequence: a segment lasts {duration!r} s: must be above 0 s")
+        if target is not value and not _equal(target, value):
+            signals.append(Ramp(start=t, duration=duration, height=target - value, shape=shape))
+        t, value = t + duration, target
+    return Sum(tuple(signals))
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Known to be equal: concrete and the same number."""
+    return isinstance(a, (int, float)) and isinstance(b, (int, float)) and a == b
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Turning(Signal):
+    """One coordinate of a point that turns about an axis, counted from where it begins.
+
+    The point is (radius + growth a) (u cos a + w sin a) from the axis, a the angle: an arc, or with a growth an
+    Archimedean spiral.
+    """
+
+    angle: Annotated[Signal, Unit("rad", "from 0")]
+    radius: Annotated[Scalar, Unit("m", "at the beginning")]
+    growth: Annotated[Scalar, Unit("m/rad", "of the radius")] = 0.0
+    u: Annotated[Scalar, Unit("", "this coordinate of the direction at the beginning")]
+    w: Annotated[Scalar, Unit("", "the same a quarter of a turn later")]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "turning")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Value and derivatives, exactly."""
+        a = Taylor.of_derivatives(self.angle.derivatives(t))
+        place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
+        d0, d1, d2, d3, d4 = (place.derivative(k) for k in range(5))
+        return d0, d1, d2, d3, d4
+
+    def switch_times(self) -> tuple[float, ...]:
+        """Switch times of the angle."""
+        return self.angle.switch_times()

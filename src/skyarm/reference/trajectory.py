@@ -1,4 +1,7 @@
-"""Desired motion of base and joints: one sample, and the trajectory it is taken from."""
+"""Desired motion of base and joints: one sample, and the trajectory it is taken from.
+
+A publisher samples it at one rate and holds each sample for a controller that runs at another.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
+
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.reference.compose import Shifted, Sum, Windowed
-from skyarm.reference.phase_guard import Guard, Phase
-from skyarm.reference.signals import Constant, Signal, Sine
-from skyarm.reference.tip_motion import TipMotion
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windowed
+from skyarm.reference.task_records import Guard, Phase
+from skyarm.reference.tip_motion import TipMotion, TipPush
 from skyarm.scalars import Scalar
 
 
@@ -27,9 +31,9 @@ class Reference:
     """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
-    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s), unit normal and more
-    (:class:`skyarm.reference.tip_push.TipPush`). ``load`` is empty where nothing is ever held; else a number, above 0.5
-    while the tip is told to hold what it carries.
+    ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
+    (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
+    0.5 while the tip has to hold a load.
     """
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
@@ -91,9 +95,8 @@ class Trajectory:
     """A trajectory holds the signals of the base position, the heading and the joints.
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`); with a ``load``
-    it says when the tip is told to hold one. With ``guards`` it waits for the flight
-    (:mod:`skyarm.simulate.path_clock`), and ``phases`` are those of its task.
+    signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` says when the tip has to hold one.
+    With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
@@ -184,12 +187,9 @@ class Trajectory:
             joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=True))
         else:
             joints = self.joints or other.joints
-        if self.tip is not None and other.tip is not None:
-            raise ValueError("two trajectories that each have a tip do not add")
-        if self.push is not None and other.push is not None:
-            raise ValueError("two trajectories that each have a push do not add")
-        if self.load is not None and other.load is not None:
-            raise ValueError("two trajectories that each have a load do not add")
+        for name in ("tip", "push", "load"):
+            if getattr(self, name) is not None and getattr(other, name) is not None:
+                raise ValueError(f"two trajectories that each have a {name} do not add")
         x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
         guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
         phases = tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end))
@@ -242,3 +242,76 @@ def circle(
     ]
     at_center = hover(center, yaw=yaw, joints=joints)
     return dataclasses.replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Publisher:
+    """Holds samples of a trajectory.
+
+    Attributes:
+        control_rate: Hz, of the controller's ticks.
+        reference_rate: Hz, of the samples; divides the control rate.
+    """
+
+    control_rate: float
+    reference_rate: float
+
+    def __post_init__(self) -> None:
+        for name in ("control_rate", "reference_rate"):
+            value = getattr(self, name)
+            if not 0.0 < value < float("inf"):
+                raise ValueError(f"{name} = {value!r}: must be a finite number of Hz above 0")
+        quotient = self.control_rate / self.reference_rate
+        # 1e-9: rates such as 1000/3 Hz are given rounded
+        if round(quotient) < 1 or abs(quotient - round(quotient)) > 1e-9 * quotient:
+            raise ValueError(
+                f"reference_rate = {self.reference_rate!r}: must divide control_rate = {self.control_rate!r} Hz"
+            )
+
+    @property
+    def ratio(self) -> int:
+        """Control ticks per sample."""
+        return round(self.control_rate / self.reference_rate)
+
+    def held_tick(self, tick: Any) -> Any:
+        """Control tick (0, 1, 2 ...) at which the sample held at ``tick`` was taken; an array gives an array."""
+        return tick // self.ratio * self.ratio
+
+    def held_time(self, tick: Any) -> Any:
+        """Time of that sample, s; one division, so that 10.5 s is 10.5 and meets the switch times."""
+        return self.held_tick(tick) / self.control_rate
+
+    def held(self, trajectory: Trajectory, tick: int) -> Reference:
+        """Sample the controller sees at a tick, as data."""
+        return trajectory.at(self.held_time(tick)).dense()
+
+
+Array = npt.NDArray[Any]
+
+PASSED = 1e-6
+"""s of the reference beyond a phase's end from which on the phase is done: at its end the reference may wait."""
+
+
+def phase_numbers(trajectory: Trajectory, path_time: Any) -> Array:
+    """Number of the phase that is flown at times of the reference (s); one more than the last once all are done."""
+    ends = np.array([phase.end + PASSED for phase in trajectory.phases])
+    return np.searchsorted(ends, np.asarray(path_time), side="left").astype(float)
+
+
+def failure_words(trajectory: Trajectory, guard: Guard) -> str:
+    """Failure message of a phase: "phase 2 'press': no contact of 0.5 N within 5 s"."""
+    asked = []
+    if guard.force is not None:
+        asked.append(f"no contact of {float(guard.force):g} N")
+    if guard.force_below is not None:
+        asked.append(f"force not below {float(guard.force_below):g} N")
+    if guard.closed:
+        asked.append(f"switch '{guard.closed}' not closed")
+    if guard.open:
+        asked.append(f"switch '{guard.open}' not open")
+    if guard.distance is not None:
+        asked.append(f"not moved by {float(guard.distance):g} m")
+    if guard.error is not None:
+        asked.append(f"error not below {float(guard.error):g} m")
+    named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
+    return f"phase {guard.phase} '{named}': {' or '.join(asked)} within {float(guard.timeout):g} s"

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from skyarm.files import shown
-from skyarm.files.code_place import own_code, place_of
+from skyarm.files.user_code import own_code, place_of
 
 PACKAGE = __name__.partition(".")[0]
 """The library's own name: bases whose module begins with it say how methods are called."""

@@ -12,22 +12,22 @@ import importlib.util
 import re
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import metadata
+from importlib import import_module, metadata
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from skyarm.files import shown, unreadable
-from skyarm.files.code_digests import file_of, identity_of, identity_of_file, numbered
-from skyarm.files.code_place import is_beside
+from skyarm.files.user_code import file_of, identity_of, identity_of_file, is_beside, numbered
 from skyarm.registry.class_signatures import thing_mistake
 from skyarm.registry.registrations import (
     API,
     KINDS,
     LOADED_BY,
+    SHIPPED,
     RegistryError,
     add,
     registering_for,
@@ -324,3 +324,78 @@ def load_again(plugins: Iterable[Plugin]) -> None:
                     raise _changed(plugin.name, beside)
         elif here.get(plugin.name) != plugin.identity:
             raise RegistryError(f"plugin {plugin.name}: must be installed here as {plugin.identity}")
+
+
+def code_of(name: str, plugins: Mapping[str, str]) -> Any:
+    """The class or function of a name ``module:qualified.name``.
+
+    Args:
+        name: as :func:`skyarm.records.plain.dotted` gives it.
+        plugins: identities of the plugins that were loaded when the name was written.
+
+    Raises:
+        RegistryError: one line: the plugin that is not loaded or has changed, or a name that is not there.
+    """
+    module, _, path = name.partition(":")
+    found: Any = _module(module, name, plugins)
+    for part in path.split("."):
+        found = getattr(found, part, None)
+    if found is None:
+        raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version")
+    return found
+
+
+def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
+    if module.split(".", maxsplit=1)[0] == SHIPPED:
+        try:
+            return import_module(module)
+        except ImportError:
+            raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version") from None
+    if module in file_modules():
+        return file_modules()[module]
+    require_plugins([name], plugins)
+    if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered():
+        return sys.modules[module]
+    absent = [file for file in plugins if file not in identities()]
+    needed = f"; plugins of then that are not loaded: {', '.join(absent)}" if absent else ""
+    raise RegistryError(
+        f"{shown(name)}: nothing of this module is registered here, load its plugin: "
+        f"{LOADED_BY.format('FILE.py')}{needed}"
+    )
+
+
+def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
+    """Every plugin's file that names stand in is loaded.
+
+    Args:
+        names: as :func:`code_of` takes them; those of other modules are passed over.
+        plugins: identities of the plugins that were loaded when the names were written.
+
+    Raises:
+        RegistryError: one line: all that are not loaded, or have changed.
+    """
+    modules = {name.partition(":")[0] for name in names} - set(file_modules())
+    missing = []
+    for file, identity in plugins.items():
+        if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" not in modules:
+            continue
+        here = identities().get(file)
+        why, which = "is not loaded", "it"
+        if here is not None:
+            why, which = f"has changed, it is {here[:15]}... now", "the file of then"
+        missing.append(f"plugin {file} ({identity[:15]}...) {why}: load {which} by {LOADED_BY.format(file)}")
+    if missing:
+        raise RegistryError("; ".join(missing))
+
+
+def _registered() -> set[str]:
+    """Packages, or modules that stand alone, of everything that was registered from outside."""
+    return {module.split(".")[0] for module in _modules()}
+
+
+def _modules() -> Iterator[str]:
+    for kind in KINDS:
+        for row in registrations(kind).values():
+            if row.source != SHIPPED:
+                text = isinstance(row.target, str)
+                yield row.target.partition(":")[0] if text else str(getattr(row.target, "__module__", ""))

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from skyarm.files import must_be_one_of, shown
 from skyarm.files.old_names import warn_of_old_name
-from skyarm.registry.shipped import ALIASES, OLD_NAMES, reserved_for
+from skyarm.registry.shipped import OLD_NAMES, reserved_for
 from skyarm.registry.shipped import SHIPPED as SHIPPED_NAMES
 
 Thing = TypeVar("Thing")
@@ -137,10 +137,10 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def canonical(kind: str, name: Any) -> Any:
-    """The registered name that an alias or an old name stands for; any other value as it is."""
+    """The registered name that an old name stands for; any other value as it is."""
     if not isinstance(name, str):
         return name
-    return ALIASES.get(kind, {}).get(name) or OLD_NAMES.get(kind, {}).get(name, name)
+    return OLD_NAMES.get(kind, {}).get(name, name)
 
 
 def full_name(kind: str, name: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What the library registers of its own, kind -> name -> (where it is, one line), and other names of it."""
+"""What the library registers of its own, kind -> name -> (where it is, one line), and old names of it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ _WIND = "skyarm.environment.wind"
 _DISTURBANCE = "skyarm.environment.disturbance_signals"
 _AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
-_TASKS = "skyarm.reference.task_tables"
+_TASKS = "skyarm.reference.waypoints"
 _SENSORS = "skyarm.sensors.sensor_kinds"
-_FORCE = "skyarm.sensors.force_sensors"
-_LAWS = "skyarm.control.catalogue.law_entries"
+_FORCE = "skyarm.sensors.sensor_kinds"
+_LAWS = "skyarm.control.laws"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "air": {
@@ -26,7 +26,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
     },
     "sensor": {
-        "full_state": ("skyarm.sensors.noise:SensorNoise", "the full state with white noise"),
+        "full_state": ("skyarm.sensors.measurement:SensorNoise", "the full state with white noise"),
         "imu": (f"{_SENSORS}:Imu", "angular rate and specific force"),
         "pose": (f"{_SENSORS}:Pose", "position and attitude, as of motion capture"),
         "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
@@ -42,36 +42,70 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "drive": {
         "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
         "lagged_torque": (
-            "skyarm.actuation.lagged_torque:LaggedTorque",
+            "skyarm.actuation.drive:LaggedTorque",
             "a torque that follows its setpoint with a first-order lag",
         ),
         "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),
         "velocity_servo": ("skyarm.actuation.servo:VelocityServo", "a servo whose setpoint is the joint's rate"),
     },
     "law": {
-        "rotors_sim_position": (f"{_LAWS}:rotors_sim_position", ""),
-        "decoupled_pd": (f"{_LAWS}:decoupled_pd", ""),
-        "hybrid_computed_torque": (f"{_LAWS}:hybrid_computed_torque", ""),
-        "hybrid_computed_torque_euler": (f"{_LAWS}:hybrid_computed_torque_euler", ""),
-        "nmpc": (f"{_LAWS}:nmpc", ""),
-        "learned_compensator": (f"{_LAWS}:learned_compensator", ""),
-        "ct_level_gravity": (f"{_LAWS}:ct_level_gravity", ""),
-        "ct_coupled_thrust": (f"{_LAWS}:ct_coupled_thrust", ""),
-        "ct_consistent": (f"{_LAWS}:ct_consistent", ""),
-        "ct_observer": (f"{_LAWS}:ct_observer", ""),
-        "ct_feedforward": (f"{_LAWS}:ct_feedforward", ""),
-        "ct_extrapolation": (f"{_LAWS}:ct_extrapolation", ""),
-        "ct_lag_inversion": (f"{_LAWS}:ct_lag_inversion", ""),
-        "bulut2019": (f"{_LAWS}:bulut2019", ""),
-        "guo2023": (f"{_LAWS}:guo2023", ""),
-        "li2024": (f"{_LAWS}:li2024", ""),
-        "kim2013": (f"{_LAWS}:kim2013", ""),
-        "l1_adaptive": (f"{_LAWS}:l1_adaptive", ""),
-        "l1_adaptive_lateral": (f"{_LAWS}:l1_adaptive_lateral", ""),
-        "indi": (f"{_LAWS}:indi", ""),
-        "admittance_pd": (f"{_LAWS}:admittance_pd", ""),
-        "hybrid_ct": (f"{_LAWS}:hybrid_ct", ""),
-        "centroidal": (f"{_LAWS}:centroidal", ""),
+        "rotors_sim_position": (
+            f"{_LAWS}.paper:make_rotors_sim_position",
+            "RotorS's geometric position controller, joints free",
+        ),
+        "decoupled_pd": (
+            f"{_LAWS}.paper:make_decoupled_pd",
+            "the paper's baseline: RotorS's controller and joint PD, no coupling",
+        ),
+        "hybrid_computed_torque": (
+            f"{_LAWS}.paper:make_hybrid_computed_torque",
+            "the paper's law: geometric accelerations through the coupled inverse dynamics",
+        ),
+        "nmpc": (f"{_LAWS}.predictive.law:make_predictive_controller", "whole-body model predictive control"),
+        "learned_compensator": (
+            f"{_LAWS}.learned.law:make_learned_controller",
+            "the paper's law and a network for what its model leaves out",
+        ),
+        "ct_ladder": (
+            f"{_LAWS}.ladder:make_stepped",
+            "the paper's law with one to six of the steps that lead to the centroidal law",
+        ),
+        "bulut2019": (
+            f"{_LAWS}.published.bulut:make_bulut",
+            "computed torque on position, Euler angles and joints, translation decoupled in the mass matrix",
+        ),
+        "guo2023": (
+            f"{_LAWS}.published.guo:make_guo",
+            "SE(3) control of the centre of mass with the locked inertia, joints as servos",
+        ),
+        "li2024": (
+            f"{_LAWS}.published.li:make_li",
+            "geometric base with variable inertia and feed-forward of the arm's reaction, joints as servos",
+        ),
+        "kim2013": (
+            f"{_LAWS}.published.kim:make_kim",
+            "adaptive sliding mode through the coupled inverse dynamics",
+        ),
+        "l1_adaptive": (
+            f"{_LAWS}.published.l1:make_l1",
+            "L1 adaptive augmentation: predictor, piecewise-constant adaptation, low-pass",
+        ),
+        "indi": (
+            f"{_LAWS}.published.indi:make_indi",
+            "incremental nonlinear dynamic inversion of base and joints with its filters",
+        ),
+        "admittance_pd": (
+            f"{_LAWS}.pressing:make_admittance_pd",
+            "the paper's baseline on a reference that a virtual mass moves until the wanted force acts",
+        ),
+        "hybrid_ct": (
+            f"{_LAWS}.pressing:make_hybrid_ct",
+            "the paper's law across a surface's normal, a force along it",
+        ),
+        "centroidal": (
+            f"{_LAWS}.centroidal.make:make_centroidal",
+            "centroidal computed torque with disturbance observer: joints or tip on their references",
+        ),
     },
     "motion": {
         "hover": (f"{_MOTION}:hover_table", "stay at a place"),
@@ -87,6 +121,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
         "parquet": ("skyarm.log.formats:PARQUET", "columns with units in their metadata; read back by skyarm"),
         "bag": ("skyarm.log.formats:BAG", "messages of ROS 1, as in an MCAP file"),
+        "partial": ("skyarm.log.formats:PARTIAL", "the journal that a killed run leaves; read back by skyarm"),
     },
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
@@ -101,20 +136,9 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
 }
 
-ALIASES: Mapping[str, Mapping[str, str]] = {"law": {"exact": "centroidal"}}
-"""Other names that stay: kind -> alias -> name."""
-
 OLD_NAMES: Mapping[str, Mapping[str, str]] = {
     "air": {"airspeed": "moving_air"},
     "force": {"rotors_force": "force_wind"},
-    "law": {
-        "rotors_position": "rotors_sim_position",
-        "bulut_computed_torque_style": "bulut2019",
-        "guo_center_of_inertia_style": "guo2023",
-        "li_feedforward_style": "li2024",
-        "kim_sliding_mode_style": "kim2013",
-        "learned_compensator_style": "learned_compensator",
-    },
 }
 """Names of the last version, which work with a warning: kind -> old -> new."""
 
@@ -123,15 +147,14 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
             *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
-            *("check", "new", "doctor", "completion", "attach", "export-mjcf", "tune", "identify"),
+            *("check", "new", "doctor", "attach", "export-mjcf", "tune", "identify"),
         ),
     },
     "law": {
         "a preset": (
-            *("paper_ct", "paper_ct_euler", "paper_pd", "rotors_sim_hummingbird", "rotors_hummingbird"),
+            *("paper_ct", "paper_pd", "rotors_sim_hummingbird"),
             *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff", "centroidal_joint_gusts"),
             *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff", "centroidal_tip_gusts"),
-            *("exact_joint", "exact_joint_stiff", "exact_ee", "exact_ee_stiff"),
         ),
         "the controller of the scenario": ("own",),
     },
@@ -144,6 +167,6 @@ TUNED = "_tuned"
 
 def reserved_for(kind: str, name: str) -> str | None:
     """What of the library a name stands for already, in words; None where it is free or registered itself."""
-    if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in (*SHIPPED["law"], *ALIASES["law"]):
+    if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in SHIPPED["law"]:
         return f"the tuned gains of {name.removesuffix(TUNED)!r}"
     return next((what for what, names in RESERVED.get(kind, {}).items() if name in names), None)

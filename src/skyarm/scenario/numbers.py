@@ -24,33 +24,35 @@ value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.actuation import make_mixer
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.euler import euler_angles
 from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.control.controller import Controller
+from skyarm.dynamics import State
+from skyarm.environment import Dryden, dryden
 from skyarm.files import shown
+from skyarm.plant.interface import number
 from skyarm.records import coerce
-from skyarm.records.leaves import Place
-from skyarm.records.replace_parts import part, replaced
-from skyarm.scenario.derived import (
-    ANGLES,
-    ATTITUDE,
-    TURBULENCE,
-    is_of_turbulence,
-    payload_of,
-    start_with,
-    turbulence,
-    turbulence_numbers,
-)
-from skyarm.scenario.places import places_of
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.records.leaves import Place, part, replaced
+from skyarm.records.units import units
+from skyarm.scalars import cos, divide, sin, sqrt
+from skyarm.scenario.paths import places_of
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
+from skyarm.vehicle.vehicle_records import Vehicle
 
 ROTORS: Place = ("controller", "par", "model", "vehicle", "rotors")
 
 DRIVES: Place = (*ROTORS[:-1], "drives")
+
+TURBULENCE = "environment.wind.turbulence."
+
+OF_TURBULENCE = {"altitude": "m", "wind_20ft": "m/s", "minimum_airspeed": "m/s"}
+"""Numbers from which the turbulence is made, which are no field of a record."""
 
 DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.", TURBULENCE)
 """Beginnings of paths that need not be made data in the scenario before they vary."""
@@ -86,16 +88,37 @@ def known_as(scenario: Scenario, path: str, known: Sequence[str]) -> str:
 
 
 def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Places of the numbers that a path leads to; of one that is computed from others, words that stand for it."""
-    load = payload_of(scenario, path)
-    if load:
-        vehicle, frame = load
-        return ((*vehicle, "payload", frame or part(scenario, vehicle).end_effector),)
-    if is_of_turbulence(scenario, path) or path in ATTITUDE:
-        return ((path,),)
+    return _target(scenario, path)[1]
+
+
+def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
+    """Kind of the number that a path leads to, and its places; of one that is computed, a place of no record."""
+    for root, vehicle in PAYLOADS.items():
+        if path == root or path.startswith(f"{root}."):
+            return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
+    if path.removeprefix(TURBULENCE) in OF_TURBULENCE and getattr(scenario.wind, "turbulence", None) is not None:
+        return "turbulence", ((path,),)
+    if path in ATTITUDE:
+        return "attitude", ((path,),)
     if path.startswith("initial."):
-        scenario = dataclasses.replace(scenario, initial=first_state(scenario))
-    return places_of(scenario, path)
+        return "initial", places_of(_with_start(scenario), path)
+    return "field", places_of(scenario, path)
+
+
+def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
+    """Name of the frame at which a path's payload is."""
+    frames, words = [frame.name for frame in vehicle.frames], path[len(root) + 1 :].split(".")
+    if words == ["mass"] and vehicle.end_effector:
+        return vehicle.end_effector
+    if len(words) == 2 and words[0] in frames and words[1] == "mass":
+        return words[0]
+    known = ", ".join(f"{root}.{frame}.mass" for frame in frames)
+    raise ScenarioError(f"path = {path!r}: must be {root}.mass (at the tip) or one of {known}")
+
+
+def _with_start(scenario: Scenario) -> Scenario:
+    """The scenario with the state that it starts from as its initial state."""
+    return scenario if scenario.initial is not None else dataclasses.replace(scenario, initial=first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
@@ -104,16 +127,15 @@ def number_at(scenario: Scenario, path: str) -> float:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
     """
-    if payload_of(scenario, path):
+    kind, places = _target(scenario, path)
+    if kind == "payload":
         return 0.0
-    if is_of_turbulence(scenario, path):
+    if kind == "turbulence":
         return float(turbulence_numbers(scenario)[path.removeprefix(TURBULENCE)])
-    if path.startswith("initial.") and scenario.initial is None:
-        scenario = dataclasses.replace(scenario, initial=first_state(scenario))
-    if scenario.initial is not None and path in ATTITUDE:
-        angles = euler_angles(scenario.initial.quaternion.rotation())
-        return float(angles[ANGLES.index(path.split(".")[1])])
-    found = part(scenario, places_of(scenario, path)[0])
+    if kind == "attitude":
+        angles = euler_angles(first_state(scenario).quaternion.rotation())
+        return float(angles[ATTITUDE.index(path)])
+    found = part(_with_start(scenario) if kind == "initial" else scenario, places[0])
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
     return float(found)
@@ -122,9 +144,9 @@ def number_at(scenario: Scenario, path: str) -> float:
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """Return the scenario with other numbers at some paths; they may be traced.
 
-    The mixer follows the believed rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
-    believed servo its latency. What else a law's maker took from its model
-    stays as it was made: gains, limits, first memory. A study of beliefs therefore asks what a law does whose model is
+    The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
+    servo of the model its latency. What else a law's maker took from its model
+    stays as it was made: gains, limits, first memory. A study of models therefore asks what a law does whose model is
     wrong in these numbers, not how it would be tuned for them.
 
     Args:
@@ -136,27 +158,27 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
-    loads: list[tuple[Any, ...]] = []
+    loads: dict[Place, Any] = {}
     start: dict[str, Any] = {}
     air: dict[str, Any] = {}
     leaves: dict[Place, Any] = {}
     for path, value in values.items():
         number_at(scenario, path)
-        load = payload_of(scenario, path)
-        if load:
-            loads.append((*load, value))
-        elif path.startswith("initial."):
-            start[path] = value
-        elif is_of_turbulence(scenario, path):
+        kind, places = _target(scenario, path)
+        if kind == "payload":
+            loads[places[0]] = value
+        elif kind == "turbulence":
             air[path.removeprefix(TURBULENCE)] = value
+        elif kind == "field":
+            leaves |= dict.fromkeys(places, value)
         else:
-            leaves |= dict.fromkeys(places_of(scenario, path), value)
+            start[path] = value
     if air:
         leaves[("wind", "turbulence")] = turbulence(scenario, air)
     fields = _fields(scenario, leaves)
-    for place, frame, mass in loads:
-        record = fields.get(place[0], getattr(scenario, place[0]))
-        fields[place[0]] = replaced(record, {place[1:]: part(record, place[1:]).with_payload(mass, frame)})
+    for (field, *inner, _, frame), mass in loads.items():
+        record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
+        fields[field] = replaced(record, {place: part(record, place).with_payload(mass, frame)})
     # a scenario is checked whenever it is made: once
     changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
@@ -200,3 +222,135 @@ def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
 
 def _with_par(controller: Controller, **fields: Any) -> Controller:
     return dataclasses.replace(controller, par=dataclasses.replace(controller.par, **fields))
+
+
+ATTITUDE = ("initial.roll", "initial.pitch", "initial.yaw")
+
+PAYLOADS: Mapping[str, Place] = {
+    "plant.payload": ("world", "vehicle"),
+    "model.payload": ("controller", "par", "model", "vehicle"),
+}
+
+
+def is_payload(path: str) -> bool:
+    """Whether a path is that of a load."""
+    return path.startswith(tuple(f"{root}." for root in PAYLOADS))
+
+
+def turbulence_numbers(scenario: Scenario) -> dict[str, Any]:
+    """The file's numbers, read back from the filters' (:func:`skyarm.environment.dryden.low_altitude`)."""
+    held: Any = getattr(scenario.wind, "turbulence", None)
+    # the smallest airspeed is not known where the mean wind is faster, and does not matter there
+    return {
+        "altitude": held.scale_length.z,
+        "wind_20ft": 10.0 * held.intensity.z,
+        "minimum_airspeed": held.airspeed,
+    }
+
+
+def turbulence(scenario: Scenario, values: Mapping[str, Any]) -> Dryden:
+    """Turbulence with some of the file's numbers replaced."""
+    wind: Any = scenario.wind
+    chosen = turbulence_numbers(scenario) | dict(values)
+    mean = math.hypot(*(float(c) for c in wind.velocity_W))
+    return dryden.low_altitude(
+        chosen["altitude"], chosen["wind_20ft"], mean, wind.turbulence.direction_W, chosen["minimum_airspeed"]
+    )
+
+
+def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
+    """Initial state with some numbers replaced."""
+    held = scenario.initial
+    if held is None:
+        joints = [number(q) for q in first_state(scenario).joints]
+        for i in range(len(joints)):
+            joints[i] = values.get(f"initial.joints.{i}", joints[i])
+        at = scenario.trajectory.at(0.0)
+        held = trimmed_state(scenario.world, at.position, number(at.yaw), tuple(joints))
+    # places are read from a scenario whose numbers are plain, as any initial state has them
+    shape = dataclasses.replace(scenario, initial=held)
+    changed: Any = shape.initial
+    for path, value in values.items():
+        if path not in ATTITUDE:
+            for place in places_of(shape, path):
+                changed = replaced(changed, {place[1:]: value})
+    angles = [values.get(path) for path in ATTITUDE]
+    if any(angle is not None for angle in angles):
+        known = euler_angles(held.quaternion.rotation())
+        chosen = (old if angle is None else angle for angle, old in zip(angles, known, strict=True))
+        changed = dataclasses.replace(changed, quaternion=_of_angles(*chosen))
+    elif any(path.startswith("initial.quaternion") for path in values):
+        q = changed.quaternion
+        length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
+        changed = dataclasses.replace(changed, quaternion=Quaternion(*(divide(c, length) for c in q)))
+    state: State = changed
+    return state
+
+
+def _of_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
+    """Quaternion of ZYX angles, rad."""
+    half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (roll, pitch, yaw)]
+    about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
+    return about[2] * about[1] * about[0]
+
+
+LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
+"""Words of a path that say nothing to a reader."""
+
+WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
+"""First words that say whose number it is."""
+
+
+def unit_at(scenario: Scenario, path: str) -> str:
+    """SI unit of the number that a path leads to, as its field declares it; empty for pure numbers and unknown ones.
+
+    Of a joint, whose numbers have one unit if it turns and another if it slides, the one of its kind.
+
+    Raises:
+        ScenarioError: no number is there.
+    """
+    kind, places = _target(scenario, path)
+    if kind == "turbulence":
+        return OF_TURBULENCE[path.removeprefix(TURBULENCE)]
+    computed = {"payload": "kg", "attitude": "rad"}
+    if kind in computed:
+        return computed[kind]
+    return _unit(_with_start(scenario) if kind == "initial" else scenario, places[0])
+
+
+def _unit(record: Any, place: Place) -> str:
+    """Unit of the last field on the way to a place that declares one."""
+    found = ""
+    for name in place:
+        if isinstance(record, tuple):
+            record = record[int(name)]
+            continue
+        said = units(type(record)).get(name)
+        found = said.unit if said is not None else found
+        slides = getattr(record, "kind", "revolute") == "prismatic"
+        if " or " in found and hasattr(record, "kind"):
+            found = found.split(" or ")[1 if slides else 0]
+        record = getattr(record, name)
+    return found
+
+
+def words_of(path: str) -> str:
+    """A path as words: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
+    words = [word for word in path.split(".") if word not in LEFT_OUT]
+    whose = WHOSE.get(words[0], "") if len(words) > 1 else ""
+    if whose:
+        words = words[1:]
+    if words[0] == "sensors" and len(words) == 2:
+        return f"noise of {words[1].replace('_', ' ')}"
+    found: list[str] = []
+    for word in words:
+        if word.isdecimal() and found:
+            found[-1] = f"{found[-1].removesuffix('s')} {int(word) + 1}"
+        else:
+            found.append(word.removesuffix("_W").removesuffix("_B").replace("_", " "))
+    return " ".join(found) + (f" ({whose})" if whose else "")
+
+
+def labelled(words: str, unit: str) -> str:
+    """Words with their unit in brackets, as axes have them."""
+    return f"{words} [{unit}]" if unit else words

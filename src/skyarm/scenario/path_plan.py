@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation.motion_demand import Motion
-from skyarm.reference.path_time import PathTime
+from skyarm.reference.governor.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 
 Array = npt.NDArray[Any]

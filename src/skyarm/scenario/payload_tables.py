@@ -1,4 +1,4 @@
-"""``[[payloads]]`` of a scenario file: loads that are picked up and set down in flight.
+"""``[[payloads]]`` of a scenario file, and the payloads and grippers of a reference's phases.
 
 ::
 
@@ -13,9 +13,9 @@
     drop = 14.0                                      # the same; left out: it is held to the end
     kind = "rigid"                                   # or "hanging", a point mass on a cord: cord (m, 0.5), stretch (by
                                                      # its weight, of its length, 0.02), damping_ratio (0.2)
-    believed = true                                  # the law's belief is told at both instants (default false)
+    believed = true                                  # the law's model is told at both instants (default false)
 
-What is believed is a point mass at the frame, told by changes of ``model.payload.FRAME.mass``
+The model of the law takes a point mass at the frame, by changes of ``model.payload.FRAME.mass``
 (:mod:`skyarm.scenario.in_flight`).
 """
 
@@ -28,53 +28,52 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.environment import HangingPayload, Reach, TimedPayload
-from skyarm.files import Fields, shown
+from skyarm.files import Fields, did_you_mean, shown
+from skyarm.files.fields import list_of_tables
+from skyarm.records.read_table import make_at
 from skyarm.reference import Trajectory
-from skyarm.scenario.changes import Change
+from skyarm.reference.signals import Constant, Sum, Windowed
+from skyarm.reference.task_records import TaskEvent
+from skyarm.scenario.scenario_record import Change
 
 OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
-"""Numbers of a payload that others have not."""
+"""Numbers of one kind of payload only."""
+
+FIELD = {"pick": "pick", "place": "drop"}
+"""Kind of a phase -> field of the payload."""
 
 
 def payloads_from(tables: Any, where: str = "payloads") -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
-    """(payloads that a list of tables describes, of which the law is told).
+    """(payloads of a list of tables, which of them the law's model takes).
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    if not isinstance(tables, list):
-        raise ValueError(f"{where} = {shown(tables)}: must be a list of tables")
-    read = [_payload(Fields(table, f"{where}[{i}]")) for i, table in enumerate(tables)]
-    return tuple(payload for payload, _ in read), tuple(told for _, told in read)
+    read = [_payload(fields) for fields in list_of_tables(tables, where)]
+    return tuple(payload for payload, _ in read), tuple(believed for _, believed in read)
 
 
 def _payload(fields: Fields) -> tuple[TimedPayload, bool]:
-    texts = {name: fields.take(name, "") for name in ("name", "frame")}
-    believed = fields.take("believed", False)
-    if not isinstance(believed, bool):
-        raise ValueError(f"{fields.at('believed')} = {shown(believed)}: must be true or false")
-    values: dict[str, Any] = {"mass": fields.number("mass", low=0.0), **texts}
-    kind = fields.choice("kind", ("rigid", "hanging"), "rigid")
+    believed = fields.flag("believed", False)
+    values: dict[str, Any] = {name: fields.take(name, "") for name in ("name", "frame")}
+    values["mass"] = fields.number("mass", low=0.0)
+    kind = fields.choice("kind", tuple(OF_KIND), "rigid")
     for name in OF_KIND[kind]:
         if name in fields.table:
             values[name] = fields.vector(name) if kind == "rigid" else fields.number(name, low=0.0)
-    values["pick"], values["pick_place"] = _when(fields, "pick")
-    values["drop"], values["drop_place"] = _when(fields, "drop") if "drop" in fields.table else (math.inf, None)
+    values["pick"], values["pick_place"] = _instant(fields, "pick")
+    values["drop"], values["drop_place"] = _instant(fields, "drop") if "drop" in fields.table else (math.inf, None)
     fields.done()
-    places = values["pick_place"] or values["drop_place"]
-    if believed and places is not None:
+    if believed and (values["pick_place"] or values["drop_place"]) is not None:
         raise ValueError(f"{fields.at('believed')} = true: must be false where a place decides; its instant is unknown")
-    try:
-        return (HangingPayload if kind == "hanging" else TimedPayload)(**values), believed
-    except ValueError as error:
-        raise ValueError(f"{fields.where}: {error}") from None
+    return make_at(fields.where, HangingPayload if kind == "hanging" else TimedPayload, **values), believed
 
 
-def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
-    """An instant, or a place with the earliest instant."""
+def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
+    """An instant (s), or a place with the earliest instant."""
     if not isinstance(fields.table.get(name), dict):
         return fields.number(name, low=0.0), None
-    inner = Fields(fields.take(name), fields.at(name))
+    inner = fields.inner(name)
     reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
     after = inner.number("after", 0.0, low=0.0)
     inner.done()
@@ -84,23 +83,23 @@ def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
 def waiting_beliefs(
     payloads: Sequence[TimedPayload], told: Sequence[bool], trajectory: Trajectory
 ) -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
-    """The payloads of a task that waits say themselves whether the law is told: no instant is known; and the rest."""
+    """The payloads, those of phases that wait marked as believed, as no instant is known; which of the rest are."""
     waiting = {name for guard in trajectory.guards for name in guard.loads}
-    now = tuple(
-        dataclasses.replace(each, believed=True) if told_of and each.name in waiting else each
-        for each, told_of in zip(payloads, told, strict=True)
+    marked = [believed and each.name in waiting for each, believed in zip(payloads, told, strict=True)]
+    now = (
+        dataclasses.replace(each, believed=True) if wait else each for each, wait in zip(payloads, marked, strict=True)
     )
-    return now, tuple(told_of and not each.believed for each, told_of in zip(now, told, strict=True))
+    return tuple(now), tuple(believed and not wait for believed, wait in zip(told, marked, strict=True))
 
 
 def belief_changes(
     payloads: Sequence[TimedPayload], told: Sequence[bool], duration: float, rate: int
 ) -> tuple[Change, ...]:
-    """Changes that tell the law's belief the mass that is held at each frame, as it changes.
+    """Changes of the model's payload to the mass that is held at each frame.
 
     Args:
         payloads: of the flight.
-        told: of which of them the law is told.
+        told: which of them the model takes.
         duration: of the flight, s; what comes behind its end is left out.
         rate: of control, Hz.
     """
@@ -116,3 +115,91 @@ def belief_changes(
     steps = duration * rate  # of an absurd duration, which is refused later, infinity
     last = round(steps) if math.isfinite(steps) else steps
     return tuple(sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at))
+
+
+def _whole_period(time: float, rate: float) -> float:
+    """The first instant (s) of a control period that does not begin before a time (s)."""
+    return math.ceil(time * rate - 1e-9) / rate
+
+
+def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
+    """The tables of ``[[payloads]]`` with the instants at which phases pick and place them.
+
+    Args:
+        tables: as the file has them.
+        events: of the phases.
+        control_rate: Hz; instants are whole control periods.
+
+    Raises:
+        ValueError: one line: a payload that is not there, or one that has the instant from elsewhere.
+    """
+    if not events or not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        return tables  # nothing to add, or not what the reader of payloads takes
+    found = [dict(table) for table in tables]
+    named: dict[str, int] = {}
+    for i, name in enumerate(table.get("name") for table in found):
+        if isinstance(name, str) and named.setdefault(name, i) != i:
+            raise ValueError(f"payloads[{i}].name = {shown(name)}: must differ from that of payloads[{named[name]}]")
+    seen: dict[tuple[str, str], str] = {}
+    for event in events:
+        at = f"{event.where}.payload = {shown(event.payload)}"
+        if event.payload not in named:
+            near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
+            raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
+        table, field, same = found[named[event.payload]], FIELD[event.kind], (event.payload, event.kind)
+        if same in seen:
+            raise ValueError(f"{at}: must be the name of another payload: {seen[same]} {event.kind}s it already")
+        if event.kind == "pick" and (event.payload, "place") in seen:
+            raise ValueError(f"{at}: must be picked before {seen[event.payload, 'place']} places it")
+        seen[same] = event.where
+        if field in table:
+            own = f"payloads[{named[event.payload]}].{field} = {shown(table[field])}"
+            raise ValueError(f"{own}: must be left out, {event.where} says when")
+        table[field] = _whole_period(event.time, control_rate)
+    return found
+
+
+def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
+    """The contact whose grippers close and open with the phases that name them.
+
+    Args:
+        contact: as read; None without a world.
+        events: of the phases that name a gripper.
+        control_rate: Hz; instants are whole control periods.
+
+    Raises:
+        ValueError: one line: a gripper that is not there, or one that has its command from elsewhere.
+    """
+    grippers = {each.name: each for each in (contact.grippers if contact else ())}
+    for event in events:
+        at = f"{event.where}.gripper = {shown(event.gripper)}"
+        gripper = grippers.get(event.gripper)
+        if gripper is None:
+            near, there = did_you_mean(event.gripper, grippers), ", ".join(grippers) or "none"
+            raise ValueError(f"{at}: {near}must be the name of one of [[world.grippers]]; there are {there}")
+        if gripper.kind == "hook" or gripper.closed != type(gripper.closed)():
+            raise ValueError(f"{at}: must be a gripper without a command of its own (closed)")
+    if contact is None or not events:
+        return contact
+    found = tuple(_commanded(each, events, control_rate) for each in contact.grippers)
+    return dataclasses.replace(contact, grippers=found)
+
+
+def _commanded(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
+    """A gripper that is closed from each pick to the next place."""
+    windows: list[Windowed] = []
+    since: float | None = None
+    for event in (each for each in events if each.gripper == gripper.name):
+        instant = _whole_period(event.time, rate)
+        if (event.kind == "pick") is (since is not None):
+            done = "holds something already" if event.kind == "pick" else "holds nothing"
+            raise ValueError(f"{event.where}.gripper = {shown(event.gripper)}: must be another one: it {done} there")
+        if since is not None:
+            windows.append(Windowed(Constant(1), since, instant))
+        since = instant if since is None else None
+    if since is not None:
+        windows.append(Windowed(Constant(1), since))
+    if not windows:
+        return gripper
+    signal = windows[0] if len(windows) == 1 else Sum(tuple(windows))
+    return dataclasses.replace(gripper, closed=type(gripper.closed)(signal))

@@ -1,4 +1,4 @@
-"""What could not fly is refused before anything is built: vehicles, additions, laws, initial states.
+"""Consistency of a scenario's records with each other: clocks, delays, vehicles, law, sensors, surroundings.
 
 Every refusal is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
 """
@@ -6,150 +6,320 @@ Every refusal is a ValueError of one line; :class:`skyarm.scenario.scenario_reco
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from skyarm.actuation import Mixer, make_mixer
-from skyarm.control.controller import innermost, learns_load
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
-from skyarm.control.model import JointGains
+from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.files import number, shown
-from skyarm.plant.largest_step import check_largest_step
-from skyarm.plant.stop_rate import joint_rate
+from skyarm.files import did_you_mean, must_be_one_of, number, shown
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.largest_step import INTEGRATORS, check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
-from skyarm.records.directions import near_unit_quaternion
+from skyarm.records.field_rules import require_fields
 from skyarm.records.leaves import named_leaves
-from skyarm.scalars import data
-from skyarm.scenario.check_frames import check_frames
-from skyarm.scenario.clock_checks import require_whole
-from skyarm.scenario.scenario_parts import ScenarioError
-from skyarm.scenario.steps_of_contact import require_steps_to_fly
-from skyarm.scenario.tip_sensor import require_guard_sensors, require_tip_sensor
+from skyarm.reference.trajectory import Trajectory
+from skyarm.registry.registrations import registrations
+from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, check_name
+from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
-if TYPE_CHECKING:
-    from skyarm.scenario.scenario_record import Scenario
+LONGEST_FLIGHT = 10_000_000
+"""Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
+
+STEPPING = ("mujoco", MUJOCO_CONTACTS)
+"""Plants that move by whole physics steps only."""
+
+LONGEST_QUEUE = 100
+"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
 
 LONGEST_QUEUE_OF_SERVO = 1000
 """Control periods that a servo's setpoints may be on their way: as many are remembered."""
 
+MOST_JOINTS = 256
+"""Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
+does, of 1200 it ends the process."""
 
-def check_joined(scenario: Scenario) -> None:
-    """The instant at which a law joins the reference lies in the flight."""
+ADDED = {
+    "estimator": "estimator",
+    "drives": "drives",
+    "endings": "endings",
+    "initial": "initial",
+    "air": "environment.air",
+    "forces": "environment.forces",
+    "instruments": "instruments",
+}
+"""Fields whose records may not check themselves -> their name in messages."""
+
+FLOWN = (
+    *("world", "trajectory", "joined", "components", "faults", "sensors"),
+    *("instruments", "drives", "delays", "initial", "contact"),
+)
+"""Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
+
+
+def check_names(scenario: Scenario) -> None:
+    """Require a name for files, a plant and an integrator."""
+    check_name(scenario.name)
+    for field, value, allowed in (
+        ("plant.kind", scenario.plant, registrations("plant")),
+        ("plant.integrator", scenario.integrator, dict.fromkeys(INTEGRATORS)),
+    ):
+        if not isinstance(value, str) or value not in allowed:
+            raise ValueError(f"{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
+
+
+def check_scenario(scenario: Scenario) -> None:
+    """Refuse records that could not fly together, before anything is built.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if not isinstance(getattr(scenario.controller.par, "model", None), Model):
+        raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
+    truth = scenario.world.vehicle
+    if truth.n > MOST_JOINTS:
+        raise ValueError(
+            f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
+        )
+    if scenario.initial is not None:
+        _check_initial(scenario.initial, scenario.world.vehicle)
+    _check_times(scenario)
+    _check_reference(scenario)
+    _check_sensors(scenario)
+    _check_drives(scenario)
+    _check_vehicles(scenario)
+    _check_surroundings(scenario)
+    if scenario.plant == MUJOCO_CONTACTS:
+        _check_mujoco_contacts(scenario)
+    _check_clocks_of_law(scenario)
+    for field, where in ADDED.items():
+        require_fields(getattr(scenario, field), where)
+
+
+def _check_times(scenario: Scenario) -> None:
+    """Duration and delays are whole numbers of steps within the flight; a varied delay stays below its longest."""
+    rates, delays = scenario.rates, scenario.delays
+    if scenario.duration * rates.control > LONGEST_FLIGHT:
+        most = f"{LONGEST_FLIGHT / rates.control:g} s"
+        raise ValueError(f"duration = {scenario.duration!r}: must be at most {most} at this control rate")
+    require_whole("duration", scenario.duration, rates.control, "control periods")
+    for name in ("measurement", "command", "rotors", "joints"):
+        delay = getattr(delays, name)
+        if not concrete(delay):
+            continue
+        if delay > scenario.duration:
+            raise ValueError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
+        if name == "measurement":
+            require_whole("delays.measurement", delay, rates.control, "control periods")
+        # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
+        elif delays.longest_command is None or scenario.plant in STEPPING:
+            require_whole(f"delays.{name}", delay, rates.physics, "physics steps")
+    longest = delays.longest_command
+    if longest is None:
+        return
+    if longest * rates.control > LONGEST_QUEUE:
+        most = f"{LONGEST_QUEUE} control periods, {LONGEST_QUEUE / rates.control:g} s"
+        raise ValueError(f"delays.longest_command = {longest!r}: must be at most {most}")
+    for name in ("rotors", "joints", "command") if concrete(delays.command) else ():
+        delay, what = getattr(delays, name), "" if name == "command" else " with delays.command"
+        if concrete(delay) and (held := delay + (delays.command if what else 0)) > longest:
+            raise ValueError(f"delays.{name} = {held!r}{what}: must not exceed delays.longest_command = {longest!r}")
+
+
+def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
+    """A time is a whole number of ticks of a clock (Hz), at least one if it is above 0."""
+    count = seconds * rate
+    if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
+        raise ValueError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
+
+
+def _check_clocks_of_law(scenario: Scenario) -> None:
+    """Periods and filters among a law's constants are those of the scenario's clocks."""
+    par, rates = innermost(scenario.controller.par), scenario.rates
+    cutoff = getattr(par, "cutoff", None)
+    if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
+        raise ValueError(
+            f"controller.cutoff = {cutoff!r}: must be below {0.5 * rates.control:g} Hz, half of rates.control"
+        )
+    for clock, rate in (("control", rates.control), ("reference", rates.reference)):
+        period = getattr(par, f"{clock}_period", None)
+        if period is not None and concrete(period) and abs(period * rate - 1.0) > 1e-6:
+            raise ValueError(
+                f"controller.{clock}_period = {period!r}: must be {1.0 / rate:g} s, as rates.{clock} has it"
+            )
+
+
+def _check_reference(scenario: Scenario) -> None:
+    """The law starts tracking within the flight, and a governor has planned for all of it."""
     if concrete(scenario.joined):
         joined = number(scenario.joined, "reference.joined", low=0.0)
         if joined > scenario.duration:
             raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
-
-
-def check_path_time(scenario: Scenario) -> None:
-    """A governor has planned for all of the flight."""
     path = scenario.path_time
     if scenario.trajectory.guards and not (path is None and scenario.pause is None):
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
-    if path is None:
-        return
-    if path.duration < scenario.duration - 1e-9:
+    if path is not None and path.duration < scenario.duration - 1e-9:
         raise ValueError(
             f"reference.governor: was planned for {path.duration:g} s, the flight lasts {scenario.duration:g} s; "
             "plan it anew (skyarm.govern)"
         )
+    found, joints = len(scenario.trajectory.joints), scenario.world.vehicle.n
+    if found != joints:
+        raise ValueError(f"reference.joints = {found} signals: must be {joints}, one for each joint")
 
 
-def check_additions(scenario: Scenario) -> None:
-    """Named sensors tick with the loop and have names of their own; drives are of joints that are there."""
-    rates, seen = scenario.rates, set[str]()
+def _check_sensors(scenario: Scenario) -> None:
+    """Named sensors tick with the loop and have names of their own; law, phases and estimator have those they need."""
+    rates, vehicle = scenario.rates, scenario.world.vehicle
+    sensors: dict[str, Sensor] = {}
     for each in scenario.instruments:
         where = f"sensors.{each.name}"
-        if each.name in seen:
+        if each.name in sensors:
             raise ValueError(f"{where}: the name is taken")
-        seen.add(each.name)
+        sensors[each.name] = each.sensor
         rate = number(each.sensor.frequency, f"{where}.frequency", low=0.0)
         if rate and abs(rates.control / rate - round(rates.control / rate)) > 1e-9 * rates.control / rate:
             raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
         delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
         try:
-            each.sensor.require_vehicle(scenario.world.vehicle)
+            each.sensor.require_vehicle(vehicle)
         except ValueError as error:
             raise ValueError(f"{where}.{error}") from None
-    sensors = {each.name: each.sensor for each in scenario.instruments}
-    require_tip_sensor(scenario.controller.par, tuple(sensors.items()), scenario.world.vehicle)
-    require_guard_sensors(scenario.trajectory, tuple(sensors.items()), scenario.world.vehicle)
-    if learns_load(scenario.controller.par) and scenario.trajectory.load is None:
+    par, held = scenario.controller.par, tuple(sensors.items())
+    if senses_force(par):
+        _require_tip_sensor("controller", held, vehicle)
+    _check_guards(scenario.trajectory, held, vehicle)
+    if learns_load(par) and scenario.trajectory.load is None:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
-        most = shown(innermost(scenario.controller.par).load.limit)
+        most = shown(part_of(scenario.controller.par, "load").limit)
         raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
-    scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
-    if isinstance(scenario.estimator, ErrorStateFilter):
-        # the scenario's own drives, too, of which the belief need not know
-        given = {each.joint: each.drive for each in scenario.joint_drives}
-        scenario.estimator.require_torques(scenario.world.vehicle.name, given)
-    joints = [link.joint.name for link in scenario.world.vehicle.links]
-    driven = [each.joint for each in scenario.drives]
+    scenario.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
+    # the scenario's own drives, too, of which the model need not know
+    scenario.estimator.require_torques(vehicle.name, {each.joint: each.drive for each in scenario.joint_drives})
+
+
+def _check_drives(scenario: Scenario) -> None:
+    """Drives are of joints that are there and have torque; surroundings, drives and contact bear a control period."""
+    period, vehicle = 1.0 / scenario.rates.control, scenario.world.vehicle
+    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
-    own = {each.joint for each in scenario.drives}
     for fitted in scenario.joint_drives:
-        where = f"plant.drives.{fitted.joint}" if fitted.joint in own else f"plant.vehicle.drives.{fitted.joint}"
+        where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
         latency = getattr(fitted.drive, "latency", 0.0)
-        if concrete(latency) and latency * rates.control > LONGEST_QUEUE_OF_SERVO:
-            most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO / rates.control:g} s"
+        if concrete(latency) and latency * scenario.rates.control > LONGEST_QUEUE_OF_SERVO:
+            most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO * period:g} s"
             raise ValueError(f"{where}.latency = {latency!r}: must be at most {most}")
-    check_largest_step(added, 1.0 / rates.control)
-    for contact in scenario.contacts:
-        require_steps_to_fly(contact, 1.0 / rates.control)
-    for joint in driven:
-        if joint not in joints or driven.count(joint) > 1:
+    check_largest_step(added, period)
+    for joint in own:
+        if joint not in joints or own.count(joint) > 1:
             raise ValueError(f"drives: joint = {shown(joint)}: must be one of {', '.join(joints) or 'none'}, once")
-        limit = scenario.world.vehicle.links[joints.index(joint)].joint.effort_limit
+        limit = vehicle.links[joints.index(joint)].joint.effort_limit
         if concrete(limit) and limit == 0:
             words = f"must be above 0 ([[joints]] of its file): it leaves plant.drives.{joint} no torque"
             raise ValueError(f"plant.vehicle: joints[{joint}].effort_limit = 0: {words}")
 
 
-MOST_JOINTS = 256
-"""Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
-does, of 1200 it ends the process."""
-
-
-def check_vehicles(scenario: Scenario) -> None:
-    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can be simulated.
+def _check_vehicles(scenario: Scenario) -> None:
+    """Truth and model have the same joints and rotors, the law fits them, and the truth can be simulated.
 
     Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
     """
     check_controller(scenario.controller)
-    truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
-    if truth.n > MOST_JOINTS:
-        raise ValueError(
-            f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
-        )
+    truth, model = scenario.world.vehicle, scenario.controller.par.model.vehicle
     try:
         require_plant(truth)
         make_mixer(truth)
         joint_rate(truth)
     except ValueError as error:
         raise ValueError(f"plant.vehicle = {truth.name!r}: {error}") from None
-    for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
+    for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
-                f"model.vehicle = {belief.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
+                f"model.vehicle = {model.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
             )
+    for field, values, count in _counts_of_law(scenario.controller.par, model.n, len(model.rotors)):
+        if len(values) != count:
+            raise ValueError(f"controller.{field}: {len(values)} values, must be {count}")
+
+
+def _counts_of_law(par: Any, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
+    """(field, values, how many there must be) of gains, mixer, and the recovery under the safety layer."""
+    layer = par
+    while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
+        layer = layer.inner
+    recovery = getattr(layer, "recovery", None)
+    if recovery is not None:
+        yield from ((f"recovery.{name}", getattr(recovery, name), joints) for name in ("stow", "stow_speed"))
+        gains = recovery.joint_gains
+        yield from ((f"recovery.joint_gains.{n}", getattr(gains, n), joints) for n in ("stiffness", "damping"))
+    par = innermost(par)
+    gains, mixer = getattr(par, "joint_gains", None), getattr(par, "mixer", None)
+    if isinstance(gains, JointGains):
+        yield from ((f"joint_gains.{name}", getattr(gains, name), joints) for name in ("stiffness", "damping"))
+    for name in ("friction_compensation", "rate_weights"):
+        if getattr(par, name, ()):
+            yield name, getattr(par, name), joints
+    if isinstance(mixer, Mixer):
+        yield from ((f"mixer.{name}", getattr(mixer, name), rotors) for name in ("highest", "inverse"))
+        yield from ((f"mixer.inverse[{i}]", row, 4) for i, row in enumerate(mixer.inverse))
+        if mixer.across:
+            yield "mixer.across", mixer.across, rotors
+
+
+def _check_surroundings(scenario: Scenario) -> None:
+    """Faults, payloads, forces and contact name actuators, frames and links that the true vehicle has."""
+    vehicle, period = scenario.world.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
         try:
-            fault.check(truth)
+            fault.check(vehicle)
         except ValueError as error:
             raise ValueError(f"environment.faults[{i}].{error}") from None
-    check_frames(scenario)
-    check_law(scenario.controller.par, belief.n, len(belief.rotors))
-    found = len(scenario.trajectory.joints)
-    if found != truth.n:
-        raise ValueError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")
+    names = [payload.name for payload in scenario.payloads]
+    for i, name in enumerate(names):
+        if name and names.count(name) > 1:
+            raise ValueError(f"payloads[{i}].name = {name!r}: must be of one payload only")
+    for what, several in (("payloads", scenario.payloads), ("environment.forces", scenario.forces)):
+        for i, each in enumerate(several):
+            try:
+                each.require_vehicle(vehicle, period, scenario.world.gravity)
+            except ValueError as error:
+                raise ValueError(f"{what}[{i}].{error}") from None
+    for contact in scenario.contacts:
+        from skyarm.scenario.start_in_world import require_steps_to_fly
+
+        contact.check(vehicle)
+        require_steps_to_fly(contact, period)
 
 
-def check_initial(state: State, vehicle: Vehicle) -> None:
+def _check_mujoco_contacts(scenario: Scenario) -> None:
+    """Refuse what MuJoCo's own contacts cannot fly."""
+    plant, contact = f"plant.kind = {shown(scenario.plant)}: must be 'rigid_body' or 'mujoco'", scenario.contact
+    if contact is None:
+        raise ValueError(f"{plant} without a [world], of which nothing can be touched")
+    if scenario.integrator != "euler":
+        raise ValueError(
+            f"plant.integrator = {shown(scenario.integrator)}: must be 'euler' of plant.kind = 'mujoco_contacts'"
+        )
+    if scenario.world.vehicle.followers:
+        raise ValueError(f"{plant} for vehicle {scenario.world.vehicle.name!r}, whose joints follow others")
+    if any(payload.rigid for payload in scenario.payloads):
+        raise ValueError(f"{plant} with [[payloads]]; objects and grippers do what they do")
+    if any(fault.stuck for fault in scenario.faults):
+        raise ValueError(f"{plant} with a joint that gets stuck (environment.faults)")
+    bodies = (contact.surfaces, *(carrier.surfaces for carrier in contact.carriers))
+    holes = [each.name for surfaces in bodies for each in surfaces if each.shape == "hole"]
+    if holes:
+        raise ValueError(f"{plant} with a hole ({holes[0]!r}), of which MuJoCo has no shape")
+
+
+def _check_initial(state: State, vehicle: Vehicle) -> None:
     """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
     rotors, tilts = len(vehicle.rotors), len(vehicle.tilts)
     counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", rotors), ("tilts", tilts))
@@ -170,94 +340,6 @@ def check_initial(state: State, vehicle: Vehicle) -> None:
     check_quaternion(tuple(state.quaternion))
 
 
-def as_data(state: State) -> State:
-    """The state without integers, which would be structure, its quaternion exactly of unit length."""
-    held: dict[str, Any] = {}
-    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "tilts"):
-        value = getattr(state, name)
-        numbers = tuple(data(each) for each in value)
-        held[name] = numbers if isinstance(value, tuple) else type(value)(*numbers)
-    held["quaternion"] = near_unit_quaternion(held["quaternion"])
-    return State(**held)
-
-
-def check_law(par: Any, joints: int, rotors: int) -> None:
-    """Gains and mixer of a law, and its recovery under the safety layer, have a number for each joint and rotor."""
-    layer = par
-    while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
-        layer = layer.inner
-    recovery = getattr(layer, "recovery", None)
-    if recovery is not None:
-        for name in ("stow", "stow_speed"):
-            _require_count(f"controller.recovery.{name}", getattr(recovery, name), joints)
-        for name in ("stiffness", "damping"):
-            _require_count(f"controller.recovery.joint_gains.{name}", getattr(recovery.joint_gains, name), joints)
-    par = innermost(par)
-    gains, mixer = getattr(par, "joint_gains", None), getattr(par, "mixer", None)
-    if isinstance(gains, JointGains):
-        for name in ("stiffness", "damping"):
-            _require_count(f"controller.joint_gains.{name}", getattr(gains, name), joints)
-    for name in ("friction_compensation", "rate_weights"):
-        if getattr(par, name, ()):
-            _require_count(f"controller.{name}", getattr(par, name), joints)
-    if isinstance(mixer, Mixer):
-        _require_count("controller.mixer.highest", mixer.highest, rotors)
-        _require_count("controller.mixer.inverse", mixer.inverse, rotors)
-        for i, row in enumerate(mixer.inverse):
-            _require_count(f"controller.mixer.inverse[{i}]", row, 4)
-        if mixer.across:
-            _require_count("controller.mixer.across", mixer.across, rotors)
-
-
-def _require_count(field: str, values: tuple[Any, ...], count: int) -> None:
-    if len(values) != count:
-        raise ValueError(f"{field}: {len(values)} values, must be {count}")
-
-
-FLOWN = (
-    "world",
-    "trajectory",
-    "joined",
-    "components",
-    "faults",
-    "sensors",
-    "instruments",
-    "drives",
-    "delays",
-    "initial",
-    "contact",
-)
-"""Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
-
-
-def require_flight(scenario: Any) -> None:
-    """What flies is one scenario whose numbers are plain: a batch flies lanes.
-
-    Raises:
-        ScenarioError: one line with field and value.
-    """
-    from skyarm.scenario.scenario_record import Scenario
-
-    if not isinstance(scenario, Scenario):
-        raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
-    for field in FLOWN:
-        _require_plain(getattr(scenario, field), field)
-    _require_plain(scenario.controller.par, "controller")
-    if scenario.contacts:
-        from skyarm.scenario.start_in_world import require_start_outside
-
-        try:
-            require_start_outside(scenario)
-        except ValueError as error:
-            raise ScenarioError(str(error)) from None
-
-
-def _require_plain(record: Any, where: str) -> None:
-    for field, value in named_leaves(record, where):
-        if not (concrete(value) or callable(value)):
-            raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
-
-
 def check_quaternion(values: tuple[Any, ...]) -> None:
     """Four numbers of unit length."""
     good = len(values) == 4
@@ -267,3 +349,75 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
         raise ValueError(
             f"initial.quaternion_wxyz = {shown(list(values))}: must be four numbers of length 1 within {TOLERANCE:g}"
         )
+
+
+def require_flight(scenario: Any) -> None:
+    """Require one scenario whose numbers are plain, not lanes, and whose vehicle starts outside of all surfaces.
+
+    Raises:
+        ScenarioError: one line with field and value.
+    """
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
+    records = [*((getattr(scenario, field), field) for field in FLOWN), (scenario.controller.par, "controller")]
+    for record, where in records:
+        for field, value in named_leaves(record, where):
+            if not (concrete(value) or callable(value)):
+                raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
+    if scenario.contacts:
+        from skyarm.scenario.start_in_world import require_start_outside
+
+        try:
+            require_start_outside(scenario)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
+
+
+def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Mat3] | None:
+    """Name of the first force-torque sensor on the tip's link, and the rotation of its axes to those of the tip."""
+    found = _force_sensor(sensors, vehicle)
+    return None if found is None else (found[0], vehicle.frame().rotation.T @ found[1].rotation)
+
+
+def sensor_offset(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> Vec3:
+    """Position of that sensor, m from the tip in its axes: its torque is one about this place."""
+    tip, found = vehicle.frame(), _force_sensor(sensors, vehicle)
+    assert found is not None
+    offset: Vec3 = tip.rotation.apply_T(found[1].position - tip.position)
+    return offset
+
+
+def _force_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Any] | None:
+    """Name and frame of the first force-torque sensor on the tip's link."""
+    if not sensors or not vehicle.end_effector:
+        return None
+    from skyarm.sensors.sensor_kinds import ForceTorque
+
+    framed = ((name, vehicle.frame(s.frame or None)) for name, s in sensors if isinstance(s, ForceTorque))
+    return next(((name, frame) for name, frame in framed if frame.link == vehicle.frame().link), None)
+
+
+def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
+    if tip_sensor(sensors, vehicle) is None:
+        needed = "a sensor of kind 'force_torque' on the link of the tip"
+        raise ValueError(f"{at}.force_sensor = true: must be false without {needed} ([sensors.NAME])")
+
+
+def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
+    """Phases wait for what a sensor of the vehicle reads."""
+    if not trajectory.guards:
+        return
+    from skyarm.sensors.sensor_kinds import TactileSwitch
+
+    switches = [name for name, sensor in sensors if isinstance(sensor, TactileSwitch)]
+    for guard in trajectory.guards:
+        named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
+        at = f"reference: phase {guard.phase} '{named}': until"
+        if guard.sensed:
+            _require_tip_sensor(at, sensors, vehicle)
+        for word in ("closed", "open"):
+            name = getattr(guard, word)
+            if name and name not in switches:
+                near, there = did_you_mean(name, switches), ", ".join(switches) or "none"
+                allowed = f"{near}must be the name of a sensor of kind 'tactile_switch'; there are {there}"
+                raise ValueError(f"{at}.{word} = {shown(name)}: {allowed}")

@@ -32,7 +32,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.contact)
-    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
+    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.scenario_tables)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller believes the plant's
@@ -43,51 +43,44 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from skyarm.control.model import Model
-from skyarm.environment import NO_WIND, faults_from, wind_from
 from skyarm.files import (
     Fields,
     all_wrong_words,
-    did_you_mean,
     file_name,
     number,
     one_line,
-    read_toml,
     shown,
-    unreadable,
 )
-from skyarm.files.kinds_of_files import require_kind
-from skyarm.metrics.windows import Windows, windows_from
+from skyarm.files.names import names_in, read_named
+from skyarm.metrics.windows import windows_from
 from skyarm.plant.interface import Truth
-from skyarm.reference.tip_tables import reference_from
+from skyarm.records.read_table import record_from
+from skyarm.reference.task_records import Setting
 from skyarm.registry import names
-from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.change_checks import require_changes
-from skyarm.scenario.changes import Change, changes_from, require_within, without_law
-from skyarm.scenario.law_by_name import loop_facts
-from skyarm.scenario.mujoco_contact_checks import usual_integrator
-from skyarm.scenario.path_governor import with_governor
-from skyarm.scenario.payload_tables import belief_changes, payloads_from, waiting_beliefs
-from skyarm.scenario.reference_setting import in_folder, setting_of
-from skyarm.scenario.scenario_of_log import scenario_of_log
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.scenario.standing_objects import with_standing_objects
-from skyarm.scenario.start_in_world import require_start_outside
-from skyarm.scenario.task_grippers import with_commands
-from skyarm.scenario.task_payloads import with_instants
+from skyarm.scenario.controller_table import loop_facts
+from skyarm.scenario.scenario_record import (
+    MUJOCO_CONTACTS,
+    Change,
+    Delays,
+    Rates,
+    Scenario,
+    ScenarioError,
+    without_law,
+)
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 
 
 def list_scenarios() -> tuple[str, ...]:
     """Return the names of the shipped scenarios."""
-    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+    return names_in(LIBRARY)
 
 
 def load_scenario(
@@ -117,32 +110,17 @@ def load_scenario(
     replaced = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
     given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
+        from skyarm.scenario.scenario_of_log import scenario_of_log
+
         return scenario_of_log(text, given)
-    if text in list_scenarios():
-        content, folder = (LIBRARY / f"{text}.toml").read_bytes(), Path()
-    else:
-        content, folder = _read(text), Path(text).parent
     try:
-        document = read_toml(content)
-        require_kind(document, "scenario")
+        document, folder = read_named(text, "scenario", LIBRARY, " or a log, or a name")
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    try:
         return scenario_from(document, folder, given)
     except ValueError as error:
         raise ScenarioError(f"{text}: {error}") from None
-
-
-def _read(text: str) -> bytes:
-    path = Path(text)
-    known = f"shipped scenarios are {', '.join(list_scenarios())}"
-    if path.suffix != ".toml":
-        allowed = f"{did_you_mean(text, list_scenarios())}must be the path of a .toml file or a log, or a name; {known}"
-        raise ScenarioError(f"scenario = {shown(text)}: {allowed}")
-    reason = unreadable(path)
-    if reason:
-        raise ScenarioError(f"scenario = {shown(text)}: {reason}; {known}")
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ScenarioError(f"scenario = {shown(text)}: must be readable ({error.strerror}); {known}") from None
 
 
 def scenario_from(
@@ -171,57 +149,48 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     schema = top.take("schema", 1)
     if schema != 1 or isinstance(schema, bool):
         raise ValueError(f"schema = {shown(schema)}: must be 1")
-    plant = Fields(top.take("plant"), "plant")
+    plant, environment = Fields(top.take("plant"), "plant"), top.inner("environment")
     world = Truth(vehicle=tables.truth(plant, folder), gravity=tables.gravity(plant))
-    environment = Fields(top.take("environment", {}), "environment")
-    read = Fields(top.take("sensors", {}), "sensors")
-    added.require_plugins(top)
-    in_file = {
-        "duration": top.take("duration"),
-        "plant": plant.take("kind", "rigid_body"),
-        "seed": top.take("seed", 0),
-    }
-    chosen = {name: replaced.get(name, value) for name, value in in_file.items()}
+    tables.require_plugins(top)
+    duration = top.take("duration")
+    chosen = {"plant": plant.take("kind", "rigid_body"), "seed": top.take("seed", 0), "duration": duration}
+    chosen |= {name: replaced[name] for name in chosen if name in replaced}
     chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
-    controller = Fields(top.take("controller"), "controller")
-    rates, delays = tables.rates(top), tables.delays(top)
-    governed, governor = tables.governor(top.take("reference", {}))
-    motion, joined = tables.joined(governed)
-    longest = max(chosen["duration"], number(in_file["duration"], "duration"))
-    setting = setting_of(world, longest)
-    trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
-    handled = [event for event in setting.events if not event.gripper]
-    payloads, told = payloads_from(with_instants(top.take("payloads", []), handled, rates.control))
-    payloads, told = waiting_beliefs(payloads, told, trajectory)
+    rates, delays = record_from(Rates, top.inner("rates")), record_from(Delays, top.inner("delays"))
+    setting = tables.setting_of(world, max(chosen["duration"], number(duration, "duration")))
+    reference, governor = tables.reference(top.take("reference", {}), world, setting, folder)
+    flying, contact = top.take("payloads", []), tables.contact(top.take("world", None), folder)
+    changes: tuple[Change, ...] = ()
+    if flying != [] or setting.events:
+        from skyarm.scenario import payload_tables as loads
+
+        handled = [event for event in setting.events if not event.gripper]
+        payloads, believed = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
+        payloads, believed = loads.waiting_beliefs(payloads, believed, reference["trajectory"])
+        reference["payloads"] = payloads
+        changes = loads.belief_changes(payloads, believed, chosen["duration"], rates.control)
+        contact = loads.with_commands(contact, [event for event in setting.events if event.gripper], rates.control)
+    law = Fields(top.take("controller"), "controller")
     model = _model(top, plant, world, folder)
-    tables.require_servos_said(controller, world.vehicle, model)
+    tables.require_servos_said(law, world.vehicle, model)
+    sensors, instruments = tables.sensors(top.inner("sensors").table)
     scenario = Scenario(
         name=top.take("name"),
-        title=tables.text(top, "title", ""),
+        title=top.text("title", ""),
         rates=rates,
         world=world,
         integrator=plant.take("integrator", usual_integrator(chosen["plant"])),
-        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays), folder),
-        trajectory=trajectory,
-        joined=joined,
-        wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
-        faults=faults_from(environment.take("faults", []), "environment.faults"),
-        sensors=tables.sensors(read),
-        instruments=added.instruments(read.table),
-        estimator=added.estimator(top),
-        drives=added.drives(plant),
-        endings=added.endings(top),
-        air=added.components(environment, "air", "air"),
-        forces=added.components(environment, "forces", "force"),
+        controller=tables.controller(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
+        sensors=sensors,
+        instruments=instruments,
+        drives=tables.drives(plant),
         delays=delays,
         episode=top.take("episode", 0),
-        ground=tables.truth_value(environment, "ground", True),
-        windows=windows_from(Fields(top.take("windows", {}), "windows")),
-        payloads=payloads,
-        contact=with_commands(
-            tables.contact(top, folder), [event for event in setting.events if event.gripper], rates.control
-        ),
-        changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
+        windows=windows_from(top.inner("windows")),
+        contact=contact,
+        changes=(*_changes(top, replaced), *changes),
+        **tables.parts_from({"": top, "environment": environment}),
+        **reference,
         **chosen,
     )
     for fields in (plant, environment):
@@ -231,34 +200,61 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         require_within(scenario.changes, scenario.steps, rates.control)
     initial = top.take("initial", None)
     top.done()
-    require_changes(scenario)
-    for held in scenario.contacts:
-        scenario = dataclasses.replace(scenario, contact=with_standing_objects(held, float(world.gravity)))
+    if scenario.changes:
+        from skyarm.scenario.in_flight import require_changes
+
+        require_changes(scenario)
+    return _at_start(scenario, initial, governor, setting)
+
+
+def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting) -> Scenario:
+    """The scenario with objects and vehicle where they start, and its reference governed."""
+    if scenario.contact is not None:
+        from skyarm.scenario.standing_start import with_standing_objects
+
+        rested = with_standing_objects(scenario.contact, float(scenario.world.gravity))
+        scenario = dataclasses.replace(scenario, contact=rested)
     if initial is not None:
         scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
-    require_start_outside(scenario)
-    return scenario if governor is None else with_governor(scenario, governor, setting)
+    if scenario.contact is not None:
+        from skyarm.scenario.start_in_world import require_start_outside
+
+        require_start_outside(scenario)
+    if governor is None:
+        return scenario
+    from skyarm.scenario.path_governor import with_governor
+
+    return with_governor(scenario, governor, setting)
+
+
+def usual_integrator(plant: Any) -> str:
+    """The integrator of a plant where nothing is said."""
+    return "euler" if plant == MUJOCO_CONTACTS else "rk4"
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
     """[[changes]]; a controller that takes the place of the file's is not changed by the file."""
-    found = changes_from(top.take("changes", []))
+    found = tuple(record_from(Change, fields) for fields in top.tables("changes"))
     return without_law(found) if "controller" in replaced else found
 
 
-def _windows(top: Fields, duration: Any) -> Windows:
-    """When the metrics look: within the flight of the file, whatever duration takes its place."""
-    windows = windows_from(Fields(top.take("windows", {}), "windows"))
-    windows.require_within(number(duration, "duration"))
-    return windows
+def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
+    """Refuse changes that take hold in no control period of a flight.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    for i, change in enumerate(changes):
+        if change.tick(rate) >= steps:
+            last = (steps - 1) / rate
+            raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
 
 
 def _model(top: Fields, plant: Fields, world: Truth, folder: Path) -> Model:
-    """What the controller believes: [model], or the plant's vehicle (without its payload) and gravity."""
-    if "model" not in top.table:
-        top.take("model", None)
+    """[model], or the plant's vehicle (without its payload) and gravity."""
+    if top.take("model", None) is None:
         return Model(vehicle=tables.vehicle(plant, folder), gravity=world.gravity)
-    fields = Fields(top.take("model"), "model")
+    fields = top.inner("model")
     model = Model(vehicle=tables.truth(fields, folder), gravity=tables.gravity(fields))
     fields.done()
     return model

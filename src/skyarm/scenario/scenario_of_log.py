@@ -11,15 +11,13 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.model import Model
-from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
-from skyarm.scenario.changes import Change, without_law
-from skyarm.scenario.gains_file import make_named_or_tuned
-from skyarm.scenario.law_by_name import loop_facts, under_law
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
+from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned, under_law
+from skyarm.scenario.scenario_record import Change, Delays, Rates, Scenario, ScenarioError, without_law
 
 
 def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | None = None) -> Scenario:

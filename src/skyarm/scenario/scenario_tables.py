@@ -4,51 +4,86 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skyarm.actuation import AllocationError
+from skyarm.actuation.drive import Drive
+from skyarm.actuation.hover import highest_thrust
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.contact.contact import Contact
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import payload_from
+from skyarm.environment import Component, Payload, faults_from, wind_from
+from skyarm.estimate.estimator import Estimator
 from skyarm.files import Fields, number, shown
-from skyarm.records.leaves import field_names
-from skyarm.records.read_table import record_from
-from skyarm.scenario.gains_file import controller_of_file, make_named_or_tuned
-from skyarm.scenario.governor_limits import GovernorOptions
-from skyarm.scenario.law_by_name import on_actuators
-from skyarm.scenario.law_table import by_words
-from skyarm.scenario.path_governor import options_from
+from skyarm.files.fields import list_of_tables
+from skyarm.plant.interface import Truth
+from skyarm.records.leaves import parts
+from skyarm.records.read_table import record_from, registered_from
+from skyarm.reference.feasibility import Feasibility, feasibility
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
+from skyarm.registry.plugins import known_names
+from skyarm.registry.registrations import LOADED_BY
+from skyarm.scenario.controller_table import by_words, controller_of_file, make_named_or_tuned, on_actuators
+from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
+from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
 from skyarm.scenario.standing_start import standing
-from skyarm.scenario.world_meshes import with_meshes
-from skyarm.sensors.noise import SensorNoise
+from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
-
-def text(fields: Fields, name: str, *default: str) -> str:
-    """Text; not empty where there is no default."""
-    value = fields.take(name, *default)
-    if not isinstance(value, str) or (not value and not default):
-        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
-    return value
+if TYPE_CHECKING:
+    from skyarm.contact.contact import Contact
+    from skyarm.scenario.path_governor import GovernorOptions
 
 
-def truth_value(fields: Fields, name: str, default: bool) -> bool:
-    """True or false."""
-    value = fields.take(name, default)
-    if not isinstance(value, bool):
-        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be true or false")
-    return value
+def _several(kind: str, base: type, tables: Any, where: str) -> tuple[Any, ...]:
+    """Records of a list of tables ``{ kind = NAME, numbers ... }``."""
+    return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
+
+
+def _estimator(table: Any, where: str) -> Estimator:
+    """An estimator, or its kind alone."""
+    found: Estimator = registered_from(
+        "estimator", Estimator, {"kind": table} if isinstance(table, str) else table, where
+    )
+    return found
+
+
+def _ground(value: Any, where: str) -> bool:
+    return Fields({"ground": value}, where.rpartition(".")[0]).flag("ground")
+
+
+PARTS: Mapping[str, tuple[str, Callable[[Any, str], Any]]] = {
+    "environment.wind": ("wind", wind_from),
+    "environment.faults": ("faults", faults_from),
+    "environment.air": ("air", partial(_several, "air", Component)),
+    "environment.forces": ("forces", partial(_several, "force", Component)),
+    "environment.ground": ("ground", _ground),
+    "estimator": ("estimator", _estimator),
+    "endings": ("endings", partial(_several, "ending", Ending)),
+}
+"""Path in a file -> field of the scenario, and reader of (value, path): parts that need no others to be read."""
+
+
+def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
+    """Fields of a scenario from those of the ``PARTS`` that are there, by the name of the table that they stand in."""
+    found = {}
+    for path, (field, read) in PARTS.items():
+        within, _, name = path.rpartition(".")
+        value = tables[within].take(name, None)
+        if name in tables[within].table:
+            found[field] = read(value, path)
+    return found
 
 
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
@@ -63,46 +98,46 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
 
 
 def truth(plant: Fields, folder: Path) -> Vehicle:
-    """The table's vehicle with its payload and what it says of joints: the truth, or what is believed of it."""
-    found = with_payload(vehicle(plant, folder), plant)
-    if plant.where == "model":
-        found = believed_drives(found, plant)
-    rows = _joint_overrides(plant, found.n)
+    """The vehicle of [plant] or [model] with its payload and its numbers of joints, [model] with its drives."""
+    found = vehicle(plant, folder)
+    if "payload" in plant.table:
+        try:
+            found = record_from(Payload, plant.inner("payload")).held_by(found)
+        except ValueError as error:
+            words, at = str(error), plant.at("payload")
+            raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
+    if plant.where == "model" and "drives" in plant.table:
+        drives = mounted_drives(_named(plant, "drives"), plant.at("drives"))
+        found = dataclasses.replace(found, drives=drives)
+    return _with_joint_numbers(found, plant.inner("joints"))
+
+
+def _named(fields: Fields, name: str) -> dict[str, Any]:
+    """Tables by name."""
+    table: Any = fields.take(name, {})
+    if not isinstance(table, dict):
+        raise ValueError(f"{fields.at(name)} = {shown(table)}: must be a table of tables by name")
+    return table
+
+
+def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
+    """The vehicle with other numbers of its joints: one for every joint, or a list of one for each."""
+    rows: list[dict[str, Any]] = [{} for _ in found.links]
+    for name in JOINT_NUMBERS:
+        value, at = table.take(name, None), table.at(name)
+        if isinstance(value, list) and len(value) != found.n:
+            raise ValueError(f"{at} = {shown(value)}: must be a number, or {found.n} numbers, one for each joint")
+        for i, row in enumerate(rows if value is not None else ()):
+            given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
+            row[name] = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            if name == "stop_stiffness" and row[name] == 0.0:
+                row[name] = 0  # a stop of exactly no stiffness is none
+    table.done()
     if not any(rows):
         return found
-    links = tuple(
-        dataclasses.replace(link, joint=dataclasses.replace(link.joint, **row))
-        for link, row in zip(found.links, rows, strict=True)
-    )
-    return dataclasses.replace(found, links=links)
-
-
-def believed_drives(found: Vehicle, model: Fields) -> Vehicle:
-    """The vehicle with the drives of [model.drives.JOINT] in place of those that it carries."""
-    tables = model.take("drives", None)
-    if tables is None:
-        return found
-    if not isinstance(tables, dict):
-        raise ValueError(f"{model.at('drives')} = {shown(tables)}: must be a table of tables by name")
-    return dataclasses.replace(found, drives=mounted_drives(tables, model.at("drives")))
-
-
-def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
-    """The vehicle with the table's payload, if there is one."""
-    payload = fields.take("payload", None)
-    if payload is None:
-        return carrier
-    held = payload_from(payload, fields.at("payload"))
-    try:
-        return held.held_by(carrier)
-    except ValueError as error:
-        raise ValueError(f"{fields.at('payload')}: {error}") from None
-
-
-def contact(top: Fields, folder: Path) -> Contact | None:
-    """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
-    table = top.take("world", None)
-    return None if table is None else record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
+    joints = [dataclasses.replace(link.joint, **row) for link, row in zip(found.links, rows, strict=True)]
+    links = (dataclasses.replace(link, joint=joint) for link, joint in zip(found.links, joints, strict=True))
+    return dataclasses.replace(found, links=tuple(links))
 
 
 def gravity(fields: Fields) -> float:
@@ -110,48 +145,55 @@ def gravity(fields: Fields) -> float:
     return fields.number("gravity", 9.81, low=0.0)
 
 
-def _joint_overrides(table_of: Fields, joints: int) -> list[dict[str, Any]]:
-    """Fields of each joint: a number stands for every joint, a list has one for each."""
-    table = Fields(table_of.take("joints", {}), table_of.at("joints"))
-    found: list[dict[str, Any]] = [{} for _ in range(joints)]
-    for name in JOINT_NUMBERS:
-        strict = name == "coulomb_rate"
-        value, at = table.take(name, None), table.at(name)
-        if isinstance(value, list):
-            if len(value) != joints:
-                raise ValueError(f"{at} = {shown(value)}: must be a number, or {joints} numbers, one for each joint")
-            values = [number(each, f"{at}[{i}]", low=0.0, strict=strict) for i, each in enumerate(value)]
-        elif value is not None:
-            values = [number(value, at, low=0.0, strict=strict)] * joints
-        else:
-            continue
-        for row, each in zip(found, values, strict=True):
-            # a stop of exactly no stiffness is none
-            row[name] = 0 if name == "stop_stiffness" and each == 0.0 else each
-    table.done()
+def contact(table: Any, folder: Path) -> Contact | None:
+    """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
+    if table is None:
+        return None
+    from skyarm.contact.contact import Contact
+
+    return record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
+
+
+def with_meshes(table: Any, where: str, folder: Path) -> Any:
+    """The tables of a world whose paths of meshes stand below a folder, as absolute paths.
+
+    Args:
+        table: plain, of a file.
+        where: its place in the file.
+        folder: of the file.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if isinstance(table, list):
+        return [with_meshes(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
+    if not isinstance(table, dict):
+        return table
+    found = {name: with_meshes(each, f"{where}.{name}", folder) for name, each in table.items()}
+    mesh = table.get("mesh")
+    if isinstance(mesh, str) and mesh:
+        from skyarm.files.stl_mesh import read_corners
+
+        path = folder / mesh
+        try:
+            read_corners(path)
+        except ValueError as error:
+            raise ValueError(f"{where}.mesh = {shown(mesh)}: {error}") from None
+        found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found
-
-
-def rates(top: Fields) -> Rates:
-    """Clock rates."""
-    table = Fields(top.take("rates", {}), "rates")
-    defaults = Rates()
-    hertz = {name: table.take(name, getattr(defaults, name)) for name in ("physics", "control", "reference")}
-    table.done()
-    return Rates(**hertz)
 
 
 def controller(
     fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
 ) -> Controller:
-    """A preset or a law with its constants, with the safety layer if asked; on the servos that the belief has.
+    """A preset or a law with its constants, with the safety layer if asked; on the servos that the model has.
 
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
-    (:mod:`skyarm.scenario.gains_file`); ``folder`` is where the table's own file of gains lies.
+    (:mod:`skyarm.scenario.controller_table`); ``folder`` is where the table's own file of gains lies.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
     """
-    safety, servos = fields.take("safety", False), truth_value(fields, "servos", bool(model.vehicle.drives))
+    safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)
     try:
         if replaced is not None:
@@ -163,9 +205,8 @@ def controller(
             found = by_words(fields, plain, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
-    found = _with_safety(found, safety)
     try:
-        return on_actuators(found, model, known["control_period"], servos)
+        return on_actuators(_with_safety(found, safety), model, known["control_period"], servos)
     except ControllerError as error:
         raise ValueError(f"controller.{error}") from None
 
@@ -180,7 +221,7 @@ def _require_alone(fields: Fields) -> None:
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Refuse a belief without the servos of the true vehicle, unless the file says what the law's efforts are.
+    """Refuse a model without the servos of the true vehicle, unless the file says what the law's efforts are.
 
     Raises:
         ValueError: one line: torques would reach the servos as angles.
@@ -204,57 +245,71 @@ def _with_safety(found: Controller, safety: Any) -> Controller:
         raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
     table = Fields(safety, "controller.safety")
     stow = table.numbers("stow") if "stow" in safety else None
-    try:
-        return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
-    except ControllerError as error:
-        raise ValueError(f"controller.{error}") from None
+    return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
 
 
-def sensors(table: Fields) -> SensorNoise:
-    """Standard deviations; a perfect sensor is structure. Tables in it are sensors of their own."""
-    for name, value in table.table.items():
-        if isinstance(value, dict):
-            table.take(name)
-    names = field_names(SensorNoise) or ()
-    sigmas: dict[str, Any] = {name: table.number(name, 0.0, low=0.0) for name in names}
-    table.done()
-    return SensorNoise(**{name: sigma if sigma > 0.0 else 0 for name, sigma in sigmas.items()})
+def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, ...]]:
+    """Standard deviations of the full state, of which an exact zero is structure; tables in it, sensors by name."""
+    named = {name: value for name, value in table.items() if isinstance(value, dict)}
+    noise = record_from(SensorNoise, Fields({name: table[name] for name in table if name not in named}, "sensors"))
+    read = {name: registered_from("sensor", Sensor, value, f"sensors.{name}") for name, value in named.items()}
+    instruments = tuple(NamedSensor(name=name, sensor=sensor) for name, sensor in read.items())
+    return SensorNoise(**{name: sigma or 0 for name, sigma in parts(noise).items()}), instruments
 
 
-def delays(top: Fields) -> Delays:
-    """Dead times."""
-    table = Fields(top.take("delays", {}), "delays")
-    seconds = {name: table.number(name, 0.0, low=0.0) for name in ("measurement", "command")}
-    apart: dict[str, Any] = {name: table.number(name, low=0.0) for name in ("rotors", "joints") if name in table.table}
-    longest = table.take("longest_command", None)
-    table.done()
-    return Delays(**seconds, **apart, longest_command=longest)
+def drives(plant: Fields) -> tuple[JointDrive, ...]:
+    """[plant.drives.JOINT]."""
+    read = {
+        joint: registered_from("drive", Drive, table, f"plant.drives.{joint}")
+        for joint, table in _named(plant, "drives").items()
+    }
+    return tuple(JointDrive(joint=joint, drive=drive) for joint, drive in read.items())
 
 
-def governor(reference: Any) -> tuple[Any, GovernorOptions | None]:
-    """The table of the reference without ``governor``, and its options; None where there is none."""
-    if not isinstance(reference, Mapping) or "governor" not in reference:
-        return reference, None
-    rest = {name: value for name, value in reference.items() if name != "governor"}
-    said = reference["governor"]
-    if isinstance(said, bool):
-        return rest, GovernorOptions() if said else None
-    if not isinstance(said, Mapping):
-        raise ValueError(f"reference.governor = {shown(said)}: must be true, false or a table of limits")
-    return rest, options_from(said)
+def setting_of(world: Truth, duration: float) -> Setting:
+    """Facts of the flight that a reference's tables may need."""
+    weight = float(world.vehicle.mass) * float(world.gravity)
+    most = float(highest_thrust(world.vehicle)) / weight if weight > 0.0 else math.inf
+    return Setting(vehicle=world.vehicle, gravity=float(world.gravity), duration=duration, thrust_to_weight=most)
 
 
-def joined(reference: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
-    """The table of the reference without ``joined``, and that: s, or a structural 0 where the law follows at once."""
-    if not isinstance(reference, Mapping) or "joined" not in reference:
-        return reference, 0  # type: ignore[return-value]
-    rest = {name: value for name, value in reference.items() if name != "joined"}
-    return rest, number(reference["joined"], "reference.joined", low=0.0)
+def feasibility_of(scenario: Scenario) -> Feasibility | None:
+    """Reach and limits of the plan of a scenario's tip; None where the tip has no reference of its own."""
+    return feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))
+
+
+def _in_folder(table: Any, folder: Path) -> Any:
+    """A reference's table whose files of samples stand below a folder."""
+    if isinstance(table, list):
+        return [_in_folder(item, folder) for item in table]
+    if not isinstance(table, dict):
+        return table
+    found = {name: _in_folder(item, folder) for name, item in table.items()}
+    if found.get("kind") == "samples" and isinstance(found.get("file"), str):
+        found["file"] = str(folder / found["file"])
+    return found
+
+
+def reference(
+    table: Any, world: Truth, setting: Setting, folder: Path = Path()
+) -> tuple[dict[str, Any], GovernorOptions | None]:
+    """Trajectory and start of tracking of [reference], and the options of its governor, None for none."""
+    rest, governor, joined = table, None, 0
+    if isinstance(table, Mapping):
+        rest = {name: value for name, value in table.items() if name not in ("governor", "joined")}
+        if "joined" in table:  # s; left out, a structural 0: the law follows at once
+            joined = number(table["joined"], "reference.joined", low=0.0)  # type: ignore[assignment]
+        if table.get("governor", False) is not False:
+            from skyarm.scenario.path_governor import options_from
+
+            governor = options_from(table["governor"])
+    trajectory = reference_from(_in_folder(rest, folder), world.vehicle.n, "reference", setting)
+    return {"trajectory": trajectory, "joined": joined}, governor
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:
     """Hover trim at the reference with the given fields replaced; ``standing`` sets it down below, rotors at rest."""
-    stands = truth_value(fields, "standing", False)
+    stands = fields.flag("standing", False)
     start = scenario.trajectory.at(0.0)
     joints = fields.numbers("joints", [float(q) for q in start.joints])
     n = scenario.world.vehicle.n
@@ -267,18 +322,22 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     quaternion = fields.numbers("quaternion_wxyz", list(trim.quaternion))
     check_quaternion(quaternion)
     length = math.sqrt(sum(c * c for c in quaternion))
+    vectors = {
+        name: Vec3(*fields.vector(name, tuple(getattr(trim, name)))) for name in ("position", "velocity", "rate")
+    }
     state = State(
-        position=Vec3(*fields.vector("position", tuple(trim.position))),
         quaternion=Quaternion.of([c / length for c in quaternion]),
-        velocity=Vec3(*fields.vector("velocity", tuple(trim.velocity))),
-        rate=Vec3(*fields.vector("rate", tuple(trim.rate))),
         joints=joints,
         joint_rates=fields.numbers("joint_rates", trim.joint_rates),
         rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),
         tilts=fields.numbers("tilts", trim.tilts),
+        **vectors,
     )
     fields.done()
-    return standing(scenario.world, scenario.contacts[0], state) if stands else state
+    if not stands:
+        return state
+
+    return standing(scenario.world, scenario.contacts[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:
@@ -288,3 +347,20 @@ def _require_standing(fields: Fields, scenario: Scenario) -> None:
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):
         if name in fields.table:
             raise ValueError(f"{fields.at(name)}: must be left out of a start that is standing: it is at rest")
+
+
+def require_plugins(top: Fields) -> None:
+    """[plugins] need = [...] of a scenario or study: plugins that must be loaded; a file loads none itself.
+
+    Raises:
+        ValueError: one is not loaded, with how to load it.
+    """
+    table = top.inner("plugins")
+    needed = table.take("need", [])
+    table.done()
+    if not isinstance(needed, list) or not all(isinstance(name, str) for name in needed):
+        raise ValueError(f"plugins.need = {shown(needed)}: must be a list of names")
+    for name in needed:
+        if name not in known_names():
+            how = LOADED_BY.format(name) if name.endswith(".py") else f"pip install {name}"
+            raise ValueError(f"plugins.need = {name!r}: is not loaded; {how}. A file that is read runs no code")

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import PRESETS, TUNED, full_name
+from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.files import Fields, number, read_toml, shown
-from skyarm.files.write_toml import toml_text, toml_value
+from skyarm.files.toml import toml_text, toml_value
 from skyarm.registry.plugins import is_law_of_file
-from skyarm.scenario.changes import Change
+from skyarm.scenario.paths import ROOTS
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-from skyarm.scenario.scenario_record import Rates, ScenarioError
+from skyarm.scenario.scenario_record import Change, Rates, ScenarioError
 
 HEAD = re.compile(r"[ \t]*\[[ \t]*\[[ \t]*changes[ \t]*\][ \t]*\][ \t]*(#.*)?")
 """Line that begins one table of ``[[changes]]``."""
@@ -123,12 +123,11 @@ def _ends(window: Any) -> float:
 def _controller(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
     """The table of a controller by one name, under the layers of the file's."""
     layers = {word: before[word] for word in LAYERS if word in before}
-    full = full_name(name)
-    if full in PRESETS:
-        return {"preset": full, **layers}
-    if full.endswith(TUNED):
-        return {"law": full.removesuffix(TUNED), "tuned": True, **layers}
-    return {"law": full, **layers}
+    if name in PRESETS:
+        return {"preset": name, **layers}
+    if name.endswith(TUNED):
+        return {"law": name.removesuffix(TUNED), "tuned": True, **layers}
+    return {"law": name, **layers}
 
 
 def _table_of(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -160,3 +159,53 @@ def _reads_as(text: str, document: Mapping[str, Any]) -> bool:
         return read_toml(text.encode()) == document
     except ValueError:
         return False
+
+
+ABSENT = "(none)"
+"""Stands for what only one of two scenarios has."""
+
+FOR_PEOPLE = ("title", "sources", "notes", "type")
+"""Words that say nothing of a flight, or what a table is of."""
+
+Words = tuple[str, ...]
+
+
+def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
+    """Path -> values in two scenarios, where they differ.
+
+    Args:
+        a: plain data of a scenario (``log.info["scenario_record"]``); anything else has nothing in it.
+        b: of the other.
+    """
+    ours, theirs = (dict(_leaves(each, ())) if isinstance(each, Mapping) else {} for each in (a, b))
+    found = {}
+    for words in {**ours, **theirs}:
+        pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
+        if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
+            found[_path(words)] = pair
+    return found
+
+
+def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
+    """Words and value of everything in plain data that has no parts itself."""
+    inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
+    if not inner:
+        yield words, data
+    for name, each in inner:
+        # a class is told where it is a law, a plant or another kind of wind; elsewhere it follows from the field
+        if name not in FOR_PEOPLE or (name == "type" and isinstance(each, str) and _chosen(words)):
+            yield from _leaves(each, (*words, str(name)))
+
+
+def _chosen(words: Words) -> bool:
+    """Whether what stands there may be of several classes."""
+    return words in (("wind",), ("estimator",)) or (len(words) == 2 and words[0] in ("air", "forces", "endings"))
+
+
+def _path(words: Words) -> str:
+    """The sweep's path of a place in the record; the record's own words where there is none."""
+    roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
+    for root, place in roots:
+        if words[: len(place)] == place and len(words) > len(place):
+            return ".".join((root, *words[len(place) :]))
+    return ".".join(words)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.contact.carried_contact import NOBODY
+from skyarm.contact.carrier import NOBODY, CarriedFrame
 from skyarm.contact.contact import Contact
+from skyarm.contact.free_object import FreeObject
+from skyarm.contact.surface import Surface
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.files import shown
+from skyarm.plant.largest_step import MOST_STEPS
 from skyarm.records.coerce import concrete
+from skyarm.records.leaves import Place, part, replaced
 from skyarm.scenario.endings import BodyContact, RotorContact
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.scenario.shared_places import require_places_apart
 
 MOST = 2.0
 """Weights with which a surface may push a point at the start: what stands on one point takes one."""
@@ -59,3 +69,168 @@ def _require_objects_outside(contact: Contact, motion: PointMotion, weight: floa
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {each.surface!r}, which would push "
                 f"it with {float(each.touch.normal):.3g} N: must start outside{way}"
             )
+
+
+SHARES = (-0.97, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 0.97)
+"""Of half the length that may be in the other body, at which places are looked at along each axis."""
+
+PAST = "; a box carries another only where corners of one lie within a face of the other"
+"""Said where two boxes that stand have come into one place, as those of one size do: the corners are on edges."""
+
+SHALLOW = 1e-3
+"""m inside both bodies that is let pass, beside how deep weights press them."""
+
+
+def require_places_apart(contact: Contact, gravity: float, most: float) -> None:
+    """Refuse a world in which an object starts inside another body.
+
+    Args:
+        contact: of floats.
+        gravity: m/s^2.
+        most: weights with which what touches may be pressed.
+
+    Raises:
+        ValueError: one line: both, and a place inside of both.
+    """
+    frames = [each.frame(each.start()) for each in contact.carriers]
+    weights = [float(getattr(each, "mass", 0.0)) * abs(gravity) for each in contact.carriers]
+    for i, one in enumerate(contact.carriers):
+        for j, other in enumerate(contact.carriers[:i]):
+            if not (one.spot_count or other.spot_count):
+                continue  # mechanisms pass through each other
+            for a in one.surfaces:
+                for b in other.surfaces:
+                    pressed = most * max(weights[i], weights[j]) / min(a.material.stiffness, b.material.stiffness)
+                    place = _shared((a, frames[i]), (b, frames[j]), SHALLOW + pressed)
+                    if place is not None:
+                        boxes = all(isinstance(e, FreeObject) and e.standing and e.shape == "box" for e in (one, other))
+                        raise ValueError(
+                            f"world: {a.name!r} starts inside {b.name!r}, both are at {shown(place)} m: must start "
+                            f"outside of each other{PAST if boxes else ''}"
+                        )
+
+
+def _shared(a: tuple[Surface, CarriedFrame], b: tuple[Surface, CarriedFrame], deep: float) -> list[float] | None:
+    """The place (m, world axes) that is deepest inside of both, by more than ``deep`` (m); None without one."""
+    (one, of_one), (other, of_other) = a, b
+    away = [float(c) for c in _middle(*a) - _middle(*b)]
+    if np.linalg.norm(away) > float(one.farthest) + float(other.farthest):
+        return None
+    for places in (_lattice(*a, b), _lattice(*b, a)):
+        least = np.minimum(of_one.depth(one, places, 0)[0], of_other.depth(other, places, 0)[0])
+        if least.max() > deep:
+            return [round(float(np.broadcast_to(c, least.shape)[least.argmax()]), 4) for c in places]
+    return None
+
+
+def _middle(surface: Surface, frame: CarriedFrame) -> Vec3:
+    """World axes, m."""
+    return frame.position + frame.rotation.apply(surface.position)
+
+
+def _lattice(surface: Surface, frame: CarriedFrame, other: tuple[Surface, CarriedFrame]) -> Vec3:
+    """Places in the box about a shape, where another one may be, m, world axes: arrays of one length."""
+    middle, reach = _middle(surface, frame), float(other[0].farthest)
+    toward = surface.rotation.apply_T(frame.rotation.apply_T(_middle(*other) - middle))
+    along = []
+    for (low, high), at in zip(_ends(surface), toward, strict=True):
+        first, last = max(low, float(at) - reach), min(high, float(at) + reach)
+        along.append(0.5 * (first + last) + 0.5 * (last - first) * np.array(SHARES))
+    found = [np.ravel(each) for each in np.meshgrid(*along)]
+    return middle + frame.rotation.apply(surface.rotation.apply(Vec3(*found)))
+
+
+def _ends(surface: Surface) -> list[tuple[float, float]]:
+    """First and last coordinate along each of a shape's axes, m."""
+    if surface.shape == "hole":
+        outer, length = (float(each) for each in surface.size[3:])
+        return [(-outer, outer), (-outer, outer), (-length, 0.0)]
+    if surface.shape == "box":
+        return [(-0.5 * float(each), 0.5 * float(each)) for each in surface.size]
+    radius = float(surface.size[0])
+    half = 0.5 * float(surface.size[1]) if surface.shape == "cylinder" else radius
+    return [(-radius, radius), (-radius, radius), (-half, half)]
+
+
+USUAL: dict[str, dict[str, float]] = {
+    "surfaces": {"material.stiffness": 5000.0, "material.friction": 0.3, "material.bristle_length": 2e-4},
+    "objects": {"mass": 1.0, "material.stiffness": 5000.0, "material.friction": 0.3, "material.bristle_length": 2e-4},
+    "mechanisms": {
+        "mass": 1.0, "inertia": 1.0, "stiffness": 1.0, "damping": 1.0, "friction": 1.0, "bristle": 2e-3,
+        "detent.force": 1.0, "detent.width": 0.01, "stop_stiffness": 5000.0, "material.stiffness": 5000.0,
+        "material.friction": 0.3, "material.bristle_length": 2e-4,
+    },
+    "grippers": {"stiffness": 5000.0},
+}  # fmt: skip
+"""Numbers from which steps follow, and ones that ask for none that are short. The number to change is the one that
+asks for the shortest steps in a world in which all others are these."""
+
+HALVINGS = 50
+"""Of the way between a number and its usual one, as powers: it ends far below the digits that are said."""
+
+
+def require_steps_to_fly(contact: Contact, period: float) -> None:
+    """Refuse a world whose contact asks for more steps of a control period (s) than ``MOST_STEPS``.
+
+    Raises:
+        ValueError: one line: the number that asks for them, and about how far it may go.
+    """
+    if not concrete(*leaves(contact)):
+        return  # of a batch: its lanes are looked at one by one
+    least = period / MOST_STEPS
+    step = _step(contact)
+    if step >= least:
+        return
+    asked = f"asks for integration steps of {step:.2g} s in contact"
+    allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
+    numbers = dict(_numbers(contact))
+    plain = replaced(contact, dict(numbers))
+    if _step(plain) < least:
+        raise ValueError(f"world: what is light, large or stiff in it {asked}, {allowed}")
+    place = min(numbers, key=lambda each: _step(replaced(plain, {each: part(contact, each)})))
+    usual = numbers[place]
+    value = float(part(contact, place))
+    raise ValueError(
+        f"{_path(place)} = {shown(value)}: {asked}, {allowed}{_bound(contact, place, value, usual, least)}"
+    )
+
+
+def _step(contact: Contact) -> float:
+    """Longest integration step (s) that a contact bears; 0 where its numbers leave none."""
+    try:
+        step = contact.largest_step
+    except ArithmeticError:  # of numbers beyond measure
+        return 0.0
+    return math.inf if step is None else float(step) if step > 0.0 else 0.0
+
+
+def _numbers(contact: Contact) -> Iterator[tuple[Place, float]]:
+    """Place and usual number of each of the world's numbers from which steps follow."""
+    for what, fields in USUAL.items():
+        for i, each in enumerate(getattr(contact, what)):
+            for field, usual in fields.items():
+                place = (what, str(i), *field.split("."))
+                if place[2] == "detent" and each.detent is None:
+                    continue
+                if float(part(contact, place)) != 0.0:  # 0 leaves it out, or to other numbers
+                    yield place, usual
+
+
+def _bound(contact: Contact, place: Place, value: float, usual: float, least: float) -> str:
+    """About how far the number may go, in words; nothing where the rest of the world asks for too short steps, too."""
+    if _step(replaced(contact, {place: usual})) < least:
+        return ""
+    short, long = math.log(value), math.log(usual)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (short + long)
+        if _step(replaced(contact, {place: math.exp(middle)})) < least:
+            short = middle
+        else:
+            long = middle
+    return f": about {math.exp(long):.2g} or {'less' if value > usual else 'more'}"
+
+
+def _path(place: Place) -> str:
+    """As a file has it."""
+    what, i, *fields = place
+    return f"world.{what}[{i}].{'.'.join(fields)}"

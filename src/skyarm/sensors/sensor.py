@@ -14,7 +14,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Push:
-    """What pushes the vehicle at a frame from outside: everything that acts beyond it, as one force and torque."""
+    """External wrench at a frame of the vehicle: everything that acts beyond it, as one force and torque."""
 
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]

@@ -13,22 +13,44 @@ from skyarm.control.found_by_law import found_by_law
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
-from skyarm.log.phase_timeouts import waits_of
+from skyarm.log.log_columns import CONTACT_ARRAYS, GRIPPER_ARRAYS, MECHANISM_ARRAYS, OBJECT_ARRAYS
+from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
-from skyarm.records.identity import log_digest
-from skyarm.records.own_files import own_files
+from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
 from skyarm.reference import Reference
-from skyarm.reference.phase_words import phase_numbers
+from skyarm.reference.trajectory import phase_numbers
 from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.world_columns import logged_in_contact
+
+
+def logged_in_contact(scenario: Scenario, numbers: Sequence[Any]) -> dict[str, list[Any]]:
+    """Array of a log -> its columns, of numbers as :meth:`skyarm.contact.contact.Contact.logged` gives them."""
+    found: dict[str, list[Any]] = {}
+    for contact in scenario.contacts:
+        pairs, wide = contact.logged_pairs, len(CONTACT_ARRAYS)
+        touching, behind = numbers[: wide * pairs], list(numbers[wide * pairs :])
+        if pairs:
+            found |= {name: list(touching[i::wide]) for i, name in enumerate(CONTACT_ARRAYS)}
+        for _ in contact.objects:
+            for name, width in OBJECT_ARRAYS.items():
+                found.setdefault(name, []).extend(behind[:width])
+                behind = behind[width:]
+        for _ in contact.mechanisms:
+            for name, number in zip(MECHANISM_ARRAYS, behind, strict=False):
+                found.setdefault(name, []).append(number)
+            behind = behind[len(MECHANISM_ARRAYS) :]
+        for _ in contact.grippers:
+            for name, width in GRIPPER_ARRAYS.items():
+                found.setdefault(name, []).extend(behind[:width])
+                behind = behind[width:]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -12,39 +13,55 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
-from skyarm.files import shown
-from skyarm.files.old_names import warn_of_old_name
-from skyarm.log.batch_log import batch_log
+from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.metrics.metric_catalogue import metric_names, needed
 from skyarm.metrics.metric_catalogue import values as metric_values
 from skyarm.metrics.windows import Windows
-from skyarm.scenario.change_checks import require_changes
-from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
+from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.batch_rows import lane_columns
-from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.lane_arguments import (
+from skyarm.simulate.lane_numbers import (
+    LaneRules,
+    require_apart_from_changes,
     require_count,
+    require_draws,
     require_kind,
+    require_latencies,
     require_paths,
     require_rigid_body,
-    require_values,
     require_width,
 )
-from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
-from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.outcome import Outcome
-from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[Any]
 
 
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a batch of episodes left, one entry per lane.
+
+    Attributes:
+        metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.
+        completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
+        status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
+        state: the last one of each lane.
+        log: of a batch that keeps one, else None.
+    """
+
+    metrics: dict[str, Array]
+    completed: Array
+    end_time: Array
+    status: Array
+    state: State
+    log: BatchLog | None = None
+
+
 class Batch:
-    """A batch flies a scenario compiled for many episodes, whole by its law (:meth:`fly`) or by actions (:meth:`step`).
+    """Episodes of a scenario that is compiled once, flown whole by its law; :class:`BatchSession` steps them.
 
     Threads that a call asks for are kept for the next one; they end with the batch, or with :meth:`close`, which the
     end of a ``with`` calls.
@@ -55,7 +72,7 @@ class Batch:
         metrics: names and groups of :mod:`skyarm.metrics.metric_catalogue`; what is not asked for costs nothing.
         windows: of the metrics, in place of the scenario's.
         single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
-            addition may be rounded once. exact: old name of bit_exact.
+            addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, and the shortest largest step that its air,
             forces and drives state; both fix the integration steps.
         log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
@@ -63,9 +80,6 @@ class Batch:
             four rotors. All of it is there twice while it is sorted.
         effort: of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
             episodes.
-
-    Attributes:
-        stepped: the lanes that :meth:`step` flies, with what ended in them; None before they are begun.
     """
 
     def __init__(
@@ -81,11 +95,7 @@ class Batch:
         width: int | None = None,
         log_every: int = 0,
         effort: int = 2,
-        exact: bool | None = None,
     ) -> None:
-        if exact is not None:
-            warn_of_old_name("Batch(exact=...)", "bit_exact")
-            bit_exact = exact
         require_flight(scenario)
         require_rigid_body(scenario)
         self.scenario, self.paths = scenario, require_paths(paths)
@@ -95,11 +105,9 @@ class Batch:
         require_count("effort", effort, 0)
         log_every = require_count("log_every", log_every, 0)
         self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
-        self._kind = {"single": single, "bit_exact": bit_exact, "stiffest": stiffest}
-        self.stepped: BatchSession | None = None
         self.names = metric_names(metrics, scenario.world.vehicle.n, scenario.told)
         scenario.controller.require_compiled("a batch")
-        try_own_code(scenario)
+        require_shapes(scenario)
         require_apart(scenario, self.paths)
         require_latencies(scenario, self.paths)
         require_changes(scenario)
@@ -192,65 +200,10 @@ class Batch:
                 found[here] = leg.statuses(mine, left, ticks[here], ended[here])
         return found.astype(str)
 
-    def session(
-        self,
-        values: Mapping[str, Array] | None = None,
-        *,
-        lanes: int | None = None,
-        seed: int = 0,
-        threads: int = 1,
-        autoreset: bool = True,
-    ) -> BatchSession:
-        """Begin an episode in every lane, for :meth:`step`; the lanes are :attr:`stepped` from then on.
-
-        Args:
-            values: path -> (lanes,); every path of the batch, or none: then the scenario's own numbers.
-            lanes: how many, where ``values`` does not say.
-            seed: key of the noise.
-            threads: most that work.
-            autoreset: a lane that has ended begins again by itself.
-        """
-        columns: list[Array] = []
-        count = 1 if lanes is None else lanes
-        if values is not None and require_values(values):
-            columns, count = lane_columns(self.scenario, self.paths, values, None)
-            self._rules.require(dict(zip(self.paths, columns, strict=True)))
-        if self.stepped is not None:
-            self.stepped.close()
-        options: dict[str, Any] = {"seed": seed, "threads": threads, "autoreset": autoreset, **self._kind}
-        begun = BatchSession(self.scenario, count, self.paths, **options)
-        if columns:
-            begun.set(dict(zip(self.paths, columns, strict=True)))
-            begun.reset(seed=seed)
-        self.stepped = begun
-        return begun
-
-    def step(self, actions: Array) -> State:
-        """Fly one control period in every lane of :attr:`stepped` by actions in place of the law's.
-
-        :meth:`session` begins the lanes; without it the first step does, with the scenario's numbers in each.
-
-        Args:
-            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints; then a row of angles (rad)
-                for each rotor that tilts.
-
-        Returns:
-            the plant's state, a record of (lanes,) views that each step writes anew.
-        """
-        if self.stepped is not None:
-            return self.stepped.step(actions)
-        vehicle = self.scenario.world.vehicle
-        rows, shape = len(vehicle.rotors) + vehicle.n + len(vehicle.tilts), tuple(getattr(actions, "shape", ()))
-        if len(shape) != 2 or not shape[-1]:
-            raise ScenarioError(f"actions = {shown(actions)}: must be an array of shape ({rows}, lanes)")
-        return self.session(lanes=shape[-1]).step(actions)
-
     def close(self) -> None:
         """End the threads; another call makes them again."""
         for leg in self._legs:
             leg.close()
-        if self.stepped is not None:
-            self.stepped.close()
 
     def __enter__(self) -> Self:
         return self

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -16,23 +16,92 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.log.batch_log import Logged
 from skyarm.log.sensor_data import ESTIMATE, READINGS
-from skyarm.metrics.accumulate import Total, first_totals
+from skyarm.metrics.accumulate import Goal, Instant, Total, counted, first_totals
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import lanes_step
+from skyarm.scalars import logical_and, where
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.assemble_log import logged_in_contact
 from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.check_endings import statuses
-from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
-from skyarm.simulate.clock_records import PathClock
-from skyarm.simulate.counting_period import make_counting_period
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.loop_state import LoopState, carried, structure_of
-from skyarm.simulate.short_steps import require_short_steps
+from skyarm.simulate.lane_numbers import require_short_steps
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
+from skyarm.simulate.period import make_period
+from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
+from skyarm.simulate.reference_clock import PathClock, clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
+from skyarm.simulate.tip_and_goal import goal_of, tool_of
+
+
+def make_counting_period(
+    scenario: Scenario, substeps: Callable[[float], int], wanted: Sequence[Total]
+) -> Callable[..., tuple[tuple[LoopState, tuple[Any, ...]], Sample]]:
+    """The function of one control period that also counts totals of a living episode.
+
+    It takes (loop state, totals), the row, the held and the continuous goal, the windows the instant lies in (name ->
+    condition), and the uniform numbers.
+    """
+    stages = Stages(scenario)
+    period = make_period(stages, RigidBodySteps(stages, substeps))
+    vehicle = scenario.world.vehicle
+
+    def step(
+        both: tuple[LoopState, tuple[Any, ...]],
+        row: Row,
+        goals: tuple[Goal, ...],
+        inside: Mapping[str, Any],
+        uniforms: tuple[Any, ...],
+    ) -> tuple[tuple[LoopState, tuple[Any, ...]], Sample]:
+        loop, totals = both
+        row = stages.led(loop, row)
+        if not goals:
+            free = stages.waits.reference(*stages.waits.instants(stages.path_times(loop))[1])
+            goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
+        following, sample = period(loop, row, uniforms)
+        state, command = sample.state, sample.command
+        first = loop.ticks < 0.5
+        pairs = zip(command.rotor_speeds, loop.queue[-1].rotor_speeds, strict=True)
+        now = Instant(
+            state=state,
+            tool=tool_of(vehicle, state),
+            command=command,
+            before=tuple(where(first, new, old) for new, old in pairs),
+            held=goals[0],
+            continuous=goals[1],
+            lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
+            phase=stages.waits.phase(row.path_time),
+            time=row.time,
+            **_touching(scenario, row, sample),
+        )
+        alive = sample.alive > 0.5
+        counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
+        return (following, counted(totals, wanted, now, counts)), sample
+
+    return step
+
+
+def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[Any, ...]]:
+    """What metrics see of a contact; nothing of a scenario without a world."""
+    if not scenario.contacts:
+        return {}
+    arrays = logged_in_contact(scenario, sample.wind.contacts)
+    contact, taken = scenario.contacts[0], arrays.get("gripper_taken", [])
+    push, places = scenario.trajectory.push, arrays.get("object_position", [])
+    time = row.time if isinstance(row.path_time, tuple) else row.path_time
+    return {
+        "push": () if push is None else push.at(time),
+        "contact": tuple(arrays.get("contact_force", ())),
+        "objects": tuple(places),
+        "mechanisms": tuple(arrays.get("mechanism_position", ())),
+        "pull": (taken[0], *arrays["gripper_pull"][:3]) if taken else (),
+        "hinge": contact.mechanisms[0].hinge if contact.mechanisms else (),
+    }
+
 
 Array = npt.NDArray[Any]
 
@@ -63,21 +132,17 @@ class LegOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LegCode:
-    """Machine code of a leg, and what it was made for.
+    """Machine code of a leg.
 
     Attributes:
         kernel: the code. logged: record that it logs.
-        key: of legs that may share it. substeps: seconds -> integration steps, as they were asked for.
+        key: of legs that may share it. substeps: integration steps that it was traced with.
     """
 
     kernel: Kernel
     logged: Any
     key: tuple[Any, ...]
-    substeps: Mapping[float, int]
-
-    def fits(self, plant: RigidBodyPlant) -> bool:
-        """Whether a plant is stepped as often."""
-        return all(plant.substeps(seconds) == count for seconds, count in self.substeps.items())
+    substeps: Substeps
 
 
 class Leg:
@@ -128,7 +193,7 @@ class Leg:
         counts = [2 * count for _, count in draw_plan(self.scenario).components]
         self._first_states = trace(self._start, numbers, *((0.5,) * count for count in counts))
         made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
-        self.code: LegCode | None = next((code for code in made if code.fits(plant)), None)
+        self.code: LegCode | None = next((code for code in made if code.substeps.fit(plant)), None)
         if self.code is None and periods:
             self.code = self._compiled(plant, key)
 
@@ -139,13 +204,7 @@ class Leg:
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
     def _compiled(self, plant: RigidBodyPlant, key: tuple[Any, ...]) -> LegCode:
-        asked: dict[float, int] = {}
-
-        def substeps(seconds: float) -> int:
-            asked[seconds] = plant.substeps(seconds)
-            return asked[seconds]
-
-        options, shape = self._options, structure_of(self.first)
+        options, shape, substeps = self._options, structure_of(self.first), Substeps(plant)
 
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._varied(values)
@@ -164,7 +223,7 @@ class Leg:
         numbers = (*self.base, *self._set.values())
         loop = trace_loop(step, shape, numbers, self._feed.example, draws_needed(self.scenario), loops=True)
         kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort)
-        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=asked)
+        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=substeps)
 
     @property
     def kernel(self) -> Kernel:

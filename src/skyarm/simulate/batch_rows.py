@@ -21,9 +21,9 @@ from skyarm.reference import Publisher, Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.lane_arguments import numbers_of, require_values, require_within_queue
+from skyarm.simulate.lane_numbers import numbers_of, require_values, require_within_queue
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.tip_and_goal import goal_of
 
 Array = npt.NDArray[Any]

@@ -14,7 +14,7 @@ from skyarm.compile import rebuild
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
-from skyarm.reference.phase_words import failure_words
+from skyarm.reference.trajectory import failure_words
 from skyarm.scalars import logical_and
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers

@@ -17,8 +17,7 @@ from skyarm.sensors.measurement import blank_measurement
 from skyarm.sensors.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
-from skyarm.simulate.pace_clock import Paces
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import Paces, Waits
 from skyarm.simulate.stages import Stages
 
 

@@ -14,12 +14,10 @@ import numpy.typing as npt
 from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
-from skyarm.reference.path_time import by_flight_time
+from skyarm.reference.governor.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.pace_clock import PaceClock, Paces
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import PaceClock, Paces, PathClock, Waits
 
 Array = npt.NDArray[Any]
 

@@ -16,15 +16,13 @@ import numpy as np
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.log.flight_log import Log
-from skyarm.scenario.changes import Change, in_order
 from skyarm.scenario.numbers import DERIVED, known_as, number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
-from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
-from skyarm.simulate.lane_rules import require_latencies
-from skyarm.simulate.live_steps import LiveSteps
+from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.lane_numbers import require_latencies, require_paths, require_values, require_within_queue
 from skyarm.simulate.loop_state import LoopState
 
 
@@ -41,7 +39,7 @@ class LiveSnapshot:
     numbers: Mapping[str, float]
     moves: tuple[Change, ...]
     tick: int
-    engine: LiveSteps
+    engine: Engine
     held: Any
 
 
@@ -85,7 +83,7 @@ class LiveSession:
         self._origin = self.scenario = with_numbers(scenario, data)
         self._numbers: dict[str, float] = {}
         self._moves: tuple[Change, ...] = ()
-        self._engine = LiveSteps(self._origin, self._paths, self._origin)
+        self._engine = self._make_engine(self._origin, {})
         self._follow_schedule()
 
     @property
@@ -161,14 +159,25 @@ class LiveSession:
         numbers = {**self._numbers, **{path: float(value) for path, value in values.items()}}
         scenario = with_numbers(self._origin, numbers)
         require_within_queue(self._origin, {path: np.array([value]) for path, value in numbers.items()})
-        if self._engine.bears(scenario):
-            self._engine.set_numbers(scenario, values)
-        else:
-            engine = LiveSteps(self._origin, self._paths, scenario)
-            engine.set_numbers(scenario, numbers)
-            engine.go_on(self._engine)
+        if not self._engine.give(scenario, self._all(numbers), tuple(values), None):
+            engine = self._make_engine(scenario, numbers)
+            engine.continue_log(self._engine)
             self._engine = engine
+        self._engine.begun = 0  # one piece, of the references as they are now
         self.scenario, self._numbers = scenario, numbers
+
+    def _all(self, numbers: Mapping[str, float]) -> dict[str, float]:
+        """The numbers of every path: those that were changed, and the scenario's own."""
+        return {path: number_at(self._origin, path) for path in self._paths} | dict(numbers)
+
+    def _make_engine(self, scenario: Scenario, numbers: Mapping[str, float]) -> Engine:
+        def vary(values: Sequence[Any]) -> Scenario:
+            return with_numbers(self._origin, dict(zip(self._paths, values, strict=True)))
+
+        own = any(path.startswith("reference.") for path in self._paths)
+        # a hand waits for it: code that is made in a hurry gives the same bits
+        options: Any = {"commands": False, "own_reference": own, "effort": 0}
+        return Engine(EpisodeCode(scenario, vary, self._all(numbers), **options))
 
     def snapshot(self) -> LiveSnapshot:
         """The session now."""
@@ -181,4 +190,3 @@ class LiveSession:
         self._engine.restore(snapshot.held)
         self.scenario, self._numbers = snapshot.scenario, dict(snapshot.numbers)
         self._moves = snapshot.moves
-        self._engine.set_numbers(snapshot.scenario, {})

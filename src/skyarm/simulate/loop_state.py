@@ -42,7 +42,7 @@ class LoopState:
         queue: commands on their way, oldest first; the first acts now.
         sensors: the full state's first, then the named ones. estimate: memory of the estimator.
         components: memories of air and forces. drives: memories of the joint drives.
-        clock: of a reference whose phases wait (:mod:`skyarm.simulate.path_clock`); () where none does.
+        clock: of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
     """
 
     alive: Scalar
@@ -63,7 +63,7 @@ class Row:
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
     ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
-    (:mod:`skyarm.reference.path_time`); without a governor both are empty: structure.
+    (:mod:`skyarm.reference.governor.path_time`); without a governor both are empty: structure.
     """
 
     time: Scalar
@@ -78,7 +78,7 @@ class Sample:
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
     each, as they had arrived; ``found`` is what the law found out, of most laws nothing
-    (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a
+    (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.reference_clock.Waits.times` says of a
     reference that waits.
     """
 

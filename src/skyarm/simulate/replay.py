@@ -11,9 +11,8 @@ from skyarm.control.controller import Controller
 from skyarm.files import shown, unreadable
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
-from skyarm.scenario.changes import without_law
-from skyarm.scenario.law_by_name import under_law
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, without_law
 from skyarm.simulate.loop import Progress, run
 
 

@@ -2,35 +2,137 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.files import shown
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.change_checks import require_changes, require_continuous
-from skyarm.scenario.in_flight import NONE, Overrides
-from skyarm.scenario.numbers import require_apart
+from skyarm.scenario.in_flight import NONE, Overrides, require_changes, require_continuous, try_changes, try_coming
+from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.assemble_log import joined
-from skyarm.simulate.check_endings import Ended, going_on
-from skyarm.simulate.clock_of_change import is_other_reference
-from skyarm.simulate.command_from_outside import numbers_of_command
-from skyarm.simulate.compiled_session import CompiledSteps
-from skyarm.simulate.course import Course, Flying, Snapshot
-from skyarm.simulate.lane_arguments import require_paths
-from skyarm.simulate.lane_rules import require_latencies
+from skyarm.simulate.assemble_log import Piece, describe, joined
+from skyarm.simulate.check_endings import RUNNING, Ended, going_on
+from skyarm.simulate.command_line import numbers_of_command
+from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.lane_numbers import require_latencies, require_paths
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.session_code import SessionCode
-from skyarm.simulate.staged_flight import StagedFlight
+from skyarm.simulate.reference_clock import is_other_reference
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What holds at an instant of a flight, and how it came to be.
+
+    Attributes:
+        begun: the scenario with which the flight began, or by which it was replaced.
+        now: as it is, with the changes to come.
+        made: changes that have taken hold, in order. coming: those that have not.
+        overrides: what they made of ``begun``.
+        flown: what was flown before the last of them.
+    """
+
+    begun: Scenario
+    now: Scenario
+    made: tuple[Change, ...] = ()
+    coming: tuple[Change, ...] = ()
+    overrides: Overrides = NONE
+    flown: tuple[Piece, ...] = ()
+
+    @staticmethod
+    def of(scenario: Scenario) -> Course:
+        """The course of a flight that is about to begin."""
+        return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
+
+    @property
+    def plan(self) -> Scenario:
+        """The scenario that flies this again: as it began, with the changes made since and those to come."""
+        changes = (*self.made, *self.coming)
+        if changes == in_order(self.begun.changes, self.begun.rates.control):
+            return self.begun
+        return dataclasses.replace(self.begun, changes=changes)
+
+    def due(self, tick: int) -> bool:
+        """Whether a change takes hold in this control period."""
+        return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
+
+    def then(self, tick: int, piece: Piece) -> Course:
+        """The course once the changes of this control period have taken hold; ``piece`` was flown until now."""
+        rate, overrides = self.begun.rates.control, self.overrides
+        due = [change for change in self.coming if change.tick(rate) <= tick]
+        for change in due:
+            overrides = overrides.then(change)
+        now = overrides.of(self.begun)
+        return self._after(due, self.coming[len(due) :], overrides, now, piece)
+
+    def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
+        """The course after changes made by hand, before this control period.
+
+        Raises:
+            ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
+        """
+        if not isinstance(values, Mapping):
+            raise ScenarioError(f"values = {shown(values)}: must be a table of paths and values")
+        at = tick / self.begun.rates.control
+        made = [Change(at=at, path=path, value=value) for path, value in values.items()]
+        overrides, now = try_changes(self.begun, self.now, self.overrides, [("", change) for change in made])
+        try_coming(self.begun, now, overrides, self.coming)
+        return self._after(made, self.coming, overrides, now, piece)
+
+    def _after(
+        self, made: Sequence[Change], coming: tuple[Change, ...], overrides: Overrides, now: Scenario, piece: Piece
+    ) -> Course:
+        if coming:
+            now = dataclasses.replace(now, changes=coming)
+        flown = (*self.flown, piece) if len(piece.flown.states) else self.flown
+        return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
+
+    def replaced(self, tick: int, scenario: Scenario, piece: Piece) -> Course:
+        """The course after the whole scenario is replaced; what it would have changed by now holds."""
+        return dataclasses.replace(Course.of(scenario), flown=self.flown).then(tick, piece)
+
+
+@dataclass(frozen=True, slots=True)
+class Flying:
+    """What flew at a snapshot: copies of the snapshot have it in common, since machine code is not copied.
+
+    Attributes:
+        engine: it. held: what it keeps of that instant.
+    """
+
+    engine: Any
+    held: Any
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Flying:
+        return Flying(self.engine, copy.deepcopy(self.held, memo))
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A session at an instant, to go back to; it may be restored more than once.
+
+    Attributes:
+        course: scenario and changes as they were then. tick: control periods flown.
+        flying: what flew then.
+        session: number of the session that it is of.
+    """
+
+    course: Course
+    tick: int
+    flying: Flying
+    session: int
+
 
 _NUMBERS = itertools.count()
 
@@ -57,6 +159,9 @@ class Session:
         slow: why it flies in Python where machine code was wanted; else empty.
     """
 
+    _commands = True
+    """Whether :meth:`step` takes commands; without them the program is shorter."""
+
     def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
         require_flight(scenario)
         require_changes(scenario)
@@ -66,9 +171,9 @@ class Session:
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
-        self._begun, self._codes = scenario, list[SessionCode]()
+        self._begun, self._codes = scenario, list[EpisodeCode]()
         self._waits = bool(scenario.changes)
-        self._engine: Any = self._make_engine(self._course)
+        self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._n = scenario.world.vehicle.n
@@ -93,8 +198,7 @@ class Session:
     @property
     def tick(self) -> int:
         """Control periods flown."""
-        tick: int = self._engine.tick
-        return tick
+        return self._engine.tick
 
     @property
     def time(self) -> float:
@@ -104,8 +208,7 @@ class Session:
     @property
     def ended(self) -> Ended | None:
         """Why the episode has ended before its time, or None."""
-        ended: Ended | None = self._engine.ended
-        return ended
+        return self._engine.ended
 
     @property
     def running(self) -> bool:
@@ -115,28 +218,24 @@ class Session:
     @property
     def state(self) -> State:
         """The plant's state now: the truth, which no law sees."""
-        state: State = self._engine.state()
-        return state
+        return self._engine.state()
 
     @property
     def now(self) -> LoopState:
         """What the next period begins with: state, commands and readings on their way, every memory."""
-        now: LoopState = self._engine.now
-        return now
+        return self._engine.now
 
     @property
     def measurement(self) -> Measurement:
         """What the law is told in the period that comes next."""
         self._require_running()
-        measurement: Measurement = self._engine.measurement()
-        return measurement
+        return self._engine.measurement()
 
     @property
     def reference(self) -> Reference:
         """The held reference of the period that comes next."""
         self._require_running()
-        reference: Reference = self._engine.reference()
-        return reference
+        return self._engine.reference()
 
     def step(self, command: Command | None = None) -> bool:
         """Fly one control period.
@@ -151,24 +250,30 @@ class Session:
             ScenarioError: a command with another number of rotors or joints.
         """
         if command is None:
-            going: bool = self._engine.step()
-            if self._waits and going:
-                self._let_change()
-            return going
-        numbers = numbers_of_command(command, self._rotors, self._n, self._tilts)
-        going = self._engine.step(numbers)
+            going = self._engine.step()
+        else:
+            going = self._engine.step(numbers_of_command(command, self._rotors, self._n, self._tilts))
         if self._waits and going:
             self._let_change()
         return going
 
     def run(self) -> Log:
         """Fly to the end; the log of everything since the session began."""
-        while self._waits and self.step():
-            pass
-        step = self._engine.step
-        while step():
+        while self.fly(self._scenario.steps):
             pass
         return self.log
+
+    def fly(self, stop: int) -> bool:
+        """Fly by the law some periods at a stretch, at most up to one; whether the episode goes on.
+
+        A stretch takes about a tenth of a second, and ends where the scenario changes.
+        """
+        if self._waits:
+            stop = min(stop, self._course.coming[0].tick(self._scenario.rates.control))
+        going = self._engine.fly(stop)
+        if self._waits and going:
+            self._let_change()
+        return going
 
     @property
     def log(self) -> Log:
@@ -176,6 +281,18 @@ class Session:
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
         return joined(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))
+
+    def between(self, first: int, stop: int) -> Log:
+        """The log of some of the periods flown, of status "running"."""
+        engine = self._engine
+        if first < engine.begun:
+            return rows_of(self.log, slice(first, stop))
+        piece = Piece(engine.scenario, engine.inputs, first, engine.samples(first, stop))
+        return joined(self.plan, [piece], None, info=self._running_info)
+
+    @cached_property
+    def _running_info(self) -> dict[str, Any]:
+        return describe(self.plan, Ended(RUNNING, "", 0.0))
 
     def snapshot(self) -> Snapshot:
         """The session now."""
@@ -200,7 +317,7 @@ class Session:
 
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
-                (:mod:`skyarm.scenario.whole_parts`): ``{"controller.law": "indi"}``. They take the place of the numbers
+                (:mod:`skyarm.scenario.in_flight`): ``{"controller.law": "indi"}``. They take the place of the numbers
                 with which the session began, and do not add up: a payload is one on top of what the vehicle carried.
 
         Raises:
@@ -228,19 +345,35 @@ class Session:
         scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
         self._go_on(self._course.replaced(self.tick, scenario, self._engine.piece))
 
-    def _make_engine(self, course: Course) -> CompiledSteps | StagedFlight:
-        """Machine code where it can be made, else the stages one by one."""
+    def _make_engine(self, course: Course) -> Engine:
+        """Machine code where it can be made, else Python."""
         scenario = course.now
         if self._compiles and scenario.plant == "rigid_body" and scenario.controller.compiled:
             if course.begun is not self._begun:
                 self._begun, self._codes = course.begun, []
-            # code that flies on after a change is made in a hurry: the vehicle is in the air
-            effort = 2 if course.overrides is NONE and not (self._waits or self._paths) else 0
             try:
-                return CompiledSteps(course.begun, scenario, self._read(course), self._codes, effort)
+                return self._compiled(course, scenario)
             except NoMachineCodeError as error:
                 self.slow = str(error)
-        return StagedFlight(scenario)
+        return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
+
+    def _compiled(self, course: Course, scenario: Scenario) -> Engine:
+        """An engine in machine code, with a program that was made before if one fits."""
+        read, key = self._read(course), self._key(course)
+        numbers, shape = dict(read.numbers), read.parts_of(course.begun)
+        code = next((code for code in self._codes if code.fits(key, scenario)), None)
+        if code is None:
+            # code that flies on after a change is made in a hurry: the vehicle is in the air
+            quick = course.overrides is not NONE or self._waits or self._paths
+            effort = 0 if quick else 2 if self._commands else None
+            options: Any = {"commands": self._commands, "effort": effort, "key": key}
+
+            def vary(values: Sequence[Any]) -> Scenario:
+                return with_numbers(shape, dict(zip(numbers, values, strict=True)))
+
+            code = EpisodeCode(scenario, vary, numbers, **options)
+            self._codes.append(code)
+        return Engine(code, scenario, numbers)
 
     def _let_change(self) -> None:
         """Let the changes take hold that the next period begins with."""
@@ -251,13 +384,19 @@ class Session:
         """The numbers that machine code reads in every period."""
         return course.overrides.data(course.begun, self._paths)
 
+    def _key(self, course: Course) -> Any:
+        """Programs of one key differ in the values of their numbers alone."""
+        read = self._read(course)
+        return read.parts, tuple(path for path, _ in read.numbers)
+
     def _go_on(self, course: Course) -> None:
         """Fly on along another course."""
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers
         steady = course.begun is self._course.begun and not any(path.startswith("sensors.") for path in changed)
-        if not (steady and self._engine.give(course.now, self._read(course), changed)):
+        numbers = dict(self._read(course).numbers)
+        if not (steady and self._engine.give(course.now, numbers, changed, self._key(course))):
             engine = self._make_engine(course)
             different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
             if different:

@@ -13,7 +13,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.controller import senses_torque
 from skyarm.control.found_by_law import numbers_found
@@ -22,18 +22,16 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
-from skyarm.plant.coupled_memory import Memories
-from skyarm.plant.surroundings import Surroundings, felt
-from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves
+from skyarm.plant.loaded_vehicle import payloads_of
+from skyarm.plant.surroundings import Memories, Surroundings, felt
+from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, logical_and, where
+from skyarm.scalars import Scalar, absolute, data, logical_and, mul, where
+from skyarm.scenario.scenario_checks import sensor_offset, tip_sensor
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.tip_sensor import sensor_offset, tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.command_line import (
     command_delay,
     issued,
@@ -42,12 +40,10 @@ from skyarm.simulate.command_line import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.due_period import due
-from skyarm.simulate.felt_pushes import push_at
-from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
-from skyarm.simulate.pace_clock import PaceClock, Paces
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.reference_clock import PaceClock, Paces, PathClock, Waits, due
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,10 +61,12 @@ class Stages:
 
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
+        command: from outside, in place of the law's; None for the law's own.
+        given: 1 where that command takes the law's place, 0 where the law decides; None for always.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(self, scenario: Scenario, command: Command | None = None, given: Any = None) -> None:
+        self.scenario, self._command, self._given = scenario, command, given
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
@@ -117,12 +115,16 @@ class Stages:
             return ()
         return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
 
-    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
-        """Endings: 1 while the episode goes on, else 0."""
-        fine = logical_and(alive > 0.5, healthy(self.scenario, state, reference.position))
-        if isinstance(clock, PathClock):
-            fine = logical_and(fine, clock.failed < 0.5)
+    def alive(self, now: LoopState, reference: Reference) -> Any:
+        """Endings: 1 while none has come, else 0."""
+        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
+        if isinstance(now.clock, PathClock):
+            fine = logical_and(fine, now.clock.failed < 0.5)
         return where(fine, 1.0, 0.0)
+
+    def check(self, now: LoopState, row: Row) -> LoopState:
+        """The loop, not alive where an ending has come."""
+        return dataclasses.replace(now, alive=self.alive(now, row.reference))
 
     def surround(
         self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
@@ -231,7 +233,19 @@ class Stages:
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
     ) -> tuple[Any, Command]:
-        """The law."""
+        """The law, or the command from outside, which leaves the law's memory as it is."""
+        if self._command is not None and self._given is None:
+            return memory, with_rest(self.scenario.world.vehicle, self._command)
+        following, command = self.apply_law(memory, measurement, reference, path_time)
+        if self._command is None:
+            return following, command
+        own = self._given < 0.5
+        return blend(own, following, memory), blend(own, command, self._command)
+
+    def apply_law(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
+    ) -> tuple[Any, Command]:
+        """The law's memory and command."""
         par = self.waits.believing(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.world.vehicle, command)
@@ -280,7 +294,89 @@ class Stages:
         """Control periods flown."""
         return ticks + alive
 
-    def keep(self, alive: Any, following: LoopState, now: LoopState) -> LoopState:
+    def keep(self, following: LoopState, now: LoopState) -> LoopState:
         """The next period's state; of an episode that has ended, the one it ended in."""
-        kept: LoopState = blend(alive > 0.5, following, ended(now))
+        kept: LoopState = blend(following.alive > 0.5, following, ended(now))
         return kept
+
+
+POSES = ("position", "yaw", "joints", "tip")
+"""What a reference at rest keeps; its derivatives are zero."""
+
+ASKED = (0, 5)
+"""Places in the push of what asks for contact: force and grip."""
+
+
+def joins_late(scenario: Scenario) -> bool:
+    """Whether the law may join after the first instant."""
+    return not (type(scenario.joined) is int and scenario.joined == 0)
+
+
+def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Reference:
+    """What the law is told: until it joins the pose of t = 0, at rest, then the reference as it goes.
+
+    Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
+    """
+    if not joins_late(scenario):
+        return going
+    still, resting = scenario.trajectory.at(0.0), time < scenario.joined
+    fields: dict[str, Any] = {}
+    for name in field_names(Reference) or ():
+        moving, rest = getattr(going, name), getattr(still, name)
+        if isinstance(moving, (Vec3, tuple)):
+            pose = tuple(rest) if name in POSES else (0.0,) * len(tuple(moving))
+            if name == "push" and moving:  # no contact yet, and what is believed of it
+                pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
+            kept = [_resting(resting, a, b) for a, b in zip(pose, moving, strict=True)]
+            fields[name] = Vec3(*kept) if isinstance(moving, Vec3) else tuple(kept)
+        else:
+            fields[name] = _resting(resting, rest if name in POSES else 0.0, moving)
+    return Reference(**fields)
+
+
+def _resting(resting: Any, still: Any, going: Any) -> Any:
+    return going if type(going) is int else where(resting, still, going)
+
+
+def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
+    """Force and torque at a frame of all that pushes on its link and on the links that it carries.
+
+    Of payloads it is the weight: what it takes to accelerate them is not there. All components are data, also where
+    nothing can push, because sensors keep them in their memories.
+
+    Args:
+        frame: of the vehicle.
+        around: surroundings of the period.
+        vehicle: the true one.
+        state: the truth.
+        gravity: m/s^2.
+    """
+    motion, carried = PointMotion(vehicle, state, around.air_velocity), beyond(vehicle, frame.link)
+    force, torque = ZERO3, ZERO3
+    at = motion.position(frame.position, frame.link)
+    for wrench in around.wrenches(motion, state.rotor_speeds):
+        if wrench.body in carried:
+            force = force + wrench.force_W
+            torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
+    for payload, memory in payloads_of(around):
+        link, load = payload.body(vehicle, memory.held)
+        if link in carried:
+            weight = Vec3(0, 0, mul(-gravity, load.mass))
+            force = force + weight
+            torque = torque + (motion.position(load.com, link) - at).cross(weight)
+    axes = [motion.turned(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
+    return Push(
+        force=Vec3(*(data(axis.dot(force)) for axis in axes)),
+        torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),
+    )
+
+
+def beyond(vehicle: Vehicle, link: int) -> set[int]:
+    """Numbers of the links that move with one; all of them and the base for the base."""
+    found = {link}
+    if link == BASE:
+        return {BASE, *range(len(vehicle.moving))}
+    for i, each in enumerate(vehicle.moving):
+        if each.parent in found:
+            found.add(i)
+    return found

@@ -1,4 +1,4 @@
-"""Margins in hover and at instants along a flight."""
+"""Margins in hover and at instants along a flight, and Nyquist loci of the loops in hover."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.compile import leaves
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.environment import NO_WIND
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.compiled_flight import trace_scenario
-from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
+from skyarm.stability.closed_loop import OpenLoop, closed, gains
+from skyarm.stability.disk_margins import LoopMargin, cut_loops
 from skyarm.stability.frozen_scenario import LAGS, disturbances, nominal, without_adaptation
-from skyarm.stability.loop_derivatives import OpenLoop
-from skyarm.stability.margins import Margins, delay_margin
+from skyarm.stability.margins import EDGE, LONGEST, Margins, delay_margin
 from skyarm.stability.margins import margins as margins_of_loop
 from skyarm.stability.open_loop import Differentiator, carry_of
 
@@ -189,24 +188,65 @@ class Frozen:
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
     flight = dataclasses.replace(flight, plant="rigid_body")
-    inputs = episode_inputs(flight)
-    traced = trace_scenario(flight, inputs)
-    kernel = Kernel(traced.loop, Lanes(1), effort=0)
-    differentiator = Differentiator(flight)
-    rows = inputs.rows(0, flight.steps)
-    carry = np.array(leaves(traced.carry), dtype=float)[:, None]
-    at = 0
+    engine = Engine(EpisodeCode(flight, commands=False, effort=0))
+    inputs, differentiator = engine.inputs, Differentiator(flight)
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
         until = min(round(k * flight.steps / count), flight.steps - 1)
-        carry, _ = kernel.run(carry, np.zeros((0, 1)), rows[at:until], start=at)
-        at = until
-        now = carry_of(traced.carry, carry[:, 0].tolist())
-        if now.alive < 0.5:
-            return
+        while engine.tick < until:
+            if not engine.fly(until):
+                return
+        now = carry_of(engine.first, leaves(engine.now))
         yield Frozen(
             time=float(inputs.times[until]),
             differentiator=differentiator,
             carry=now,
             row=leaves(inputs.row_at(until, now)),
         )
+
+
+Complex = npt.NDArray[np.complex128]
+
+POINTS = 500
+"""Further frequencies, so that a curve looks like one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Locus:
+    """One loop of those that are cut.
+
+    Attributes:
+        margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
+    """
+
+    margin: LoopMargin
+    L: Complex
+
+
+def hover_loci(scenario: Scenario) -> list[Locus]:
+    """The weakest loop of each kind in hover, with the rotors' time constant downward; none where it is lost."""
+    found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
+    return [] if found is None else loci(found.opened("down"))
+
+
+def loci(loop: OpenLoop) -> list[Locus]:
+    """The weakest loop of each kind; none of an unstable one.
+
+    With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
+    -T / (1 + T).
+    """
+    as_it_is = closed(loop)
+    z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
+    if np.abs(z).max(initial=0.0) > EDGE:
+        return []
+    cut = cut_loops(loop, as_it_is, z, measured=True, stable=True)
+    weakest: dict[tuple[str, str], Locus] = {}
+    for name, port in cut.ports.items():
+        even = np.geomspace(port.frequencies[0], port.frequencies[-1], POINTS)
+        every = port.at(np.union1d(port.frequencies, even))
+        for i, margin in enumerate(port.alone(name, LONGEST, stable=True)):
+            T = every[:, i, i]
+            key = (name, margin.group)
+            if key not in weakest or margin.disk < weakest[key].margin.disk:
+                weakest[key] = Locus(margin, -T / (1.0 + T))
+    return list(weakest.values())

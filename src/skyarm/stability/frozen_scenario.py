@@ -7,7 +7,7 @@ from typing import Any
 
 from skyarm.actuation.servo import PositionServo
 from skyarm.compile import leaves, trace
-from skyarm.control.controller import innermost, with_innermost
+from skyarm.control.controller import innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.state import State
 from skyarm.environment import Component, MovingAir, Wind
@@ -19,9 +19,6 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 LAGS = ("up", "down")
 """Which time constant of the rotors holds in both directions: the two between which every motion lies."""
-
-ADAPTS = ("adapts_load", "adapts_friction")
-"""Parameters of laws that say whether they learn a load or a friction in flight."""
 
 SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 """Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
@@ -112,11 +109,11 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     Of a law under layers, its own constants are looked at.
     """
     par: Any = scenario.controller.par
-    own = innermost(par)
-    adapting = [name for name in ADAPTS if getattr(own, name, False)]
-    if not adapting:
+    own, adaptation = innermost(par), part_of(par, "adaptation")
+    if adaptation is None:
         return scenario
-    still = with_innermost(par, dataclasses.replace(own, **dict.fromkeys(adapting, False)))
+    held = dataclasses.replace(own.parts, adaptation=dataclasses.replace(adaptation, load=None, friction=None))
+    still = with_innermost(par, dataclasses.replace(own, parts=held))
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 

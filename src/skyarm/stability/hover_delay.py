@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from skyarm.actuation import AllocationError
 from skyarm.algebra import E_Z, Mat3, Sym3
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.control.controller import Controller, ControllerError, innermost
+from skyarm.control.controller import Controller, ControllerError, innermost, part_of
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
@@ -100,7 +100,7 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
 
 def finds_lag(controller: Controller) -> bool:
     """Whether a law, under layers or not, answers a lag that it finds in flight."""
-    return getattr(innermost(controller.par), "lag", None) is not None
+    return part_of(controller.par, "lag") is not None
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.stability.closed_loop import Closed, Radius, closed, gains, radius, spectral_radius
-from skyarm.stability.cut_loops import CutLoops, cut_loops
-from skyarm.stability.loop_derivatives import OpenLoop
-from skyarm.stability.loop_margin import LoopMargin
+from skyarm.stability.closed_loop import Closed, OpenLoop, Radius, closed, gains, radius, spectral_radius
+from skyarm.stability.disk_margins import CutLoops, LoopMargin, cut_loops
 
 Array = npt.NDArray[np.float64]
 
@@ -107,7 +105,7 @@ def _common(loop: OpenLoop, as_it_is: Closed, cut: CutLoops, places: Sequence[in
         factors[list(places)] = k
         return spectral_radius(as_it_is.matrix(factors))
 
-    edges = cut.gain_edges(places)
+    edges = cut.gain_edges[tuple(places)]
     low = _side(radius_at, [k for k in edges[::-1] if k < 1.0], 1.0 / STRIDE, 0.0)
     return low, _side(radius_at, [k for k in edges if k > 1.0], STRIDE, math.inf)
 
@@ -130,7 +128,7 @@ def _of_any(loop: OpenLoop, as_it_is: Closed, cut: CutLoops, places: Sequence[in
     if not cut.stable:
         return 1.0, 1.0
     low, high = 0.0, math.inf
-    nearest = {place: cut.gain_edges([place]) for place in places}
+    nearest = {place: cut.gain_edges[place,] for place in places}
     # the narrowest first: others are looked at only if they could be narrower still
     for place in sorted(places, key=lambda i: -max((k for k in nearest[i] if k < 1.0), default=0.0)):
         if max((k for k in nearest[place] if k < 1.0), default=0.0) > low:

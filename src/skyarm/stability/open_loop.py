@@ -3,15 +3,18 @@
 Differentiated is the machine code of one control period itself, by central differences of fourth order: four steps in
 each direction, all lanes of one call. The attitude moves by rotation vectors, in and out; everything else is a number.
 The rotors' lag is faster upward than downward, so that a hovering loop has two linearisations, with either time
-constant for both directions, in plant and belief; between both lies the one that a small swing meets.
+constant for both directions, in plant and model; between both lies the one that a small swing meets.
 
 Joint drives take part with their memories. A battery sags under its load as it does; its charge, which takes minutes to
 move, is held as it is.
+
+Source: B. Fornberg 1988, Table 1 (first derivative, fourth order).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import Command
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -27,25 +30,139 @@ from skyarm.compile.tracing.repeat import repeat
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
-from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scalars import data
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.noise import measure, noise_count
+from skyarm.sensors.measurement import Measurement, measure, measurement_of, noise_count
 from skyarm.simulate.command_line import mean_efforts, switches
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
-from skyarm.stability.finite_differences import derivatives, stencil_points
+from skyarm.stability.closed_loop import OpenLoop
 from skyarm.stability.frozen_scenario import LAGS, SHARES, nominal, require_no_memory, with_lag
 from skyarm.stability.loop_channels import Channel, vehicle_channels
-from skyarm.stability.loop_derivatives import OpenLoop
-from skyarm.stability.open_point import OpenPoint, open_point, sizes_of
 
 Array = npt.NDArray[np.float64]
+
+STEP_SIZE = 1e-4
+"""Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
+
+STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+"""(step, weight) of the first derivative, fourth order."""
+
+
+def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
+    """Every point of the stencils, (leaves, directions * 4), and the step of each direction (directions,).
+
+    Args:
+        base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
+        attitude: the same as ``base[3:7]``.
+    """
+    count = len(base)
+    widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
+    turns = slice(3, 6)
+    widths[turns] = STEP_SIZE
+    found = np.repeat(base[:, None], 4 * (count - 1), axis=1)
+    for direction, width in enumerate(widths):
+        for j, (steps, _) in enumerate(STENCIL):
+            column = 4 * direction + j
+            if 3 <= direction < 6:
+                v = [0.0, 0.0, 0.0]
+                v[direction - 3] = 0.5 * steps * width
+                found[3:7, column] = list(_turned(attitude, v))
+            else:
+                found[direction if direction < 3 else direction + 1, column] += steps * width
+    return found, widths
+
+
+def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
+    """Jacobians of next state, measurement, memory and command by every direction.
+
+    Args:
+        result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
+        still: outputs at the point itself (outputs,).
+        widths: step of each direction (directions,).
+        outs: how many outputs each of the four has; those of the state come first.
+    """
+    directions = len(widths)
+    state = _tangent(result[: outs[0]], still[: outs[0]])
+    values = np.vstack([state, result[outs[0] :] - still[outs[0] :, None]])
+    weights = np.array([weight for _, weight in STENCIL])
+    slopes = values.reshape(len(values), directions, len(STENCIL)) @ weights / widths
+    ends = np.cumsum([outs[0] - 1, *outs[1:]])
+    return np.split(slopes, ends[:-1].tolist())
+
+
+def _turned(q: Quaternion, half: Sequence[float]) -> Quaternion:
+    """q times the rotation of twice the vector ``half``, first order with unit length to 1e-16."""
+    x, y, z = half
+    w = float(np.sqrt(1.0 - x * x - y * y - z * z))
+    turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
+    return turned
+
+
+def _tangent(states: Array, still: Array) -> Array:
+    """Differences of states (leaves, lanes) from one; the attitude's as twice the vector part of q0^-1 q."""
+    w, x, y, z = still[3:7]
+    a, b, c, d = states[3:7]
+    turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
+    return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OpenPoint:
+    """What the open period takes; the battery's memory is a number that stays, not one that is stepped beside."""
+
+    state: State
+    drives: tuple[Any, ...]
+    old: Command
+    new: Command
+    memory: Any
+    seen: Measurement
+    power: Any
+
+
+def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
+    """Where the open period is differentiated, as far as the carry tells.
+
+    Args:
+        carry: of the flight.
+        ages: whole periods that rotors and joints are late; left out: the queue is as long as both.
+        batteries: how many of the last components are batteries.
+    """
+    last = len(carry.queue) - 1
+    old, following = carry.queue[0], carry.queue[min(1, last)]
+    if ages is not None:
+        old, following = (
+            Command(
+                rotor_speeds=carry.queue[min(last - ages[0] + k, last)].rotor_speeds,
+                efforts=carry.queue[min(last - ages[1] + k, last)].efforts,
+            )
+            for k in (0, 1)
+        )
+    # an open period asks for no time and no specific force
+    waiting = carry.sensors[0].waiting
+    seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
+    return OpenPoint(
+        state=carry.state,
+        drives=carry.drives,
+        old=old,
+        new=following,
+        memory=carry.memory,
+        seen=seen,
+        power=carry.components[len(carry.components) - batteries :] if batteries else (),
+    )
+
+
+def sizes_of(point: OpenPoint) -> list[int]:
+    """How many numbers a point has of state with drives, old and new command, memory, measurement and battery."""
+    parts = (point.old, point.new, point.memory, point.seen, point.power)
+    return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
+
 
 __all__ = ["LAGS", "Differentiator", "OpenLoop", "carry_of", "nominal", "open_loop"]
 
@@ -65,8 +182,7 @@ class Differentiator:
         first = first_loop_state(self.scenario)
         require_no_memory(self.scenario, first)
         self._components = first.components
-        around = first_surroundings(self.scenario, first)
-        plant = RigidBodyPlant(self.scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        plant = rigid_body_plant(self.scenario, first)
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics

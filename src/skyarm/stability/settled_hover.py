@@ -17,8 +17,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability.along import Instant, hovering
+from skyarm.stability.closed_loop import OpenLoop
 from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
-from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.margins import delay_margin, margins
 from skyarm.stability.open_loop import Differentiator
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.studio.flight import Flight
-from skyarm.studio.scene import COLORS
+from skyarm.studio.fleet import Flight
+from skyarm.studio.picture import COLORS
 from skyarm.studio.sights import Sight
 
 SECONDS = 10.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED
 from skyarm.files import read_toml, shown
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -161,13 +161,11 @@ def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
         return dict(document)
     changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
     layers = {word: value for word, value in document["controller"].items() if word in LAYERS}
-    name = full_name(law)
-    if name in PRESETS:
-        chosen = {"preset": name}
-    elif name in LAWS or not name.endswith(TUNED):
-        chosen = {"law": name}
-    else:
-        chosen = {"law": name.removesuffix(TUNED), "tuned": True}
+    chosen: dict[str, Any] = {"law": law}
+    if law in PRESETS:
+        chosen = {"preset": law}
+    elif law not in LAWS and law.endswith(TUNED):
+        chosen = {"law": law.removesuffix(TUNED), "tuned": True}
     kept = {word: value for word, value in document.items() if word != "changes"}
     return {**kept, "controller": {**chosen, **layers}, **({"changes": changes} if changes else {})}
 

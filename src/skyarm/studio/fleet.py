@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import bisect
+import contextlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
+from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
+from skyarm.files.toml import toml_text
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.studio.documents import Prepared, prepare, read_document
-from skyarm.studio.flight import Flight
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.live_session import LiveSession
+from skyarm.simulate.session import Session
+from skyarm.studio.documents import Prepared, flown_document, prepare, read_document
 from skyarm.studio.knobs import Knob, knobs_of
+from skyarm.studio.sights import Load, Sight, Watched, sight
 
 MOST = 3
 """Flights at once."""
@@ -183,3 +194,204 @@ def shared_knobs(prepared: Prepared) -> tuple[Knob, ...]:
 def law_knobs(flight: Flight, prepared: Prepared) -> tuple[Knob, ...]:
     """Knobs of a flight's own law and belief."""
     return tuple(k for k in knobs_of(flight.first, prepared.push) if k.path.startswith(OF_LAW))
+
+
+def law_names() -> list[str]:
+    """Every law by the names that a scenario file has for it."""
+    return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors())]
+
+
+def fleet_under(source: str, laws: Sequence[str]) -> Fleet:
+    """The fleet of a scenario, refused before a page is opened where it or one of the laws cannot be flown.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    if len(laws) > MOST:
+        raise ScenarioError(f"--controller = {shown(list(laws))}: must be at most {MOST} laws at once")
+    fleet = load_fleet(source)
+    for law in laws:
+        if law not in law_names():
+            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law)}")
+        fleet.prepared.under(law)
+    return fleet
+
+
+SAMPLES = 20.0
+"""Hz of what the plots keep."""
+
+SNAPSHOTS = 240
+"""Snapshots that are kept; beyond that every second one goes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A number that a hand changed.
+
+    Attributes:
+        tick: control periods flown before it holds. path, value: of the number.
+    """
+
+    tick: int
+    path: str
+    value: float
+
+
+class Flight(Watched):
+    """A flight goes forward period by period, and back; what a hand changed in it comes again at its own period.
+
+    A change at an instant takes the place of all that were made later: the flight goes another way from there.
+
+    Args:
+        law: name that it is chosen by; None is the scenario's own.
+        scenario: prepared, under the law.
+        paths: numbers that are changed without compiling anew.
+    """
+
+    def __init__(self, law: str | None, scenario: Scenario, paths: Sequence[str]) -> None:
+        self.law, self.first = law, scenario
+        self.title = law or scenario.controller.name
+        self.session: LiveSession | Session = _session(scenario, paths)
+        self.moved: list[Moved] = []
+        self.sights: list[Sight] = []
+        self._every = max(1, round(scenario.rates.control / SAMPLES))
+        self._apart = round(scenario.rates.control)
+        self._kept: list[Any] = []
+        self._note()
+        self._start = self._kept[0]
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        return self.session.tick
+
+    @property
+    def lost(self) -> str:
+        """Why the vehicle is lost, in words; empty while it flies."""
+        ended = self.session.ended
+        return "" if ended is None else ended.cause
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Every number that has been changed so far, as it is now."""
+        return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Payloads that are held, and the mass that a hand has hung at the tip."""
+        mass = self.values.get("plant.payload.mass", 0.0)
+        return (*super().loads, Load(mass)) if mass > 0.0 else super().loads
+
+    def move(self, values: Mapping[str, float]) -> None:
+        """Change numbers from the next period on.
+
+        Raises:
+            ScenarioError: a number that cannot be; nothing is changed then.
+        """
+        now = self.tick
+        self.session.change(values)
+        kept = [each for each in self.moved if each.tick < now or (each.tick == now and each.path not in values)]
+        self.moved = [*kept, *(Moved(now, path, float(value)) for path, value in values.items())]
+        # what was flown beyond this instant was flown with other numbers
+        self._kept = [snapshot for snapshot in self._kept if snapshot.tick <= now]
+        self.sights = [seen for seen in self.sights if seen.tick <= now]
+
+    def step(self) -> bool:
+        """Fly one control period; False once the flight has ended."""
+        if not self.session.running:
+            return False
+        going = self.session.step()
+        if going:
+            self._again()
+            self._note()
+        return going
+
+    def begin(self) -> None:
+        """Begin again, with the numbers of the scenario."""
+        self.moved = []
+        self.session.restore(self._start)
+        self._kept, self.sights = [self._start], self.sights[:1]
+
+    def to(self, tick: int) -> None:
+        """Go to an instant: back by a snapshot, then forward by what was changed."""
+        if tick < self.tick:
+            at = bisect.bisect_right([snapshot.tick for snapshot in self._kept], tick) - 1
+            self.session.restore(self._kept[max(at, 0)])
+            self._again()
+        while self.tick < tick and self.step():
+            pass
+
+    def _again(self) -> None:
+        """Change what a hand changed at this instant before."""
+        values = {each.path: each.value for each in self.moved if each.tick == self.tick}
+        if values:
+            self.session.change(values)
+
+    def _note(self) -> None:
+        """Keep a snapshot and what the plots show, each at its own rate."""
+        tick = self.tick
+        if tick % self._apart == 0 and (not self._kept or self._kept[-1].tick < tick):
+            self._kept.append(self.session.snapshot())
+            if len(self._kept) > SNAPSHOTS:
+                self._kept, self._apart = self._kept[::2], 2 * self._apart
+        if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
+            self.sights.append(sight(self.session))
+
+
+def _session(scenario: Scenario, paths: Sequence[str]) -> LiveSession | Session:
+    """Machine code in which every number may move, or the stages one by one."""
+    if scenario.plant == "rigid_body" and scenario.controller.compiled:
+        with contextlib.suppress(NoMachineCodeError):
+            return LiveSession(scenario, paths)
+    return Session(scenario, machine_code=False)
+
+
+def saved_document(fleet: Fleet, flight: Flight, folder: Path) -> dict[str, Any]:
+    """Tables of a scenario that 'skyarm run' flies to the bits of a flight, up to where it is now.
+
+    Args:
+        fleet: of the flight.
+        flight: one of its.
+        folder: where the file will lie.
+
+    Raises:
+        ScenarioError: nothing has been flown yet.
+    """
+    if not flight.tick:
+        raise ScenarioError("time = 0 s: must be above 0; nothing has been flown yet that could be saved")
+    # a vehicle that is lost is lost again in the period after its last one
+    ticks = flight.tick + (1 if flight.lost else 0)
+    moved = [each for each in flight.moved if each.tick < flight.tick]
+    paths = {each.path for each in moved}
+    document = flown_document(fleet.prepared, flight.law, ticks / fleet.rate, paths, folder)
+    document["name"] = f"{fleet.prepared.scenario.name}_{flight.title}"
+    document["title"] = f"{fleet.prepared.scenario.title or fleet.prepared.scenario.name}, flown by hand"
+    # those of the file first: of one period they take hold before a hand moves anything
+    changes = [*(each for each in document.pop("changes", ()) if each["at"] < document["duration"])]
+    changes += [{"at": each.tick / fleet.rate, "path": each.path, "value": each.value} for each in moved]
+    return {**document, "changes": changes} if changes else document
+
+
+def save_flights(fleet: Fleet, folder: Path) -> str:
+    """Write a scenario for each flight beside those that are there; returns how to fly them, in words.
+
+    Raises:
+        ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
+    """
+    require_writable(str(folder))
+    written = []
+    for flight in fleet.flights:
+        document = saved_document(fleet, flight, folder)
+        file = _free(folder, document["name"])
+        write_atomically(file, toml_text(document).encode())
+        written.append(f"skyarm run {file}")
+    return "saved; fly it again: " + ", ".join(written)
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A name that no file has yet."""
+    found, number = folder / f"{name}.toml", 0
+    while found.exists():
+        number += 1
+        found = folder / f"{name}_{number}.toml"
+    return found

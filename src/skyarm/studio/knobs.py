@@ -7,14 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.records.leaves import Place, is_record, parts
-from skyarm.records.replace_parts import part
+from skyarm.records.leaves import Place, is_record, part, parts
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.reference import Trajectory
-from skyarm.reference.polynomials import Polynomials
-from skyarm.scenario.names_of_fields import names
+from skyarm.reference.splines import Polynomials
 from skyarm.scenario.numbers import number_at
-from skyarm.scenario.places import places_of
+from skyarm.scenario.paths import names, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 GROUPS: Mapping[str, tuple[str, ...]] = {

@@ -11,13 +11,9 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from skyarm.studio.charts import HERTZ, Chart, charts
-from skyarm.studio.controls import Controls
-from skyarm.studio.fleet import Fleet, law_knobs, load_fleet, make_flight, shared_knobs
-from skyarm.studio.flight import Flight
-from skyarm.studio.page_words import literal
-from skyarm.studio.panels import KnobPanel
+from skyarm.studio.controls import Controls, KnobPanel, literal
+from skyarm.studio.fleet import Fleet, Flight, law_knobs, load_fleet, make_flight, save_flights, shared_knobs
 from skyarm.studio.picture import Picture, View
-from skyarm.studio.saved import save_flights
 
 FRAME = 1.0 / 60.0
 """s between two pictures."""

@@ -1,34 +1,66 @@
-"""The picture of a fleet: a vehicle for every law, one ghost of the desired pose, arrows and trails."""
+"""The picture of a fleet: for every law a vehicle with arrows, trail and world, and one ghost of the desired pose."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from skyarm.drawing.carried_poses import held_poses
-from skyarm.drawing.pose_program import Array, Placed, PoseProgram
-from skyarm.drawing.sight_lines import hidden_share
-from skyarm.drawing.world_shapes import ground_height, point_shapes, world_shapes
+from skyarm.drawing.poses import Placed, disc_name, place, rotor_turns
+from skyarm.drawing.shapes import RGBA, Solid, floats
+from skyarm.drawing.vehicle_shapes import payload_shape
+from skyarm.drawing.world_shapes import (
+    CarriedPoses,
+    ground_height,
+    held_poses,
+    hidden_share,
+    point_shapes,
+    world_shapes,
+)
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.studio.arrows import TRAIL, Arrows, trail
-from skyarm.studio.flight import Flight
-from skyarm.studio.scene import COLORS, GHOST, STILL, VehicleNodes
-from skyarm.studio.sights import goal_of
-from skyarm.studio.world_nodes import TouchArrows, WorldNodes
+from skyarm.studio.scene import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
+from skyarm.studio.sights import Load, Touching, Watched, goal_of
+
+Array = npt.NDArray[np.float64]
+
+COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
+"""Of the first, second and third law, here and in the plots: blue, orange, green."""
+
+GHOST, LOST = (130, 130, 140), (200, 40, 40)
+
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
+"""Role of a shape -> how bright its law's colour is."""
+
+THRUST, WIND, PUSHED, OBSERVED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (150, 80, 190), (198, 26, 140)
+
+NEWTON = 0.08
+"""m of arrow per newton. Air: the same per metre a second."""
+
+SHAFT, TOUCH_SHAFT = 0.004, 0.005
+"""m: radius of an arrow."""
+
+TRAIL = 4.0
+"""s of tip trail."""
 
 APART = 1.2
 """m between vehicles that are drawn beside each other."""
 
 SLOW = 6
-"""Frames between two drawings of what moves slowly: the ghost, trails, labels, payloads."""
+"""Frames between two drawings of what moves slowly: the ghost, trails, labels."""
+
+STAGE = "/stage"
+"""Node on which all others hang. A camera follows by its moving the other way: what each tab turns stays its own."""
+
+VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
+"""m from the vehicle, from where a new tab may look at it."""
 
 
 @dataclass(slots=True)
 class View:
-    """What of the picture is shown.
+    """Parts of the picture that are shown.
 
     Attributes:
         beside: vehicles beside each other, not over each other. follow: the camera goes along with the first vehicle.
@@ -42,11 +74,156 @@ class View:
     trails: bool = True
 
 
-STAGE = "/stage"
-"""Node on which all others hang. A camera follows by its moving the other way: what each tab turns stays its own."""
+def toned(color: Sequence[int], opacity: float = 1.0) -> Paint:
+    """Colours of a vehicle's shapes: tones of one colour, rotors see-through."""
 
-VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
-"""m from the vehicle, from where a new tab may look at it."""
+    def paint(role: str) -> RGBA:
+        red, green, blue = (min(1.0, TONES[role] * c / 255.0) for c in color)
+        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
+
+    return paint
+
+
+class FlightNodes:
+    """Nodes of one flight: vehicle, forces, trail, name, world and payloads.
+
+    Args:
+        scene: of viser. number: of the flight, from 0.
+        scenario: that is flown. title: of the flight. placed: first poses.
+        plain: without shadows.
+    """
+
+    def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
+        vehicle, end = scenario.world.vehicle, number + 1
+        self._vehicle, self._number, self._around, self._lost = vehicle, number, placed.tip, False
+        self._paint, points = toned(COLORS[number]), point_shapes(scenario.contacts, vehicle)
+        self.vehicle = VehicleNodes(
+            scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, blades=True, cast=not plain
+        )
+        colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED, OBSERVED], np.tile(placed.positions[0], (2, 1))
+        self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
+        still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
+        self._trail = scene.add_line_segments(f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004)
+        self._cords = scene.add_line_segments(f"{STAGE}/cords{end}", still, GREY, thickness=0.003)
+        self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
+        self._loads = SolidNodes(scene, f"{STAGE}/loads{end}")
+        self._world, self._touches = None, None
+        contacts = scenario.contacts
+        if contacts:
+            self._world = SolidNodes(scene, f"{STAGE}/world{end}", shadow=not plain)
+            self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
+        pairs = sum(contact.logged_pairs for contact in contacts)
+        if pairs:
+            self._touches = Arrows(scene, f"{STAGE}/touches{end}", [TOUCH] * pairs, TOUCH_SHAFT, at)
+        surfaces = [each for contact in contacts for each in contact.surfaces]
+        self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
+        self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)), np.zeros(3))
+
+    @property
+    def _above(self) -> Array:
+        """(3,) m: place of the label, seen from the base."""
+        return np.array([0.0, 0.0, 0.16 + 0.08 * self._number])
+
+    def _place_world(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
+        if self._world is not None:
+            solids = world_shapes(scenario.contacts, np.array([time]), tuple(self._around), carried=carried)
+            self._world.place(solids)
+
+    def draw_bodies(self, placed: Placed, turns: dict[str, Array], beside: Array) -> None:
+        """Move the bodies and the discs of rotors that tilt."""
+        self.vehicle.place(placed.rotations, placed.positions + beside)
+        self.vehicle.tilt({name: turn[0] for name, turn in turns.items()})
+
+    def draw(self, flight: Watched, seconds: float, beside: Array, view: View, *, slow: bool) -> Placed:
+        """Show the flight as it is now, ``beside`` (3,) m its own place; returns its poses."""
+        session, placed = flight.session, flight.placed()
+        state, last = session.state, flight.last
+        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
+        self.draw_bodies(placed, turns if session.running else {}, beside)
+        if session.running:
+            self.vehicle.spin(speeds, seconds)
+        self._carry(flight.loads, placed, beside)
+        if view.arrows:
+            self._forces.point(beside + force_arrows(flight, placed, speeds, turns))
+            if self._touches is not None:
+                self._touches.point(beside + touch_arrows(last.touching))
+        if slow or self._moves:
+            held = held_poses(session.scenario.components, session.now.components)
+            self._place_world(session.scenario, session.time, held)
+        if slow:
+            if view.trails:
+                self._trail.points = trail([seen.tip for seen in flight.seen(TRAIL)], beside)
+            if bool(flight.lost) != self._lost:
+                self._lost = bool(flight.lost)
+                self.vehicle.color(toned(LOST) if self._lost else self._paint)
+            self._label.text = f"{flight.title}: lost" if self._lost else flight.title
+            if np.isfinite(placed.positions[0]).all():
+                self._label.position = placed.positions[0] + beside + self._above
+        return placed
+
+    def _carry(self, loads: Sequence[Load], placed: Placed, beside: Array) -> None:
+        """Show payloads where they are held, or where they hang on their cords."""
+        solids: list[Solid] = []
+        cords = []
+        for each in loads:
+            if each.frame or self._vehicle.end_effector:
+                shape = payload_shape(self._vehicle, each.mass, each.frame, each.com)
+                R = placed.rotations[1 + shape.body]
+                holder = placed.positions[1 + shape.body] + R @ np.array(shape.position)
+                at = holder if each.hangs is None else each.hangs
+                named = replace(shape, name=f"payload{len(solids) + 1}")
+                solids.append(Solid(named, (at + beside)[None], R[None], self._paint("payload")))
+                cords.append((holder + beside, at + beside))
+        self._loads.place(solids)
+        self._cords.visible = any(each.hangs is not None for each in loads)
+        if self._cords.visible:
+            self._cords.points = np.array(cords, np.float32)
+
+    def show(self, view: View) -> None:
+        """Show and hide parts; the world of the first flight stands for all that are drawn over each other."""
+        self._trail.visible = view.trails
+        self._forces.show(view.arrows)
+        if self._touches is not None:
+            self._touches.show(view.arrows)
+        if self._world is not None:
+            self._world.show(self._number == 0 or view.beside)
+            self._world.root.position = np.array([0.0, APART * self._number, 0.0])
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        parts = self.vehicle, self._forces, self._trail, self._cords, self._label, self._loads, self._world
+        for node in (*parts, self._touches):
+            if node is not None:
+                node.remove()
+
+
+def force_arrows(flight: Watched, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
+    """Ends (rotors + 3, 2, 3) of thrusts, air, force from outside and estimated force, m."""
+    vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
+    ends = []
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
+        turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
+        ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
+    above, seen = p + np.array([0.0, 0.0, 0.22]), np.zeros(3) if last.observed is None else floats(last.observed)
+    ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p), (p, p + NEWTON * np.array(seen))]
+    return np.array(ends)
+
+
+def touch_arrows(touching: Sequence[Touching]) -> Array:
+    """Ends (N, 2, 3) of contact forces, m."""
+    return np.array([(each.spot, each.spot + NEWTON * each.force) for each in touching]).reshape(-1, 2, 3)
+
+
+def trail(tips: Sequence[Array], beside: Array) -> Array:
+    """(N, 2, 3) segments of the tip's path."""
+    places = np.array(tips, dtype=np.float32).reshape(-1, 3) + beside if len(tips) > 1 else np.zeros((2, 3))
+    segments: Array = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+    return segments
+
+
+def _row(values: Sequence[Any]) -> Array:
+    return np.array([[float(each) for each in values]])
 
 
 class Picture:
@@ -59,14 +236,8 @@ class Picture:
 
     def __init__(self, server: Any, *, plain: bool = False) -> None:
         self._server, self._scene, self._plain, self.view = server, server.scene, plain, View()
-        self._vehicles: list[VehicleNodes] = []
-        self._arrows: list[Arrows] = []
-        self._worlds: list[WorldNodes] = []
-        self._touches: list[TouchArrows] = []
-        self._trails: list[Any] = []
-        self._labels: list[Any] = []
+        self._flights: list[FlightNodes] = []
         self._ghost: VehicleNodes | None = None
-        self._lost: list[bool] = []
         self._frame = 0
         self._scene.configure_default_lights(cast_shadow=not plain)
         if plain:
@@ -81,74 +252,32 @@ class Picture:
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
         """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
-        for node in (*self._vehicles, *self._arrows, *self._trails, *self._labels, *self._worlds, *self._touches):
-            node.remove()
+        for nodes in self._flights:
+            nodes.remove()
         if self._ghost is not None:
             self._ghost.remove()
         vehicle, state = scenario.world.vehicle, first_state(scenario)
-        program = PoseProgram(vehicle)
-        placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
+        placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
         self._origin = placed.positions[0]
         self._follow(self._origin)
-        self._vehicles, self._arrows, self._trails, self._labels = [], [], [], []
-        points = point_shapes(scenario.contacts, vehicle)
-        for i, title in enumerate(titles):
-            nodes = VehicleNodes(
-                self._scene, f"{STAGE}/law{i + 1}", vehicle, COLORS[i], plain=self._plain, points=points
-            )
-            nodes.tilt(state.tilts)
-            nodes.place(placed, self._beside(i))
-            self._vehicles.append(nodes)
-            self._arrows.append(Arrows(self._scene, f"{STAGE}/arrows{i + 1}", vehicle, placed.positions[0]))
-            still = np.repeat(placed.tip[None, None], 2, axis=1).astype(np.float32)
-            self._trails.append(
-                self._scene.add_line_segments(f"{STAGE}/trail{i + 1}", still, COLORS[i], thickness=0.004)
-            )
-            above = placed.positions[0] + self._above(i)
-            self._labels.append(self._scene.add_label(f"{STAGE}/label{i + 1}", title, position=above))
-        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, GHOST, plain=True, opacity=0.25)
-        self._ghost.place(goal_of(program, scenario.trajectory.at(0.0)), np.zeros(3))
-        self._lost = [False] * len(titles)
-        self._build_world(scenario, placed.tip, len(titles))
-        self._look_at(scenario, placed)
-
-    def _build_world(self, scenario: Scenario, place: Array, count: int) -> None:
-        """Surfaces and contact forces of every flight; nothing of a scenario without a world."""
+        self._flights = [
+            FlightNodes(self._scene, i, scenario, title, placed, plain=self._plain) for i, title in enumerate(titles)
+        ]
+        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, toned(GHOST, 0.25))
+        self._draw_ghost(goal_of(vehicle, scenario.trajectory.at(0.0)))
         self._ground.position = (0.0, 0.0, ground_height(scenario.contacts))
-        self._worlds, self._touches = [], []
-        pairs = sum(contact.logged_pairs for contact in scenario.contacts)
-        starts = [contact.start(0.0, ()) for contact in scenario.contacts]
-        carried = held_poses(scenario.contacts, starts)
-        for i in range(count if scenario.contacts else 0):
-            name, beside = f"{STAGE}/world{i + 1}", np.array([0.0, APART * i, 0.0])
-            self._worlds.append(WorldNodes(self._scene, name, scenario, carried, place, beside, plain=self._plain))
-            if pairs:
-                self._touches.append(TouchArrows(self._scene, f"{STAGE}/touches{i + 1}", pairs, place))
-        self._show_world()
-
-    def _show_world(self) -> None:
-        """The world of the first flight stands for all that are drawn over each other."""
-        for i, world in enumerate(self._worlds):
-            world.show(i == 0 or self.view.beside)
-        for arrows in self._touches:
-            arrows.show(self.view.arrows)
+        self.choose(self.view)
+        self._look_at(scenario, placed)
 
     def _look_at(self, scenario: Scenario, placed: Placed) -> None:
         """The view that a new tab begins with: from ahead and the right, or from where no surface hides the tip."""
         solids = world_shapes(scenario.contacts, np.zeros(1), tuple(placed.tip))
         hidden = [hidden_share(solids, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
-        camera, place = self._server.initial_camera, placed.positions[0]
-        camera.look_at = tuple(place + np.array([0.12, 0.08, -0.06]))
-        camera.position = tuple(place + VIEWS[int(np.argmin(hidden))])
+        camera, at = self._server.initial_camera, placed.positions[0]
+        camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
+        camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
 
-    def _beside(self, index: int) -> Array:
-        return np.array([0.0, APART * index if self.view.beside else 0.0, 0.0])
-
-    def _above(self, index: int) -> Array:
-        """Where the label of a vehicle stands over it."""
-        return np.array([0.0, 0.0, 0.16 + 0.08 * index])
-
-    def draw(self, flights: Sequence[Flight], seconds: float) -> None:
+    def draw(self, flights: Sequence[Watched], seconds: float) -> None:
         """Show the flights as they are now.
 
         Args:
@@ -157,38 +286,21 @@ class Picture:
         """
         self._frame += 1
         slow = self._frame % SLOW == 0
-        for i, flight in enumerate(flights):
-            state, beside = flight.session.state, self._beside(i)
-            placed, speeds = flight.placed(state), np.array([float(w) for w in state.rotor_speeds])
-            nodes = self._vehicles[i]
-            nodes.place(placed, beside)
-            nodes.carry(flight.loads, placed)
-            if flight.session.running:
-                nodes.tilt(state.tilts)
-                nodes.spin(speeds, seconds)
-            if self.view.arrows:
-                self._arrows[i].point(flight.last, speeds, placed, beside, state.tilts)
-            if self._worlds:
-                self._draw_world(i, flight, beside, slow)
-            if slow:
-                self._slowly(i, flight, placed.positions[0] + beside, beside)
+        for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
+            beside = np.array([0.0, APART * i if self.view.beside else 0.0, 0.0])
+            placed = nodes.draw(flight, seconds, beside, self.view, slow=slow)
             if i == 0:
                 self._follow(placed.positions[0])
-        if slow and flights and self._ghost is not None and self.view.ghost:
-            self._ghost.place(flights[0].goal(), np.zeros(3))
+        if slow and flights and self.view.ghost:
+            self._draw_ghost(flights[0].goal())
 
-    def _draw_world(self, i: int, flight: Flight, beside: Array, slow: bool) -> None:
-        """Surfaces, every picture where they move and now and then where a hand may have moved them; their forces."""
-        if slow or self._worlds[i].moves:
-            session = flight.session
-            carried = held_poses(session.scenario.components, session.now.components)
-            self._worlds[i].place(session.scenario, session.time, carried)
-        if self.view.arrows and self._touches:
-            self._touches[i].point(flight.last.touching, beside)
+    def _draw_ghost(self, goal: Placed) -> None:
+        if self._ghost is not None:
+            self._ghost.place(goal.rotations, goal.positions)
 
-    def _follow(self, place: Array) -> None:
+    def _follow(self, at: Array) -> None:
         """Keep the first vehicle, (3,) m, where the camera first saw it; without following, the ground."""
-        moved = self._origin - place if self.view.follow else np.zeros(3)
+        moved = self._origin - at if self.view.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved
 
@@ -196,25 +308,10 @@ class Picture:
         """Draw all of the next picture: a hand has moved something."""
         self._frame = -1
 
-    def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:
-        """What need not move sixty times a second."""
-        if self.view.trails:
-            self._trails[i].points = trail(flight.seen(TRAIL), beside)
-        lost = bool(flight.lost)
-        if lost != self._lost[i]:
-            self._vehicles[i].mark(lost)
-            self._lost[i] = lost
-        self._labels[i].text = f"{flight.title}: lost" if lost else flight.title
-        if np.isfinite(place).all():
-            self._labels[i].position = place + self._above(i)
-
     def choose(self, view: View) -> None:
         """Show and hide parts of the picture."""
         self.view = view
-        self._show_world()
-        for node in self._arrows:
-            node.show(view.arrows)
-        for node in self._trails:
-            node.visible = view.trails
+        for nodes in self._flights:
+            nodes.show(view)
         if self._ghost is not None:
             self._ghost.show(view.ghost)

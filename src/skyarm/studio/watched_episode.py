@@ -7,20 +7,17 @@ import secrets
 import threading
 import time
 import webbrowser
-from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
-from skyarm.drawing.pose_program import Placed, PoseProgram
 from skyarm.dynamics import State
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState
-from skyarm.studio.arrows import TRAIL
-from skyarm.studio.guard import LOOPBACK, Guard
-from skyarm.studio.page_words import literal
-from skyarm.studio.picture import Picture
-from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
-from skyarm.studio.sights import Load, Sight, goal_of, held_loads, sight
+from skyarm.studio.controls import literal
+from skyarm.studio.picture import TRAIL, Picture
+from skyarm.studio.server import LOOPBACK, Guard, StudioError, bound, close_server, open_server, require_viser
+from skyarm.studio.sights import Sight, Watched, sight
 
 FRAME = 1.0 / 30.0
 """s of wall time between two pictures."""
@@ -29,31 +26,17 @@ LONGEST_WAIT = 0.5
 """s of wall time: after a longer pause of whoever steps, the clock goes on from where the episode is."""
 
 
-class WatchedEpisode:
-    """What the picture asks of a flight, for a loop state that is handed over now and then.
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """An episode at one instant, as a session shows it.
 
     Attributes:
-        scenario: with the numbers of the episode. title: over the vehicle. now: the latest state of the loop.
-        lost: why it ended early, in words; empty while it flies.
+        scenario: with the numbers of the episode. now: state of the loop. lost: why it ended early, in words.
     """
 
-    def __init__(self, scenario: Scenario, now: LoopState, title: str) -> None:
-        self.scenario, self.title, self.now, self.lost = scenario, title, now, ""
-        self.program = PoseProgram(scenario.world.vehicle)
-        self._seen: deque[Sight] = deque()
-        self.see(now)
-
-    def see(self, now: LoopState, lost: str = "") -> None:
-        """Take over the latest state."""
-        self.now, self.lost = now, lost
-        self._seen.append(sight(self, self.program))
-        while self._seen[0].time < self.time - TRAIL:
-            self._seen.popleft()
-
-    @property
-    def session(self) -> WatchedEpisode:
-        """Itself: a picture asks a flight's session for state, time and surroundings."""
-        return self
+    scenario: Scenario
+    now: LoopState
+    lost: str = ""
 
     @property
     def tick(self) -> int:
@@ -77,27 +60,27 @@ class WatchedEpisode:
         """Whether it has not ended early."""
         return not self.lost
 
-    @property
-    def last(self) -> Sight:
-        """The latest of what was seen."""
-        return self._seen[-1]
+
+class WatchedEpisode(Watched):
+    """An episode whose loop state is handed over now and then."""
+
+    session: Instant
+
+    def __init__(self, now: Instant) -> None:
+        self.title = now.scenario.controller.name
+        self.sights: list[Sight] = []
+        self.see(now)
+
+    def see(self, now: Instant) -> None:
+        """Take over the latest state."""
+        self.session = now
+        first = now.tick - TRAIL * now.scenario.rates.control
+        self.sights = [*(each for each in self.sights if each.tick >= first), sight(now)]
 
     @property
-    def loads(self) -> tuple[Load, ...]:
-        """Payloads that are held."""
-        return held_loads(self.scenario.components, self.now.components)
-
-    def placed(self, state: State) -> Placed:
-        """Where the bodies are in a state."""
-        return self.program(tuple(state.position), tuple(state.quaternion), state.joints)
-
-    def goal(self) -> Placed:
-        """Where they should be now."""
-        return goal_of(self.program, self.scenario.trajectory.at(self.time))
-
-    def seen(self, seconds: float) -> list[Sight]:
-        """What was seen of the last seconds, at most ``TRAIL``."""
-        return [each for each in self._seen if each.time >= self.time - seconds]
+    def lost(self) -> str:
+        """Why it ended early, in words; empty while it flies."""
+        return self.session.lost
 
 
 class EpisodePage:
@@ -154,11 +137,12 @@ class EpisodePage:
         """
         if self._server is None:
             raise StudioError("page: must be open; close() has closed it")
-        self._episode = WatchedEpisode(scenario, now, scenario.controller.name)
+        first = Instant(scenario, now)
+        self._episode = WatchedEpisode(first)
         with self._server.atomic():
             self._picture.build(scenario, [self._episode.title])
-        self._began = self._clock() - self._episode.time / self._speed
-        self._shown = self._episode.time
+        self._began = self._clock() - first.time / self._speed
+        self._shown = first.time
         self._draw(self._episode)
 
     def show(self, now: LoopState, lost: str = "") -> None:
@@ -174,14 +158,14 @@ class EpisodePage:
         episode = self._episode
         if episode is None or self._server is None:
             raise StudioError("show: must come after begin(), and before close()")
-        ticks: Any = now.ticks
-        due = self._began + float(ticks) / episode.scenario.rates.control / self._speed - self._clock()
+        instant = Instant(episode.session.scenario, now, lost)
+        due = self._began + instant.time / self._speed - self._clock()
         if due < -LONGEST_WAIT:
             self._began -= due
         elif due > 0.0:
             self._wait(due)
         if lost or self._clock() - self._drawn >= FRAME:
-            episode.see(now, lost)
+            episode.see(instant)
             self._draw(episode)
 
     def close(self) -> None:
@@ -193,9 +177,10 @@ class EpisodePage:
     def _draw(self, episode: WatchedEpisode) -> None:
         if episode.lost:
             self._picture.hurry()
+        now = episode.session
         with self._server.atomic():
-            self._picture.draw([episode], episode.time - self._shown)  # type: ignore[list-item]
+            self._picture.draw([episode], now.time - self._shown)
             ending = f", {literal(episode.lost)}" if episode.lost else ""
-            part = "tip" if episode.scenario.world.vehicle.end_effector else "base"
-            self._words.content = f"{episode.time:.2f} s, {part} error {1e3 * episode.last.error:.1f} mm{ending}"
-        self._shown, self._drawn = episode.time, self._clock()
+            part = "tip" if episode.vehicle.end_effector else "base"
+            self._words.content = f"{now.time:.2f} s, {part} error {1e3 * episode.last.error:.1f} mm{ending}"
+        self._shown, self._drawn = now.time, self._clock()

@@ -1,4 +1,4 @@
-"""Curves of a metric over a varied number or an expression of several: middle, and a band over all else that varies."""
+"""Curves of metrics over a varied number or an expression of several: middle, and a band over all else that varies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
-from skyarm.scenario.units_of_numbers import words_of
+from skyarm.scenario.numbers import words_of
+from skyarm.sweep.derived_numbers import is_own_name
 from skyarm.sweep.expressions import read_expression
 from skyarm.sweep.maps import LISTED
 from skyarm.sweep.stats import Rows
@@ -34,13 +35,19 @@ MOST_CLASSES = 6
 
 THIRDS = 3
 
+FIRST = ("ee_error_mean", "position_error_mean", "joint_error_mean", "pitch_rms", "tau1_rms", "iae_position")
+"""Metrics of the page of a study, after those that limit its successes."""
+
+MOST = 6
+"""Metrics of that page."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
     """A number of each episode.
 
     Attributes:
-        words: what it is called. unit: SI, "" where that is not known.
+        words: its name for people. unit: SI, "" if unknown.
         values: (episodes,). logarithmic: it was drawn so.
     """
 
@@ -139,6 +146,25 @@ def banded_curves(
     )
 
 
+def drawn_metrics(rows: Rows) -> list[str]:
+    """The metrics of a study's page: those that limit successes, then the usual ones, then any others."""
+    wanted = dict.fromkeys((*rows.limits, *FIRST, *rows.metrics))
+    return [name for name in wanted if name in rows.metrics][:MOST]
+
+
+def varying(rows: Rows) -> list[str]:
+    """Numbers that differ among the episodes; paths that follow from those by expressions are left out."""
+    drawn = rows.manifest.origin.study["vary"] or {}
+    wanted = [path for path in rows.parameters if path in drawn or is_own_name(path)]
+    return [path for path in wanted if np.ptp(_column(rows, path)) > 0.0]
+
+
+def metric_curves(rows: Rows, metric: str) -> list[BandedCurves]:
+    """Curves of a metric over each number that varies; where nothing is drawn the band holds all episodes."""
+    band = (0.0, 1.0) if rows.deterministic else BAND
+    return [banded_curves(rows, metric, path, band=band) for path in varying(rows)]
+
+
 def variable(rows: Rows, text: str, field: str) -> Variable:
     """A varied number by its name, or an expression of some; ``name = expression`` names it.
 
@@ -219,7 +245,8 @@ def _curve(
         found: tuple[float, ...] = (np.nan,) * 3
         if kept.size:
             middle = np.median(kept) if center == "median" else kept.mean()
-            ends = np.quantile(kept, band) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            enough = kept.size >= FEWEST_OF_BAND or band == (0.0, 1.0)
+            ends = np.quantile(kept, band) if enough else (np.nan, np.nan)
             found = (float(middle), *map(float, ends))
         table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import prod
 
 import numpy as np
@@ -59,32 +58,26 @@ def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
 
 def extremes(study: Study) -> dict[str, tuple[float, float]]:
     """Path -> smallest and largest value that an episode of the study takes."""
-    found: dict[str, tuple[float, float]] = {}
-    for block in _blocks(study.episodes):
-        for path, column in values(study, block).items():
-            low, high = found.get(path, (np.inf, -np.inf))
-            found[path] = (min(low, float(column.min())), max(high, float(column.max())))
-    return found
+    return {path: (low, high) for path, (low, high, _, _) in _ends(study).items()}
 
 
 def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
     """Derived path -> the episodes in which it is smallest and largest."""
-    found: dict[str, tuple[int, int]] = {}
-    ends: dict[str, tuple[float, float]] = {}
-    for block in _blocks(study.episodes) if study.derived else ():
-        numbers = values(study, block)
-        for path in study.derived:
-            column = numbers[path]
-            first, last = int(column.argmin()), int(column.argmax())
-            low, high = ends.get(path, (np.inf, -np.inf))
-            at = found.get(path, (0, 0))
-            found[path] = (
-                int(block[first]) if column[first] < low else at[0],
-                int(block[last]) if column[last] > high else at[1],
-            )
-            ends[path] = (min(low, float(column[first])), max(high, float(column[last])))
+    ends = _ends(study) if study.derived else {}
+    return {path: ends[path][2:] for path in study.derived}
+
+
+def _ends(study: Study) -> dict[str, tuple[float, float, int, int]]:
+    """Path -> smallest and largest value, and their first episodes."""
+    found: dict[str, tuple[float, float, int, int]] = {}
+    for start in range(0, study.episodes, BLOCK):
+        block = range(start, min(start + BLOCK, study.episodes))
+        for path, column in values(study, block).items():
+            low, high, first, last = found.get(path, (np.inf, -np.inf, 0, 0))
+            i, j = int(column.argmin()), int(column.argmax())
+            if column[i] < low:
+                low, first = float(column[i]), block[i]
+            if column[j] > high:
+                high, last = float(column[j]), block[j]
+            found[path] = low, high, first, last
     return found
-
-
-def _blocks(count: int) -> Iterator[npt.NDArray[np.int64]]:
-    return (np.arange(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))

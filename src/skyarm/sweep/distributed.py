@@ -13,9 +13,9 @@ from typing import Any
 from skyarm.files import needs_extra, versions
 from skyarm.registry.plugins import Plugin, load_again, loaded
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.travel import packed
+from skyarm.simulate.workers import packed
 from skyarm.sweep.plan import Plan
-from skyarm.sweep.rows import fly_chunk
+from skyarm.sweep.runner import fly_chunk
 
 LOCAL = "local"
 """Address that starts a cluster on this machine."""

@@ -7,13 +7,14 @@ other characters stands in double quotes. Numbers are written as in ``0.5`` or `
     term       = factor { ("*" | "/") factor }
     factor     = ("+" | "-") factor | number | name | "sqrt" "(" expression ")" | "(" expression ")"
 
-Every error is one line with the expression and the place, counted in characters from 1.
+Every error is one line with the expression and the place, counted in characters from 1. Python's own parser knows no
+names with dots before digits and gives no such places.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +43,17 @@ TOKEN = re.compile(
 
 FUNCTION = "sqrt"
 
+OPERATIONS = {
+    ("+", 1): np.positive,
+    ("-", 1): np.negative,
+    (FUNCTION, 1): np.sqrt,
+    ("+", 2): np.add,
+    ("-", 2): np.subtract,
+    ("*", 2): np.multiply,
+    ("/", 2): np.divide,
+}
+"""(sign, number of operands) -> function."""
+
 
 class ExpressionError(ValueError):
     """An expression that cannot be read, or that has no value."""
@@ -49,34 +61,26 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """One word of an expression: its kind, its text, where it begins (from 0)."""
+    """A token of an expression: its kind, its text, where it begins (from 0); of an operation its operands."""
 
     kind: str
     text: str
     at: int
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A number, a name, or an operation on what is inside it; ``at`` is where it stands in the text."""
-
-    kind: str
-    at: int
-    text: str = ""
-    inside: tuple[Node, ...] = ()
+    operands: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """An expression as it was read.
+    """A parsed expression.
 
     Attributes:
-        text: as given. names: that it needs, each once, in order. field: what messages call it.
+        text: as given. names: that it needs, each once, in order. program: in postfix order.
+        field: its name in messages.
     """
 
     text: str
     names: tuple[str, ...]
-    root: Node
+    program: tuple[Token, ...]
     field: str = "expression"
 
     def value(self, numbers: Mapping[str, Any]) -> Array:
@@ -85,43 +89,32 @@ class Expression:
         Raises:
             ExpressionError: one line: a division by zero, the root of a negative number, or a result that is too large.
         """
+        stack: list[Array] = []
+        for step in self.program:
+            if step.kind == "number":
+                stack.append(np.asarray(float(step.text)))
+            elif step.kind == "name":
+                stack.append(np.asarray(numbers[step.text], dtype=float))
+            else:
+                given = np.broadcast_arrays(*stack[-step.operands :])
+                del stack[-step.operands :]
+                stack.append(self._result(step, given))
+        return stack[0]
+
+    def _result(self, step: Token, given: Any) -> Array:
         with np.errstate(all="ignore"):
-            return self._of(self.root, numbers)
-
-    def _of(self, node: Node, numbers: Mapping[str, Any]) -> Array:
-        if node.kind == "number":
-            return np.asarray(float(node.text))
-        if node.kind == "name":
-            return np.asarray(numbers[node.text], dtype=float)
-        parts = [self._of(each, numbers) for each in node.inside]
-        found = _apply(node, parts)
+            found = np.asarray(OPERATIONS[step.text, step.operands](*given))
         # what was NaN before, as a metric of an episode that did not fly, stays so and is no error
-        wrong = ~np.isfinite(found) & np.logical_and.reduce([np.isfinite(each) for each in np.broadcast_arrays(*parts)])
+        wrong = ~np.isfinite(found) & np.logical_and.reduce([np.isfinite(each) for each in given])
         if wrong.any():
-            raise ExpressionError(f"{self.field} = {_wrong(self.text, node.at, _why(node, parts, wrong))}")
+            first = [float(each[wrong].flat[0]) for each in given]
+            why = "must give a finite number"
+            if step.text == "/" and first[1] == 0.0:
+                why = f"must not divide by zero ({first[0]:g} / 0)"
+            elif step.text == FUNCTION:
+                why = f"must take the root of a number of at least 0, not of {first[0]:g}"
+            raise ExpressionError(f"{self.field} = {_wrong(self.text, step.at, why)}")
         return found
-
-
-def _apply(node: Node, parts: list[Array]) -> Array:
-    if node.kind == FUNCTION:
-        return np.sqrt(parts[0])
-    if len(parts) == 1:
-        return -parts[0] if node.kind == "-" else parts[0]
-    one, other = parts
-    operations = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
-    return np.asarray(operations[node.kind](one, other))
-
-
-def _why(node: Node, parts: list[Array], wrong: Any) -> str:
-    """What is wrong with an operation, for the first numbers that make it so."""
-    first = [
-        float(each[wrong][0]) if each.ndim else float(each) for each in map(np.asarray, np.broadcast_arrays(*parts))
-    ]
-    if node.kind == "/" and first[1] == 0.0:
-        return f"must not divide by zero ({first[0]:g} / 0)"
-    if node.kind == FUNCTION:
-        return f"must take the root of a number of at least 0, not of {first[0]:g}"
-    return "must give a finite number"
 
 
 def read_expression(text: Any, known: Collection[str], field: str = "expression") -> Expression:
@@ -130,7 +123,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     Args:
         text: of the expression.
         known: names that it may use.
-        field: what messages call it.
+        field: its name in messages.
 
     Raises:
         ExpressionError: one line with its place, and what is allowed there.
@@ -141,11 +134,11 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
         raise ExpressionError(f"{field} = {shown(text)}: must have at most {LONGEST} characters")
     text = " ".join(text.split())  # as messages show it, so that its places are theirs
     try:
-        parser = _Parser(text, known)
-        root = parser.whole()
+        program = _Parser(text, known).program
     except ExpressionError as error:
         raise ExpressionError(f"{field} = {error}") from None
-    return Expression(text=text, names=tuple(dict.fromkeys(parser.names)), root=root, field=field)
+    names = tuple(dict.fromkeys(step.text for step in program if step.kind == "name"))
+    return Expression(text=text, names=names, program=tuple(program), field=field)
 
 
 def _wrong(text: str, at: int, why: str) -> ExpressionError:
@@ -154,101 +147,86 @@ def _wrong(text: str, at: int, why: str) -> ExpressionError:
 
 def _tokens(text: str) -> Iterator[Token]:
     at = 0
-    end = len(text.rstrip())
-    while at < end:
+    while at < len(text):
         found = TOKEN.match(text, at)
         if found is None or found.lastgroup is None:
             start = at + len(text[at:]) - len(text[at:].lstrip())
-            raise _wrong(
-                text, start, f"{shown(text[start])} must be a number, a name, '{FUNCTION}' or one of + - * / ( )"
-            )
+            allowed = f"must be a number, a name, '{FUNCTION}' or one of + - * / ( )"
+            raise _wrong(text, start, f"{shown(text[start])} {allowed}")
         kind = found.lastgroup
         yield Token("name" if kind == "quoted" else kind, found[kind], found.start(kind))
         at = found.end()
+    yield Token("end", "the end", len(text))
 
 
 class _Parser:
-    """Recursive descent over the tokens, one at a time."""
+    """Recursive descent over the tokens of a whole text; ``program`` is it in postfix order."""
 
     def __init__(self, text: str, known: Collection[str]) -> None:
-        self.text, self.known = text, known
-        self.tokens = [*_tokens(text), Token("end", "", len(text.rstrip()))]
-        self.next, self.depth = 0, 0
-        self.names: list[str] = []
+        self.text, self.known, self.depth = text, known, 0
+        self.tokens, self.program = [*_tokens(text)], list[Token]()
+        self._sum()
+        self._require("end", "must be an operator or the end")
 
-    def whole(self) -> Node:
-        """The whole text as one expression."""
-        root = self._sum()
-        if self._here.kind != "end":
-            raise self._refuse("must be an operator or the end")
-        return root
+    def _require(self, kind: str, why: str) -> None:
+        """Refuse the next token if it is of another kind, or another sign."""
+        token = self.tokens[0]
+        if kind not in (token.kind, token.text):
+            what = token.text if token.kind == "end" else shown(token.text)
+            raise _wrong(self.text, token.at, f"{what} {why}")
 
-    @property
-    def _here(self) -> Token:
-        return self.tokens[self.next]
-
-    def _refuse(self, why: str) -> ExpressionError:
-        what = shown(self._here.text) if self._here.kind != "end" else "the end"
-        return _wrong(self.text, self._here.at, f"{what} {why}")
-
-    def _take(self, *signs: str) -> Token | None:
+    def _take(self, signs: str) -> Token | None:
         """The next token if it is one of these signs."""
-        token = self._here
-        if token.kind == "sign" and token.text in signs:
-            self.next += 1
-            return token
-        return None
+        token = self.tokens[0]
+        return self.tokens.pop(0) if token.kind == "sign" and token.text in signs else None
 
-    def _sum(self) -> Node:
-        found = self._product()
-        while sign := self._take("+", "-"):
-            found = Node(sign.text, sign.at, inside=(found, self._product()))
-        return found
+    def _emit(self, token: Token, operands: int) -> None:
+        self.program.append(Token("operation", token.text, token.at, operands))
 
-    def _product(self) -> Node:
-        found = self._factor()
-        while sign := self._take("*", "/"):
-            found = Node(sign.text, sign.at, inside=(found, self._factor()))
-        return found
+    def _chain(self, signs: str, operand: Callable[[], None]) -> None:
+        operand()
+        while sign := self._take(signs):
+            operand()
+            self._emit(sign, 2)
 
-    def _factor(self) -> Node:
+    def _sum(self) -> None:
+        self._chain("+-", lambda: self._chain("*/", self._factor))
+
+    def _factor(self) -> None:
         self.depth += 1
         if self.depth > DEEPEST:
-            raise self._refuse(f"must not be inside more than {DEEPEST} parentheses and signs")
-        found = self._signed_or_primary()
+            self._require("nothing", f"must not be inside more than {DEEPEST} parentheses and signs")
+        if sign := self._take("+-"):
+            self._factor()
+            self._emit(sign, 1)
+        elif self._take("("):
+            self._closed_sum()
+        else:
+            self._operand()
         self.depth -= 1
-        return found
 
-    def _signed_or_primary(self) -> Node:
-        if sign := self._take("+", "-"):
-            return Node(sign.text, sign.at, inside=(self._factor(),))
-        if self._take("("):
-            return self._closed(self._sum())
-        token = self._here
-        if token.kind not in ("number", "name"):
-            raise self._refuse("must be a number, a name or '('")
-        self.next += 1
+    def _closed_sum(self) -> None:
+        self._sum()
+        self._require(")", "must be ')' or an operator")
+        self.tokens.pop(0)
+
+    def _operand(self) -> None:
+        """A number, a name or a function of a sum."""
+        if self.tokens[0].kind != "name":
+            self._require("number", "must be a number, a name or '('")
+        token = self.tokens.pop(0)
         if token.kind == "number":
             if not np.isfinite(float(token.text)):
                 raise _wrong(self.text, token.at, f"{token.text} must be a finite number")
-            return Node("number", token.at, token.text)
-        if self._take("("):
+            self.program.append(token)
+        elif self._take("("):
             if token.text != FUNCTION:
-                raise _wrong(
-                    self.text, token.at, f"{shown(token.text)} must not be called; the one function is {FUNCTION}"
-                )
-            return Node(FUNCTION, token.at, inside=(self._closed(self._sum()),))
-        return self._name(token)
-
-    def _closed(self, found: Node) -> Node:
-        if not self._take(")"):
-            raise self._refuse("must be ')' or an operator")
-        return found
-
-    def _name(self, token: Token) -> Node:
-        if token.text not in self.known:
-            there = ", ".join(self.known) or "none"
-            meant = did_you_mean(token.text, self.known)
-            raise _wrong(self.text, token.at, f"{shown(token.text)} must be a named number; {meant}there are {there}")
-        self.names.append(token.text)
-        return Node("name", token.at, token.text)
+                why = f"{shown(token.text)} must not be called; the one function is {FUNCTION}"
+                raise _wrong(self.text, token.at, why)
+            self._closed_sum()
+            self._emit(token, 1)
+        elif token.text in self.known:
+            self.program.append(token)
+        else:
+            there = f"{did_you_mean(token.text, self.known)}there are {', '.join(self.known) or 'none'}"
+            raise _wrong(self.text, token.at, f"{shown(token.text)} must be a named number; {there}")

@@ -116,11 +116,8 @@ def success_map(
     controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: npt.NDArray[np.bool_]
 ) -> RobustnessMap:
     """Count episodes and successes cell by cell; a value on the last edge belongs to the last cell."""
-    sides = (len(upward.edges) - 1, len(across.edges) - 1)
-    column = np.clip(np.searchsorted(across.edges, x, side="right") - 1, 0, sides[1] - 1)
-    row = np.clip(np.searchsorted(upward.edges, y, side="right") - 1, 0, sides[0] - 1)
-    cell = row * sides[1] + column
-    count = np.bincount(cell, minlength=sides[0] * sides[1]).reshape(sides)
-    wins = np.bincount(cell, weights=won, minlength=sides[0] * sides[1]).reshape(sides)
-    rate = np.divide(wins, count, out=np.full(sides, np.nan), where=count > 0)
+    edges = (upward.edges, across.edges)
+    count = np.histogram2d(y, x, bins=edges)[0].astype(np.int64)
+    wins = np.histogram2d(y, x, bins=edges, weights=won)[0]
+    rate = np.divide(wins, count, out=np.full(count.shape, np.nan), where=count > 0)
     return RobustnessMap(controller=controller, across=across, upward=upward, rate=rate, count=count)

@@ -4,40 +4,73 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from skyarm.files import require_writable, taken_back
-from skyarm.files.one_writer import one_writer
-from skyarm.sweep.manifest import MANIFEST
+from skyarm.files.writing import one_writer
+from skyarm.simulate.batch import Batch
+from skyarm.sweep.chunk_file import arrow, chunk_file
+from skyarm.sweep.design import values
 from skyarm.sweep.plan import Plan, prepare
-from skyarm.sweep.rows import arrow, fly_chunk
-from skyarm.sweep.store import ROWS, Store
+from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import Study
+from skyarm.sweep.study_file import load_study, study_from
+from skyarm.sweep.study_folder import MANIFEST, ROWS, StudyFolder
 
 Progress = Callable[[int, int], None]
 """Called with (episodes there, episodes in all)."""
 
-MANIFEST_SECONDS = 10.0
-"""Between two writings of the manifest: it is for people, what was flown is found by looking."""
-
-FOUND_SECONDS = 1.0
-"""Between two words of progress while the files that are there are read."""
-
-ROUNDS = 3
-"""How often chunks fly that are not on disk at the end, the first time included."""
+MANIFEST_SECONDS, FOUND_SECONDS = 10.0, 1.0
+"""Between two writings of the manifest, and between two calls of progress while the files that are there are read."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Summary:
-    """What a sweep did: its folder, rows there, episodes flown now and found from before, seconds of wall clock."""
+    """Outcome of a sweep: its folder, rows there, episodes flown now and found from before, seconds of wall clock."""
 
     folder: Path
     rows: int
     flown: int
     found: int
     seconds: float
+
+
+def fly_sweep(
+    study: Study | Mapping[str, Any] | str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    workers: int = 1,
+    ray: str | None = None,
+    progress: Progress | None = None,
+) -> Rows:
+    """Fly a study, or what is missing of it, into a folder, and read its rows.
+
+    Args:
+        study: the tables of a study's file (:mod:`skyarm.sweep.study_file`), the path of one, the name of a shipped
+            one, or a study that was loaded before.
+        folder: of the rows; one that holds some of this study is completed.
+        workers: threads that fly; rows do not depend on it.
+        ray: address of a Ray cluster, or "local".
+        progress: called with (episodes there, episodes in all).
+
+    Returns:
+        the rows, a column at a time: ``rows.of("paper_ct", "position_error_mean")``, one number an episode.
+
+    Raises:
+        StudyError: one line: a study that cannot be flown, or a folder that holds another one.
+        OSError: the folder cannot be written.
+    """
+    if isinstance(study, Mapping):
+        study = study_from(study)
+    elif not isinstance(study, Study):
+        study = load_study(study)
+    run_sweep(study, folder, threads=workers, ray=ray, progress=progress)
+    return Rows(folder)
 
 
 def run_sweep(
@@ -60,17 +93,25 @@ def run_sweep(
     Raises:
         StudyError: a number that cannot be flown, or a folder that holds another study.
         TakenError: another sweep writes into the folder.
-        OSError: the folder cannot be written, which is seen before any flight; or files of rows vanish again and again.
+        OSError: the folder cannot be written, which is seen before any flight; or files of rows vanished.
     """
     arrow()
-    plan = prepare(study)
-    begin = time.perf_counter()
+    plan, begin, flown = prepare(study), time.perf_counter(), 0
+    report = progress or (lambda *_: None)
     with taken_back(out, Path(out) / MANIFEST, Path(out) / ROWS), one_writer(require_writable(out)):
-        store = Store(out, plan, _now_and_then(progress, study.episodes))
-        found = store.episodes
-        if progress is not None:
-            progress(found, study.episodes)
-        flown = _complete(store, threads, ray, progress)
+        store = StudyFolder(out, plan, _seldom(lambda there: report(there, study.episodes)))
+        found, written = store.episodes, time.perf_counter()
+        report(found, study.episodes)
+        try:
+            for index, content in _chunks(plan, list(store.todo), threads, ray):
+                store.put(index, content)
+                flown += len(study.span(index))
+                if time.perf_counter() - written > MANIFEST_SECONDS:
+                    store.write_manifest()
+                    written = time.perf_counter()
+                report(store.episodes, study.episodes)
+        finally:
+            store.finish()
     return Summary(
         folder=Path(out),
         rows=study.episodes * len(study.scenarios),
@@ -80,40 +121,15 @@ def run_sweep(
     )
 
 
-def _complete(store: Store, threads: int, ray: str | None, progress: Progress | None) -> int:
-    """Fly what is missing until every chunk is seen on disk; returns the episodes flown."""
-    study, flown, written = store.plan.study, 0, time.perf_counter()
-    try:
-        for _ in range(ROUNDS):
-            for index, content in _chunks(store.plan, list(store.todo), threads, ray):
-                store.put(index, content)
-                flown += len(study.span(index))
-                if time.perf_counter() - written > MANIFEST_SECONDS:
-                    store.write_manifest()
-                    written = time.perf_counter()
-                if progress is not None:
-                    progress(store.episodes, study.episodes)
-            store.verify()
-            if store.verified:
-                return flown
-    finally:
-        store.write_manifest()
-    lost = len(list(store.todo))
-    raise OSError(
-        f"{store.folder}: {lost} of {study.chunks} files of rows vanished or changed while the sweep ran, and again "
-        f"each time that they were flown anew; the same command continues"
-    )
-
-
-def _now_and_then(progress: Progress | None, episodes: int) -> Callable[[int], None]:
-    """Word of the episodes that were found, at most every ``FOUND_SECONDS``."""
-    told = [time.monotonic()]
+def _seldom(call: Callable[[int], None]) -> Callable[[int], None]:
+    """A function that calls at most every ``FOUND_SECONDS``."""
+    last = time.monotonic()
 
     def found(there: int) -> None:
-        now = time.monotonic()
-        if progress is not None and now - told[0] > FOUND_SECONDS:
-            told[0] = now
-            progress(there, episodes)
+        nonlocal last
+        if time.monotonic() - last > FOUND_SECONDS:
+            last = time.monotonic()
+            call(there)
 
     return found
 
@@ -130,3 +146,34 @@ def _chunks(plan: Plan, todo: list[int], threads: int, ray: str | None) -> Itera
     batches = plan.batches()
     for index in todo:
         yield index, fly_chunk(plan, batches, index, threads)
+
+
+def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
+    """Fly one chunk with every controller and return its Parquet file.
+
+    The bytes depend on study and index only: not on threads, nor on what flew before.
+    """
+    pa, study, statuses = arrow(), plan.study, plan.origin.statuses
+    episodes = np.arange(study.span(index).start, study.span(index).stop)
+    drawn = values(study, episodes)
+    tables = []
+    for position, batch in enumerate(batches.values()):
+        outcome = batch.fly(
+            {path: drawn[path] for path in study.paths}, seed=study.seed, episodes=episodes, threads=threads
+        )
+        numbers = np.argmax([outcome.status == word for word in statuses], axis=0)
+        columns: dict[str, Any] = {
+            "episode": episodes.astype(np.uint32),
+            "controller": _words(pa, np.full(len(episodes), position), list(batches)),
+            **{path: np.asarray(column, dtype=float) for path, column in drawn.items()},
+            **{name: np.asarray(column, dtype=float) for name, column in outcome.metrics.items()},
+            "status": _words(pa, numbers, list(statuses)),
+            "end_time": outcome.end_time,
+        }
+        tables.append(pa.table(columns))
+    return chunk_file(pa.concat_tables(tables), plan.origin, index)
+
+
+def _words(pa: Any, indices: Any, words: list[str]) -> Any:
+    """A column of words, each stored once."""
+    return pa.DictionaryArray.from_arrays(pa.array(indices, type=pa.int8()), pa.array(words))

@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
-from skyarm.scenario.units_of_numbers import labelled, words_of
+from skyarm.scenario.numbers import labelled, words_of
+from skyarm.sweep.chunk_file import arrow
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
-from skyarm.sweep.rows import arrow
-from skyarm.sweep.rows_there import not_counted, rows_of
-from skyarm.sweep.store import chunk_path
 from skyarm.sweep.study import StudyError
+from skyarm.sweep.study_folder import chunk_path, not_counted, whole_chunks
 
 Array = npt.NDArray[Any]
 
@@ -36,7 +35,7 @@ class Rows:
 
     Attributes:
         manifest: of the folder. count: rows that are there. planned: rows of the whole study.
-        skipped: names of files that are damaged, or beyond the study's last. beyond: the latter.
+        skipped: names of damaged files.
 
     Raises:
         StudyError: no such folder, no rows, rows of another study, or an unknown metric.
@@ -47,16 +46,15 @@ class Rows:
         import pyarrow.dataset as ds
 
         self.folder = Path(folder)
-        found = rows_of(folder)
-        self.manifest, self.skipped, self.beyond = found.manifest, found.skipped, found.beyond
+        self.manifest, chunks, self.skipped = whole_chunks(folder)
         origin = self.manifest.origin
-        if not found.chunks:
-            others = not_counted(self.skipped, self.beyond)
+        if not chunks:
+            others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
             raise StudyError(
                 f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
             )
-        self._data = ds.dataset([str(chunk_path(folder, index)) for index in found.chunks])
+        self._data = ds.dataset([str(chunk_path(folder, index)) for index in chunks])
         self.parameters, self.metrics = origin.parameters, tuple(origin.study["metrics"])
         self.controllers = tuple(origin.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
@@ -66,7 +64,7 @@ class Rows:
                 raise StudyError(f"success.{name}: is no metric of these rows; {there}")
         chosen = self._column("controller")
         self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
-        self.episodes = sum(len(origin.span(index)) for index in found.chunks)
+        self.episodes = sum(len(origin.span(index)) for index in chunks)
         self.count, self.planned = self.episodes * len(self.controllers), origin.rows
 
     @property
@@ -148,7 +146,6 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         "rows": rows.count,
         "rows_planned": rows.planned,
         "files_not_counted": list(rows.skipped),
-        "files_beyond_the_last": list(rows.beyond),
         "manifest_rebuilt": rows.manifest.rebuilt,
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,

@@ -16,6 +16,9 @@ from skyarm.sweep.expressions import Expression
 DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")
 
+LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
+"""Episodes of one file, which is held in memory, about 300 bytes each; and in all: the noise generator has 32 bits."""
+
 OLD_PRECISIONS = {"exact": "bit_exact"}
 """Names of the last version."""
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.sweep.origin import Origin
+from skyarm.sweep.chunk_file import Origin
 
 PLUGINS = "plugins"
 

@@ -33,7 +33,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import full_name, require_different
+from skyarm.control.catalogue import require_different
 from skyarm.files import (
     Fields,
     all_wrong_words,
@@ -41,24 +41,29 @@ from skyarm.files import (
     file_name,
     number,
     one_line,
-    read_toml,
     shown,
-    unreadable,
 )
-from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.names import names_in, read_named
 from skyarm.files.old_names import renamed
 from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.metrics.windows import windows_from
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
-from skyarm.scenario.registered_tables import require_plugins
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
+from skyarm.scenario.scenario_tables import require_plugins
 from skyarm.sweep.derived_numbers import derived_from, is_own_name, require_used
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
-from skyarm.sweep.facts import LARGEST_CHUNK, MOST_EPISODES
 from skyarm.sweep.sobol import DIMENSIONS
-from skyarm.sweep.study import DESIGNS, OLD_PRECISIONS, PRECISIONS, Study, StudyError
+from skyarm.sweep.study import (
+    DESIGNS,
+    LARGEST_CHUNK,
+    MOST_EPISODES,
+    OLD_PRECISIONS,
+    PRECISIONS,
+    Study,
+    StudyError,
+)
 
 LIBRARY = resources.files("skyarm.sweep") / "studies"
 
@@ -68,7 +73,7 @@ MOST_CHUNKS = 10_000_000
 
 def list_studies() -> tuple[str, ...]:
     """Names of the shipped studies."""
-    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+    return names_in(LIBRARY)
 
 
 def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] | None = None) -> Study:
@@ -85,24 +90,11 @@ def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] 
         text = file_name(name_or_path, "study")
     except ValueError as error:
         raise StudyError(str(error)) from None
-    known = f"shipped studies are {', '.join(list_studies())}"
-    path = Path(text)
-    if text in list_studies():
-        content, folder = (LIBRARY / f"{text}.toml").read_bytes(), Path()
-    elif path.suffix != ".toml":
-        allowed = f"{did_you_mean(text, list_studies())}must be the path of a .toml file or a name; {known}"
-        raise StudyError(f"study = {shown(text)}: {allowed}")
-    else:
-        reason = unreadable(path)
-        if reason:
-            raise StudyError(f"study = {shown(text)}: must be a readable file ({reason}); {known}")
-        try:
-            content, folder = path.read_bytes(), path.parent
-        except OSError as error:
-            raise StudyError(f"study = {shown(text)}: must be a readable file ({error.strerror}); {known}") from None
     try:
-        document = read_toml(content)
-        require_kind(document, "study")
+        document, folder = read_named(text, "study", LIBRARY)
+    except ValueError as error:
+        raise StudyError(str(error)) from None
+    try:
         _require_no_file_law(document.get("controllers"))
         changed = document if controllers is None else {**document, "controllers": list(controllers)}
         return study_from(changed, folder, source=text)
@@ -276,7 +268,7 @@ def _controllers(top: Fields) -> list[str] | None:
     if wrong:
         raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")
     require_different(given, "controllers")
-    return [full_name(each) for each in given]
+    return list(given)
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:

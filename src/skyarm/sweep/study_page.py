@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
-from skyarm.scenario.units_of_numbers import labelled, words_of
-from skyarm.sweep.manifest import Manifest
-from skyarm.sweep.rows_there import not_counted
+from skyarm.scenario.numbers import labelled, words_of
 from skyarm.sweep.stats import SHARES
+from skyarm.sweep.study_folder import Manifest, not_counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +64,7 @@ def _rows(found: Mapping[str, Any]) -> str:
 
 def _notes(found: Mapping[str, Any]) -> str:
     """What a reader must know of the folder before the numbers."""
-    notes = [
-        f"{each[0].upper()}{each[1:]}."
-        for each in not_counted(found["files_not_counted"], found.get("files_beyond_the_last", ()))
-    ]
+    notes = [f"{each[0].upper()}{each[1:]}." for each in not_counted(found["files_not_counted"])]
     if found["manifest_rebuilt"]:
         notes.append(NO_MANIFEST)
     return "".join(f'<p class="note">{escape(each)}</p>' for each in notes)

@@ -1,16 +1,19 @@
-"""Why a loop is short of margin, and what would help: each part changed alone, the margins looked at again.
+"""Causes of a lack of margin, and remedies: each part of a loop changed alone, the margins computed again.
 
-The loop is linearised in hover. First what the plant has otherwise than the law believes, and delays, are taken away,
-one at a time: what the margins gain is what that cause costs. Then every group of gains is slowed and quickened alone:
-the group that helps most, and the least change of it that meets the requirement. Thrust is a matter of statics: a
-vehicle that needs most of it to hover saturates before a loop that is linear knows.
+The loop is linearised in hover. First mismatches of plant and model and delays are removed, one at a time: the margin
+that is gained is the cost of that cause. Then every group of gains is slowed and quickened alone: the group that helps
+most, and the least change of it that meets the requirement. Thrust is a matter of statics: a vehicle that needs most of
+it to hover saturates before a linear loop shows it. Groups of gains are recognised by the words of their paths, so that
+any law has them; a knob whose path says nothing is a group of its own.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,14 +21,107 @@ import numpy as np
 from skyarm.compare.vehicle_spread import thrust_margin
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.stability.open_loop import LAGS
+from skyarm.stability.along import Instant
+from skyarm.stability.frozen_scenario import LAGS
+from skyarm.stability.margins import margins
 from skyarm.stability.settled_hover import SettledHover
-from skyarm.tune.blas_threads import threadpool_limits
-from skyarm.tune.explanation import THRUST, WORTH, Cause, Explanation, Remedy
-from skyarm.tune.hover_margins import required
+from skyarm.tune.front import LoopMargins, Required
+from skyarm.tune.gain_search import exponent
+from skyarm.tune.hover_margins import Edges, one_blas_thread, required
 from skyarm.tune.law_knobs import Knob
-from skyarm.tune.loop_edges import Edges, edges, with_dead_time
-from skyarm.tune.loop_parts import differences, groups, slowed
+
+WORDS: Sequence[tuple[str, str]] = (
+    ("observer", r"observ|filter|predict|cutoff|estimat|adapt|trim|answer|switch"),
+    ("arm", r"joint|arm|elbow|shoulder|stiffness|damping"),
+    ("tip", r"\btip|tool|ee\b"),
+    ("base attitude", r"attitude|rate|tilt|yaw|roll|pitch|angular"),
+    ("base position", r"position|velocity|pull|base|linear|height|altitude"),
+)
+"""Group of gains -> words of its paths; the first that is found counts."""
+
+TIME_CONSTANTS = ("time_constant_up", "time_constant_down")
+MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+TOLERANCE = 0.05
+"""Relative mismatch of plant and model that is not reported."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Difference:
+    """Mismatch of plant and model.
+
+    Attributes:
+        name: of the part. words: what differs, with both numbers.
+        believed: path of the plant -> the believed number.
+    """
+
+    name: str
+    words: str
+    believed: Mapping[str, float]
+
+
+def group_of(knob: Knob) -> str:
+    """The part of the loop that a knob belongs to."""
+    for group, words in WORDS:
+        if re.search(words, knob.path.replace("_", " ") + " "):
+            return group
+    return knob.path.split(".")[0]
+
+
+def groups(knobs: Sequence[Knob]) -> dict[str, list[Knob]]:
+    """Knobs by part of the loop, in the order of :data:`WORDS`, then those that stand alone."""
+    found: dict[str, list[Knob]] = {name: [] for name, _ in WORDS}
+    for knob in knobs:
+        found.setdefault(group_of(knob), []).append(knob)
+    return {name: members for name, members in found.items() if members}
+
+
+def slowed(members: Sequence[Knob], share: float) -> dict[str, float]:
+    """Path of the controller -> number, with the group's bandwidth times a share: stiffness by its square."""
+    return {
+        f"controller.{'.'.join(place)}": number * share ** exponent(knob)
+        for knob in members
+        for place, number in knob.numbers
+    }
+
+
+def differences(scenario: Scenario) -> list[Difference]:
+    """Mismatches of plant and model in numbers that a loop in hover depends on."""
+    plant, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    found: list[Difference] = []
+    if len(plant.rotors) == len(belief.rotors):
+        lags = [f"rotors.{i}.{name}" for i in range(len(plant.rotors)) for name in TIME_CONSTANTS]
+        found += _difference(
+            scenario, "motor lag", lags, "the motors' time constants are {ratio:.3g} of those believed"
+        )
+        thrust = [f"rotors.{i}.thrust_coefficient" for i in range(len(plant.rotors))]
+        found += _difference(scenario, "thrust", thrust, "the rotors' thrust is {ratio:.3g} of that believed")
+    if plant.n == belief.n:
+        for name, bodies in (("arm", [f"links.{i}.body" for i in range(plant.n)]), ("base", ["base"])):
+            paths = [f"{body}.mass" for body in bodies]
+            more = [f"{body}.inertia.{moment}" for body in bodies for moment in MOMENTS]
+            more += [f"{body}.com.{axis}" for body in bodies for axis in "xyz"]
+            words = f"the {name} weighs {{ratio:.3g}} of what is believed"
+            found += _difference(scenario, name, paths, words, more)
+    return found
+
+
+def _difference(
+    scenario: Scenario, name: str, paths: Sequence[str], words: str, more: Sequence[str] = ()
+) -> list[Difference]:
+    pairs = [tuple(number_at(scenario, f"{side}.vehicle.{path}") for side in ("plant", "model")) for path in paths]
+    true, believed = (sum(column) for column in zip(*pairs, strict=True)) if pairs else (0.0, 0.0)
+    if not pairs or believed <= 0.0 or abs(true / believed - 1.0) <= TOLERANCE:
+        return []
+    there = {f"plant.vehicle.{path}": number_at(scenario, f"model.vehicle.{path}") for path in (*paths, *more)}
+    return [Difference(name=name, words=words.format(ratio=true / believed), believed=there)]
+
+
+WORTH = 1.1
+"""Gain in margins from which on a cause is named."""
+
+THRUST = 1.5
+"""Largest thrust over that of a hover: below, wind and turns leave too little for torques."""
 
 SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
 """Of a group's bandwidth that are tried."""
@@ -35,21 +131,140 @@ SETTLING = (1.0, 0.6, 0.35)
 
 ALL = "all gains"
 
-DeadTimes = tuple[int, float, float, float]
-"""Of measurements, in control periods; of all commands, and on top of it of the rotors' and of the joints', s."""
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Change:
+    """A change of a loop: a cause of a lack of margin taken away, or gains of one group that are a remedy.
+
+    A mismatch of plant and model is a cause whatever it costs: not all of it shows in a hover.
+
+    Attributes:
+        part: that is changed. words: of a cause. after: the loop then; None where no hover settles, or statics decide.
+        relief: factor by which the margins grow. meets: whether that is enough.
+        share: of the group's bandwidth. gains: path of the controller -> number.
+    """
+
+    part: str
+    words: str = ""
+    after: Edges | None
+    relief: float
+    meets: bool = False
+    share: float = 1.0
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Explanation:
+    """Of a loop: its margins now, what is required, causes and remedies, the best first.
+
+    ``now`` is None where no hover settles at all.
+    """
+
+    now: Edges | None
+    required: Required
+    thrust_margin: float
+    causes: tuple[Change, ...]
+    remedies: tuple[Change, ...]
+
+    @property
+    def short(self) -> bool:
+        """Whether anything is short of what is required."""
+        low = self.thrust_margin < THRUST
+        return low or self.now is None or self.now.shortness(self.required) > 1.0
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts that are named, the one that costs most first: causes, then the gains that help most."""
+        best = [remedy.part for remedy in self.remedies[:1]] if self.short else []
+        return tuple(dict.fromkeys([*(cause.part for cause in self.causes), *best]))
+
+
+def words(found: Explanation) -> list[str]:
+    """An explanation for a terminal, a line each."""
+    wanted = f"delay {1e3 * found.required.delay:.3g} ms, gains {1 / found.required.gain:.2f}-{found.required.gain:.2f}"
+    if found.now is None:
+        lines = ["no hover settles, not even with slow gains: thrust, torques or the belief are far off"]
+    else:
+        stable = found.now.growth <= 0.0
+        state = "stable" if stable else f"UNSTABLE, grows {found.now.growth:.3g} 1/s"
+        lines = [f"hover: {state}; {_in_words(found.now.margins)}; wanted: {wanted}"]
+        if found.now.frequency > 0.0:
+            lines.append(f"{'nearest to swinging' if stable else 'swings'} at {found.now.frequency:.2g} Hz")
+    for cause in found.causes:
+        without = "; in a hover that costs no margin" if cause.relief < WORTH else ""
+        if cause.after is not None and not without:
+            without = f"; without: {_in_words(cause.after.margins)}"
+        lines.append(f"{cause.part}: {cause.words}{without if cause.after is not None else ''}")
+    if not found.short:
+        lines.append("nothing is short of margin")
+    for remedy in found.remedies:
+        assert remedy.after is not None
+        enough = "enough" if remedy.meets else "helps, not enough"
+        lines.append(
+            f"{remedy.part} at {remedy.share:g} of its bandwidth: {_in_words(remedy.after.margins)} ({enough})"
+        )
+    return lines
+
+
+def _in_words(margins: LoopMargins) -> str:
+    """Margins on one line."""
+    delay = f"{1e3 * margins.delay:.3g} ms" if math.isfinite(margins.delay) else "over 100 ms"
+    rotors, joints = (
+        "-".join("none" if k in (0.0, math.inf) else f"{k:.2f}" for k in pair)
+        for pair in (margins.rotors, margins.joints)
+    )
+    return f"delay {delay}, rotors {rotors}, joints {joints}"
+
+
+def plain(found: Explanation) -> dict[str, Any]:
+    """An explanation as plain data; what is not finite becomes null in JSON."""
+    return {
+        "short": found.short,
+        "parts": list(found.parts),
+        "thrust_margin": found.thrust_margin,
+        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
+        "now": _plain_edges(found.now),
+        "causes": [
+            {"part": each.part, "words": each.words, "relief": each.relief, "without": _plain_edges(each.after)}
+            for each in found.causes
+        ],
+        "remedies": [
+            {
+                "part": each.part,
+                "bandwidth": each.share,
+                "enough": each.meets,
+                "relief": each.relief,
+                "after": _plain_edges(each.after),
+                "gains": dict(each.gains),
+            }
+            for each in found.remedies
+        ],
+    }
+
+
+def _plain_edges(found: Edges | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "growth_1_s": found.growth,
+        "frequency_hz": found.frequency,
+        "delay_margin_s": found.margins.delay,
+        "rotor_gain": found.margins.rotors,
+        "joint_gain": found.margins.joints,
+    }
 
 
 def explain(scenario: Scenario, knobs: Sequence[Knob]) -> Explanation:
     """Look at a scenario's loop in hover.
 
     Args:
-        scenario: plant, belief, law and delays.
+        scenario: plant, model, law and delays.
         knobs: of its law.
 
     Raises:
         ScenarioError: the loop cannot be linearised: one line.
     """
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         probe = _Probe(scenario, knobs)
         try:
             return probe.explanation()
@@ -63,30 +278,28 @@ class _Probe:
     def __init__(self, scenario: Scenario, knobs: Sequence[Knob]) -> None:
         self._scenario, self._knobs = scenario, tuple(knobs)
         self._differences = differences(scenario)
-        own = slowed(knobs, 1.0)
         plant = {path for each in self._differences for path in each.believed}
-        self._base = own | {path: number_at(scenario, path) for path in sorted(plant)}
+        self._base = slowed(knobs, 1.0) | {path: number_at(scenario, path) for path in sorted(plant)}
         # the code has no delays: they are put into the linearised loop
         prompt = dataclasses.replace(scenario, delays=Delays(), payloads=())
         self._loops = SettledHover(prompt, tuple(self._base))
         self._required = required(scenario)
         delays, rate = scenario.delays, scenario.rates.control
-        self._delays = (
-            round(delays.measurement * rate),
-            float(delays.command),
-            float(delays.rotors),
-            float(delays.joints),
-        )
+        self._delays = {
+            "measurement_delay": round(delays.measurement * rate),
+            "command_delay": float(delays.command),
+            "rotors_delay": float(delays.rotors),
+            "joints_delay": float(delays.joints),
+        }
 
     def explanation(self) -> Explanation:
         """Margins now, causes, remedies."""
-        vehicle, gravity = self._scenario.world.vehicle, float(self._scenario.world.gravity)
-        spare = thrust_margin(vehicle, gravity)
+        spare = thrust_margin(self._scenario.world.vehicle, float(self._scenario.world.gravity))
         now = self._edges({})
         causes = [] if now is None else self._causes(now)
         if spare < THRUST:
             words = f"a hover takes {1.0 / spare:.0%} of the thrust; at most {1.0 / THRUST:.0%} are wanted"
-            causes.insert(0, Cause(part="thrust margin", words=words, without=None, relief=math.inf))
+            causes.insert(0, Change(part="thrust margin", words=words, after=None, relief=math.inf))
         remedies = [] if now is None or now.shortness(self._required) <= 1.0 else self._remedies(now)
         return Explanation(
             now=now,
@@ -96,79 +309,74 @@ class _Probe:
             remedies=tuple(remedies),
         )
 
-    def _causes(self, now: Edges) -> list[Cause]:
-        found = []
-        for each in self._differences:
-            without = self._edges(each.believed)
-            found.append(self._cause(each.name, each.words, now, without))
-        measured, command, rotors, joints = self._delays
-        late = command + max(rotors, joints)
+    def _causes(self, now: Edges) -> list[Change]:
+        found = [self._changed(now, each.name, each.believed, words=each.words) for each in self._differences]
+        measured, command = self._delays["measurement_delay"], self._delays["command_delay"]
+        late = command + max(self._delays["rotors_delay"], self._delays["joints_delay"])
+        delays = []
         if late > 0.0:
-            without = self._edges({}, (measured, 0.0, 0.0, 0.0))
-            found.append(self._cause("delay", f"commands take {1e3 * late:.3g} ms", now, without))
+            prompt = {"command_delay": 0.0, "rotors_delay": 0.0, "joints_delay": 0.0}
+            delays.append(self._changed(now, "delay", {}, prompt, words=f"commands take {1e3 * late:.3g} ms"))
         if measured:
             age = 1e3 * measured / self._scenario.rates.control
-            without = self._edges({}, (0, command, rotors, joints))
-            found.append(self._cause("delay", f"measurements are {age:.3g} ms old", now, without))
-        differ = len(self._differences)
-        named = [cause for i, cause in enumerate(found) if i < differ or cause.relief >= WORTH]
-        return sorted(named, key=lambda cause: -cause.relief)
+            words = f"measurements are {age:.3g} ms old"
+            delays.append(self._changed(now, "delay", {}, {"measurement_delay": 0}, words=words))
+        found += [each for each in delays if each.relief >= WORTH]
+        return sorted(found, key=lambda cause: -cause.relief)
 
-    def _cause(self, part: str, words: str, now: Edges, without: Edges | None) -> Cause:
-        return Cause(part=part, words=words, without=without, relief=self._relief(now, without))
-
-    def _remedies(self, now: Edges) -> list[Remedy]:
+    def _remedies(self, now: Edges) -> list[Change]:
         found = []
         for name, members in {**groups(self._knobs), ALL: list(self._knobs)}.items():
-            tried = []
-            for share in SHARES:
-                gains = slowed(members, share)
-                after = self._edges(gains)
-                if after is not None:
-                    tried.append((share, gains, after))
-            if not tried:
-                continue
-            meeting = [each for each in tried if each[2].shortness(self._required) <= 1.0]
-            near = min(meeting, key=lambda each: abs(math.log(each[0])), default=None)
-            share, gains, after = near or min(tried, key=lambda each: each[2].shortness(self._required))
-            relief = self._relief(now, after)
-            if relief >= WORTH:
-                found.append(
-                    Remedy(part=name, share=share, after=after, meets=bool(meeting), relief=relief, gains=gains)
-                )
-        # least change that is enough first, then what helps most; all gains at once come last among equals
-        return sorted(
-            found,
-            key=lambda r: (not r.meets, abs(math.log(r.share)) if r.meets else -r.relief, r.part == ALL, -r.relief),
+            tried = [self._changed(now, name, slowed(members, share), share=share) for share in SHARES]
+            settled = [each for each in tried if each.after is not None]
+            best = min(settled, key=_order, default=None)
+            if best is not None and best.relief >= WORTH:
+                found.append(best)
+        # all gains at once come last among equals
+        return sorted(found, key=lambda each: (*_order(each), each.part == ALL, -each.relief))
+
+    def _changed(
+        self,
+        now: Edges,
+        part: str,
+        numbers: Mapping[str, float],
+        delays: Mapping[str, float] | None = None,
+        *,
+        words: str = "",
+        share: float = 1.0,
+    ) -> Change:
+        after = self._edges(numbers, delays) if delays else self._edges(numbers)
+        short = math.inf if after is None else after.shortness(self._required)
+        relief = now.shortness(self._required) / max(short, 1e-9)
+        return Change(
+            part=part, words=words, after=after, relief=relief, meets=short <= 1.0, share=share, gains=numbers
         )
 
-    def _relief(self, now: Edges, after: Edges | None) -> float:
-        if after is None:
-            return 0.0
-        return now.shortness(self._required) / max(after.shortness(self._required), 1e-9)
-
-    def _edges(
-        self, changes: Mapping[str, float], delays: tuple[int, float, float, float] | None = None
-    ) -> Edges | None:
-        """Of the loop with some numbers changed; None where no hover settles."""
+    def _edges(self, changes: Mapping[str, float], delays: Mapping[str, float] | None = None) -> Edges | None:
+        """Of the loop with some numbers and delays changed; None where no hover settles."""
         numbers = {path: changes.get(path, value) for path, value in self._base.items()}
         settled = self._settled(numbers)
         if settled is None:
             return None
         values = [numbers[path] for path in self._loops.paths]
-        loops = [self._loops.opened(settled, values, lag) for lag in LAGS]
-        return edges([with_dead_time(loop, *(delays or self._delays)) for loop in loops])
+        late: Any = self._delays | dict(delays or {})
+        loops = {lag: dataclasses.replace(self._loops.opened(settled, values, lag), **late) for lag in LAGS}
+        by_lag = {lag: margins(loop, measured=False) for lag, loop in loops.items()}
+        return Edges.of(Instant(hover=True, time=0.0, by_lag=by_lag, swings=math.nan))
 
     def _settled(self, numbers: Mapping[str, float]) -> Any:
         """A settled hover with these numbers, or with all gains slower: where the loop would rest if it were stable."""
-        lanes = [dict(numbers) | self._slower(numbers, share) for share in SETTLING]
+        usual = slowed(self._knobs, 1.0)
+        slower = [slowed(self._knobs, share) for share in SETTLING]
+        lanes = [dict(numbers) | {path: numbers[path] * slow[path] / usual[path] for path in usual} for slow in slower]
         values = {path: np.array([lane[path] for lane in lanes]) for path in self._loops.paths}
         return next((each for each in self._loops.settle(values) if each is not None), None)
-
-    def _slower(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
-        usual, slow = slowed(self._knobs, 1.0), slowed(self._knobs, share)
-        return {path: numbers[path] * slow[path] / usual[path] for path in usual}
 
     def close(self) -> None:
         """End the threads."""
         self._loops.close()
+
+
+def _order(change: Change) -> tuple[bool, float]:
+    """Least change that is enough first, then the one that helps most."""
+    return not change.meets, abs(math.log(change.share)) if change.meets else -change.relief

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
 from skyarm.tune.gain_search import costs
-from skyarm.tune.objective import SMALLEST, WEIGHTS, Scores
 
 Array = npt.NDArray[np.float64]
 

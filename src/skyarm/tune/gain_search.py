@@ -1,8 +1,8 @@
 """Search for gains: a scatter about where it goes about, then several CMA-ES side by side, from calm to stiff.
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
-:data:`skyarm.tune.objective.WEIGHTS`; all of them ask at once, so that their candidates fly in one batch, and all learn
-from one archive: each begins at the best candidate of its weight so far, and twice more on the way.
+:data:`skyarm.tune.candidate_flights.WEIGHTS`; all of them ask at once, so that their candidates fly in one batch, and
+all learn from one archive: each begins at the best candidate of its weight so far, and twice more on the way.
 
 A round's candidates follow from the seed and the scores before it. The archive keeps scores only: a search that was
 interrupted asks the same questions again, finds their answers there, and goes on with the same bits.
@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.sweep.sobol import BITS, sobol
+from skyarm.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.tune.law_knobs import LARGEST_FACTOR, Knob
-from skyarm.tune.objective import WEIGHTS, Scores
 
 try:
     from cmaes import CMA

@@ -1,4 +1,4 @@
-"""The page of a tuning: a slider from calm to stiff, and for each of its stops scores, margins and gains.
+"""Results of a tuning: files of gains that scenarios name, and a page with a slider from calm to stiff.
 
 The slider is a row of radio buttons, so that the page needs no script and the arrow keys move it.
 """
@@ -6,18 +6,188 @@ The slider is a row of radio buttons, so that the page needs no script and the a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import resources
+from typing import Any
 
-from skyarm.files.write_toml import toml_key, toml_value
+from skyarm.control.catalogue import PRESETS, TUNED
+from skyarm.files.toml import toml_key, toml_value
 from skyarm.pages import page as plain_page
 from skyarm.pages import section, table
+from skyarm.records.identity import identity
+from skyarm.records.leaves import part, walk
 from skyarm.tune.front import RULE, LoopMargins, Point
-from skyarm.tune.front_plot import front_plot, short_words
-from skyarm.tune.gains_result import front_name, gains_of
-from skyarm.tune.tuning_records import ASIDE, Tuning
+from skyarm.tune.hover_margins import with_gains
+from skyarm.tune.law_knobs import inner_place
+from skyarm.tune.tuning import ASIDE, Aside, Tuning
 from skyarm.vehicle.vehicle_records import Vehicle
+
+DIGITS = 6
+"""Of a gain in a file."""
+
+
+def front_name(number: int) -> str:
+    """File of a point of the front, counted from calm to stiff."""
+    return f"front_{number + 1}.toml"
+
+
+def words_of(name: str) -> dict[str, Any]:
+    """What a [law] table says of a controller by its name in the catalogue."""
+    if name in PRESETS:
+        return {"preset": name}
+    return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
+
+
+def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
+    """The numbers below the path of every knob, as a file of gains has them."""
+    controller = tuning.plan.flight.controller
+    tuned = with_gains(controller, tuning.plan.knobs, point.logs)
+    below, found = inner_place(controller), {}
+    for knob in tuning.plan.knobs:
+        place = (*below, *knob.path.split("."))
+        values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
+        found[knob.path] = values[0] if len(set(values)) == 1 else values
+    return found
+
+
+def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
+    """A file of gains.
+
+    Args:
+        tuning: what was found.
+        point: of its front.
+        words: of the law, for [law].
+        kept: gains that stood in the file before and are no knobs.
+    """
+    plan = tuning.plan
+    gains = {**kept, **gains_of(tuning, point)}
+    before = gains_of(tuning, tuning.before)
+    units = {knob.path: knob.unit for knob in plan.knobs}
+    lines = [
+        f"# Gains of {plan.label} for {plan.flight.world.vehicle.name}, written by skyarm tune.",
+        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --controller THIS FILE',
+        "schema = 1",
+        *_table("law", words),
+        "",
+        "[gains]",
+    ]
+    for path, value in gains.items():
+        note = f"    # {units[path]}, was {toml_value(before[path])}" if path in units else ""
+        lines.append(f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}")
+    lines += _table("about", about(tuning))
+    lines += _table("about.before", plain_point(tuning.before))
+    lines += _table("about.after", plain_point(point))
+    for name, each in tuning.aside.items():
+        lines += _table(f"about.aside.{toml_key(name)}", plain_aside(each))
+    lines += _table("about.required", {"delay_margin_s": tuning.required.delay, "gain_margin": tuning.required.gain})
+    return "\n".join(lines) + "\n"
+
+
+def about(tuning: Tuning) -> dict[str, Any]:
+    """Where the gains come from."""
+    plan = tuning.plan
+    return {
+        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
+        "scenario": plan.check.name,
+        "vehicle": plan.flight.world.vehicle.name,
+        "vehicle_digest": identity(plan.flight.world.vehicle),
+        "belief_digest": identity(plan.flight.controller.par.model.vehicle),
+        "flight_digest": identity(plan.flight),
+        "candidates": plan.effort.candidates,
+        "unseen_plants": plan.unseen,
+        "share_of_usual_payload_and_wind": _short(tuning.plants.eased),
+        "rule": RULE,
+    }
+
+
+def plain_point(point: Point) -> dict[str, Any]:
+    """Scores and margins of a point."""
+    return {
+        "error_m": _short(point.error),
+        "tip_m": _short(point.tip),
+        "jitter_rad_s": _short(point.jitter),
+        "effort": _short(point.effort),
+        "lost": _short(point.lost),
+        "saturated": _short(point.saturated),
+        **plain_margins(point.margins),
+    }
+
+
+def plain_aside(aside: Aside) -> dict[str, float | bool]:
+    """Scores on plants and a path by which nothing was chosen."""
+    scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
+    return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
+
+
+def plain_margins(margins: LoopMargins) -> dict[str, Any]:
+    """Margins; what is beyond all that is looked at is left out."""
+    if margins.why_none:
+        return {"no_margins": margins.why_none}
+    delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
+    return delay | {
+        f"{name}_gain_{side}": _short(value)
+        for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
+        for side, value in zip(("least", "most"), pair, strict=True)
+        if math.isfinite(value) and value > 0.0
+    }
+
+
+def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
+    return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+WIDTH, HEIGHT, EDGE = 640.0, 300.0, 56.0
+"""Of the plot, and its margin: units of the SVG."""
+
+
+def short_words(point: Point) -> str:
+    """A point in a few words."""
+    return escape(f"tip {1e3 * point.tip:.3g} mm, jitter {point.jitter:.3g} rad/s")
+
+
+def front_plot(before: Point, front: Sequence[Point]) -> str:
+    """Error over jitter, both on logarithmic axes; each point of the front has a class of its number."""
+    points = (before, *front)
+    across = [math.log10(max(point.jitter, 1e-6)) for point in points]
+    up = [math.log10(max(1e3 * point.error, 1e-6)) for point in points]
+    x, y = _axis(across, EDGE, WIDTH - 16.0), _axis(up, HEIGHT - 40.0, 16.0)
+    dots = [(x(a), y(b)) for a, b in zip(across, up, strict=True)]
+    line = " ".join(f"{a:.1f},{b:.1f}" for a, b in dots[1:])
+    circles = "".join(
+        f'<circle class="point{i}" cx="{a:.1f}" cy="{b:.1f}" r="5"><title>{short_words(front[i])}</title></circle>'
+        for i, (a, b) in enumerate(dots[1:])
+    )
+    a, b = dots[0]
+    ends = "".join(
+        f'<text x="{x(value):.1f}" y="{HEIGHT - 22:.1f}" text-anchor="{anchor}">{10**value:.2g}</text>'
+        for value, anchor in ((min(across), "start"), (max(across), "end"))
+    ) + "".join(
+        f'<text x="{EDGE - 6:.1f}" y="{y(value) + 4:.1f}" text-anchor="end">{10**value:.3g}</text>'
+        for value in (min(up), max(up))
+    )
+    return (
+        f'<figure class="wide"><svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="error over jitter">'
+        f'<line class="axis" x1="{EDGE}" y1="{HEIGHT - 40}" x2="{WIDTH - 16}" y2="{HEIGHT - 40}"/>'
+        f'<line class="axis" x1="{EDGE}" y1="16" x2="{EDGE}" y2="{HEIGHT - 40}"/>{ends}'
+        f'<text x="{WIDTH / 2:.0f}" y="{HEIGHT - 4:.0f}" text-anchor="middle">rotor jitter, rad/s per period</text>'
+        f'<text x="{EDGE + 6:.0f}" y="14">error, mm</text><polyline points="{line}"/>{circles}'
+        f'<circle class="before" cx="{a:.1f}" cy="{b:.1f}" r="6">'
+        f"<title>before: {short_words(before)}</title></circle>"
+        f"</svg><figcaption>Both axes are logarithmic; the ring is the law as it was before.</figcaption></figure>"
+    )
+
+
+def _axis(values: list[float], low: float, high: float) -> Callable[[float], float]:
+    """From a value to its place, with some room at both ends."""
+    first, last = min(values), max(values)
+    width = max(last - first, 1e-6)
+    return lambda value: low + (high - low) * (0.04 + 0.92 * (value - first) / width)
+
 
 CHOSEN = """#stop{i}:checked ~ .panels .panel{i} {{ display: block; }}
 #stop{i}:checked ~ .stops .at{i} i {{ background: var(--accent); border-color: var(--accent); }}

@@ -12,7 +12,7 @@ from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.records import coerce
-from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.coerce import near_rotation, near_unit_vector
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where

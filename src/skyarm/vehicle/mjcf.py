@@ -7,7 +7,9 @@ without joints, become frames. What has no counterpart is refused by its name.
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,14 +17,10 @@ from typing import Any
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3, axis_rotation
 from skyarm.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.bodies import RigidBodies
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.couple import Mimic
-from skyarm.vehicle.linkage import BASE, Body, Link
-from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting, stands_still
-from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.mjcf_sizes import MOST_TEXT, require_bounded, xml_root
-from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import Frame
 
 NAMES = (
@@ -227,3 +225,214 @@ def _vector(values: Any) -> Vec3:
 
 def _rotation(wxyz: Any) -> Mat3:
     return description.rotation(Quaternion.of([float(each) for each in wxyz]).normalized().rotation())
+
+
+KINDS = ("free", "ball", "prismatic", "revolute")
+"""By MuJoCo's number of a joint's type."""
+
+AT_JOINT = (0, 1)
+"""MuJoCo's numbers of the transmissions that act at a joint."""
+
+
+def kind_of(model: Any, joint: int) -> str:
+    """One of ``KINDS``."""
+    return KINDS[int(model.jnt_type[joint])]
+
+
+def joint_name(model: Any, joint: int) -> str:
+    """Name of a joint, made up where the file gives none."""
+    return name_of(model, "jnt", joint)
+
+
+def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
+    """Joint record at a pose in its parent; its zero is where the model stands at first (``ref``)."""
+    name = joint_name(model, joint)
+    zero = float(model.qpos0[model.jnt_qposadr[joint]])
+    if zero:
+        notes.add("with a ref: its zero here is where the file's model stands", name)
+    lower, upper = -math.inf, math.inf
+    if model.jnt_limited[joint]:
+        lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+    effort = _effort(model, joint)
+    if effort == 0.0:
+        notes.add("without an actuator, so passive; [[joints]] effort_limit gives it a drive", name)
+    dof = int(model.jnt_dofadr[joint])
+    given = {"damping": "dof_damping", "coulomb": "dof_frictionloss", "armature": "dof_armature"}
+    rubbing: dict[str, Any] = {
+        ours: description.zero_is_structure(float(getattr(model, theirs)[dof])) for ours, theirs in given.items()
+    }
+    axis = description.unit_axis(f"joint[{name}].axis", [float(each) for each in model.jnt_axis[joint]])
+    return Joint(
+        name=name,
+        kind=kind_of(model, joint),
+        axis=axis,
+        position=p,
+        rotation=R,
+        lower=lower,
+        upper=upper,
+        effort_limit=effort,
+        **rubbing,
+    )
+
+
+def _effort(model: Any, joint: int) -> float:
+    """Largest effort of all actuators at a joint, N m or N; 0 without any."""
+    total = 0.0
+    for actuator in range(int(model.nu)):
+        if int(model.actuator_trntype[actuator]) in AT_JOINT and int(model.actuator_trnid[actuator][0]) == joint:
+            total += abs(float(model.actuator_gear[actuator][0])) * _largest_force(model, actuator)
+    if model.jnt_actfrclimited[joint]:
+        total = min(total, max(abs(float(each)) for each in model.jnt_actfrcrange[joint]))
+    return total
+
+
+def _largest_force(model: Any, actuator: int) -> float:
+    """N m or N before the gear: by the range of the force, or of the control where the force is proportional to it."""
+    found = math.inf
+    if model.actuator_forcelimited[actuator]:
+        found = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
+    plain = not model.actuator_gaintype[actuator] and not model.actuator_biastype[actuator]
+    if plain and model.actuator_ctrllimited[actuator]:
+        gain = abs(float(model.actuator_gainprm[actuator][0]))
+        found = min(found, gain * max(abs(float(each)) for each in model.actuator_ctrlrange[actuator]))
+    return found
+
+
+def mimics_of(model: Any) -> dict[str, Mimic]:
+    """Joint -> the one that it follows, of the equalities of joints; one that is held by itself follows nothing ("").
+
+    Raises:
+        VehicleError: an equality that is no straight line.
+    """
+    import mujoco
+
+    found: dict[str, Mimic] = {}
+    for each in range(int(model.neq)):
+        if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
+            continue
+        name, other = joint_name(model, int(model.eq_obj1id[each])), int(model.eq_obj2id[each])
+        numbers = [float(value) for value in model.eq_data[each][:5]]
+        if any(numbers[2:]):
+            refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
+        if name in found:
+            refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
+        found[name] = Mimic(joint_name(model, other) if other >= 0 else "", numbers[1], numbers[0])
+    return found
+
+
+def stands_still(name: str, mimics: Mapping[str, Mimic]) -> bool:
+    """Whether a joint that follows never moves: an equality holds it, or the one that it follows in the end."""
+    passed = [name]
+    while passed[-1] in mimics:
+        mimic = mimics[passed[-1]]
+        if not mimic.joint or mimic.ratio == 0.0:
+            return True
+        if mimic.joint in passed:  # a ring is refused where it is followed
+            return False
+        passed.append(mimic.joint)
+    return False
+
+
+def resting(model: Any, name: str, mimics: Mapping[str, Mimic]) -> float:
+    """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
+    passed = [name]
+    while passed[-1] in mimics and mimics[passed[-1]].joint:
+        leader = mimics[passed[-1]].joint
+        if leader in passed:
+            refuse(f"equality of joint[{name}]", leader, f"must not lead back ({' -> '.join([*passed, leader])})")
+        passed.append(leader)
+    value = 0.0
+    joint = model.joint(passed[-1]).id if passed[-1] not in mimics else -1
+    if joint >= 0 and model.jnt_limited[joint]:
+        zero = float(model.qpos0[model.jnt_qposadr[joint]])
+        lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+        value = min(max(0.0, lower), upper)
+    for each in reversed(passed):
+        if each in mimics:
+            value = mimics[each].ratio * value + mimics[each].offset
+    return value
+
+
+SPRINGS = ("jnt_stiffness", "jnt_stiffnesspoly")
+CURVES = ("dof_dampingpoly",)
+
+
+def name_of(model: Any, kind: str, index: int) -> str:
+    """Name of an element, made up from its number where the file gives none."""
+    return str(getattr(model, kind)(index).name) or f"{kind}{index}"
+
+
+def refuse_what_is_not_here(model: Any, notes: Notes) -> None:
+    """Refuse springs, balls, closed chains, tendons that pull, soft bodies; note what says nothing of the vehicle.
+
+    Raises:
+        VehicleError: the first of them.
+    """
+    for joint in range(int(model.njnt)):
+        _refuse_springs(model, joint)
+    _refuse_equalities(model)
+    for tendon in range(int(model.ntendon)):
+        pulls = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_armature")
+        name = name_of(model, "tendon", tendon)
+        if any(_any(getattr(model, each)[tendon]) for each in pulls):
+            refuse(f"tendon[{name}]", "a pull of its own", "must pull nothing; tendons are not supported")
+        notes.add("not read", name, "tendon")
+    for body in range(1, int(model.nbody)):
+        if model.body_gravcomp[body]:
+            refuse(f"body[{name_of(model, 'body', body)}].gravcomp", float(model.body_gravcomp[body]), "must be 0")
+    if model.nflex:
+        refuse("flex", int(model.nflex), "must be rigid bodies only")
+    for actuator in range(int(model.nu)):
+        _note_actuator(model, actuator, notes)
+    if model.opt.density or model.opt.viscosity:
+        notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
+
+
+def _refuse_springs(model: Any, joint: int) -> None:
+    import mujoco
+
+    field = f"joint[{name_of(model, 'jnt', joint)}]"
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+        refuse(f"{field}.type", "ball", "must be 'hinge' or 'slide'; or three hinges in one body")
+    if any(_any(getattr(model, name)[joint]) for name in SPRINGS):
+        refuse(f"{field}.stiffness", _first(model.jnt_stiffness[joint]), "must be 0; springs are not supported")
+    if any(_any(getattr(model, name)[int(model.jnt_dofadr[joint])]) for name in CURVES):
+        refuse(f"{field}.damping", "a polynomial", "must be one number")
+
+
+def _note_actuator(model: Any, actuator: int, notes: Notes) -> None:
+    import mujoco
+
+    name, kinds = name_of(model, "actuator", actuator), mujoco.mjtTrn
+    if _any(model.actuator_armature[actuator]) or _any(model.actuator_damping[actuator]):
+        refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
+    kind = int(model.actuator_trntype[actuator])
+    if kind == kinds.mjTRN_SITE:
+        notes.add("at a site, not read; rotors are stated in [[rotors]]", name, "actuator")
+    elif kind not in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+        notes.add("not at a joint, so not read", name, "actuator")
+
+
+def _refuse_equalities(model: Any) -> None:
+    import mujoco
+
+    kinds = mujoco.mjtEq
+    names = {int(kinds.mjEQ_CONNECT): "connect", int(kinds.mjEQ_WELD): "weld"}
+    for each in range(int(model.neq)):
+        kind = int(model.eq_type[each])
+        if not model.eq_active0[each] or kind == kinds.mjEQ_JOINT:
+            continue
+        allowed = "closed chains are not supported" if kind in names else "only equalities of joints are supported"
+        refuse(f"equality[{each}]", names.get(kind, "of another kind"), allowed)
+
+
+def _any(value: Any) -> bool:
+    import numpy as np
+
+    return bool(np.any(np.asarray(value)))
+
+
+def _first(value: Any) -> float:
+    import numpy as np
+
+    return float(np.asarray(value).ravel()[0])

@@ -6,10 +6,8 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.files import Fields
 from skyarm.records.coerce import concrete
-from skyarm.records.read_table import record_from
-from skyarm.registry import find
+from skyarm.records.read_table import registered_from
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -22,11 +20,10 @@ def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive,
         VehicleError: one line with field, value and what is allowed.
     """
     try:
-        return tuple(_mounted(joint, table, f"{where}.{joint}") for joint, table in tables.items())
-    except VehicleError:
-        raise
+        read = {joint: registered_from("drive", object, table, f"{where}.{joint}") for joint, table in tables.items()}
     except ValueError as error:
         raise VehicleError(str(error)) from None
+    return tuple(MountedDrive(name=joint, drive=drive) for joint, drive in read.items())
 
 
 def with_limits_of_drives(links: Sequence[Link], drives: Sequence[MountedDrive], stated: Container[str]) -> list[Link]:
@@ -44,25 +41,3 @@ def with_limits_of_drives(links: Sequence[Link], drives: Sequence[MountedDrive],
         else link
         for link in links
     ]
-
-
-def _mounted(joint: str, table: Any, where: str) -> MountedDrive:
-    fields = Fields(table, where)
-    kind = find("drive", fields.take("kind"), fields.at("kind"))
-    drive = record_from(kind, fields)
-    require_stated(kind, table, where)
-    return MountedDrive(name=joint, drive=drive)
-
-
-def require_stated(kind: Any, table: Mapping[str, Any], where: str) -> None:
-    """Refuse a drive's table that leaves out what others of its numbers need.
-
-    Raises:
-        ValueError: one line with the field.
-    """
-    check = getattr(kind, "require_stated", None)
-    try:
-        if check is not None:
-            check(table.keys())
-    except ValueError as error:
-        raise ValueError(f"{where}.{error}") from None

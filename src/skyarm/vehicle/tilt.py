@@ -9,8 +9,7 @@ from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.records import coerce
-from skyarm.records.coerce import concrete
-from skyarm.records.directions import near_unit_vector
+from skyarm.records.coerce import concrete, near_unit_vector
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 from skyarm.vehicle import check

@@ -8,26 +8,23 @@ Source: URDF specification (ROS wiki, urdf/XML).
 
 from __future__ import annotations
 
+import math
 import os
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
+from skyarm.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.vehicle import description
-from skyarm.vehicle.bodies import RigidBodies
-from skyarm.vehicle.check import refuse
-from skyarm.vehicle.couple import Mimic
-from skyarm.vehicle.dry_friction import with_smooth_friction
-from skyarm.vehicle.linkage import BASE, Body, Link
-from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.stops import with_stops
-from skyarm.vehicle.urdf_joints import displaced, fixed_at, kind_of_joint, read_joint, read_mimics, resting
-from skyarm.vehicle.urdf_meshes import looks_of
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.vehicle.xml_fields import child, origin_of, read_xml, required
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.stops import with_smooth_friction, with_stops
+from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 MIMIC = ("lock", "couple")
 """What becomes of joints that follow others: fixed where they rest, or moved with their leaders."""
@@ -225,3 +222,246 @@ def _inertial(link: ET.Element) -> list[Body]:
 def _seated(body: Body, R: Mat3, p: Vec3) -> Body:
     """A body given in a merged link's frame, in the frame of the link that carries it."""
     return Body(mass=body.mass, com=p + R.apply(body.com), inertia=body.inertia.rotated(R), planar=body.planar)
+
+
+KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+
+
+def kind_of_joint(joint: ET.Element) -> str:
+    """Kind of a joint, as records name it, or "fixed"."""
+    kind = joint.get("type", "")
+    if kind not in KINDS:
+        refuse(f"joint[{joint.get('name')}].type", kind, f"must be one of {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+def limits(joint: ET.Element) -> tuple[float, float]:
+    """Lowest and highest value of a joint, rad or m; infinite where the file states none.
+
+    By the specification a limit that is not stated is 0. That is taken where the other one leaves the joint room to
+    move; elsewhere it has been forgotten.
+    """
+    field = f"joint[{joint.get('name')}]"
+    limit = child(joint, "limit", field)
+    if joint.get("type") == "continuous" or limit is None:
+        return -math.inf, math.inf
+    lower = number(limit, "lower", f"{field}.limit", math.nan, infinite=True)
+    upper = number(limit, "upper", f"{field}.limit", math.nan, infinite=True)
+    if math.isnan(lower):
+        lower = 0.0 if upper > 0.0 else -math.inf
+    if math.isnan(upper):
+        upper = 0.0 if -math.inf < lower < 0.0 else math.inf
+    return lower, upper
+
+
+def fixed_at(joint: ET.Element) -> float | None:
+    """Where a joint cannot move from, rad or m; None if it can move."""
+    if kind_of_joint(joint) == "fixed":
+        return 0.0
+    limit = child(joint, "limit", f"joint[{joint.get('name')}]")
+    stated = limit is not None and None not in (limit.get("lower"), limit.get("upper"))
+    lower, upper = limits(joint)
+    return lower if stated and lower == upper else None
+
+
+def displaced(joint: ET.Element, value: float) -> tuple[Mat3, Vec3]:
+    """R and p by which a joint at a value, rad or m, places its child in the joint's frame."""
+    kind = kind_of_joint(joint)
+    if kind == "fixed":
+        return Mat3.identity(), ZERO3
+    axis = axis_of(joint)
+    return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
+
+
+def axis_of(joint: ET.Element) -> Vec3:
+    """Unit vector of a joint's axis; the specification's default is x, where there is no <axis> at all."""
+    field = f"joint[{joint.get('name')}]"
+    axis = child(joint, "axis", field)
+    if axis is not None and axis.get("xyz") is None:
+        refuse(f"{field}.axis.xyz", "(missing)", "must be three numbers")
+    return description.unit_axis(f"{field}.axis", numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0)))
+
+
+def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
+    """Joint of a moving link, with the pose of its frame in the parent."""
+    name = joint.get("name", "")
+    field = f"joint[{name}]"
+    limit, dynamics = child(joint, "limit", field), child(joint, "dynamics", field)
+    lower, upper = limits(joint)
+    if joint.get("type") != "continuous" and math.isinf(lower) and math.isinf(upper):
+        notes.add("without limits, so it turns or slides without end", name)
+    elif joint.get("type") != "continuous" and (limit is None or None in (limit.get("lower"), limit.get("upper"))):
+        notes.add("with one limit stated only; the other is 0 or none", name)
+    effort = number(limit, "effort", f"{field}.limit", math.nan, infinite=True)
+    if math.isnan(effort):
+        notes.add("without an effort, so passive; [[joints]] effort_limit gives it a drive", name)
+    elif effort == 0.0:
+        notes.add("of effort 0, so passive", name)
+    values: dict[str, Any] = {"lower": lower, "upper": upper, "effort_limit": 0.0 if math.isnan(effort) else effort}
+    for ours, theirs in (("damping", "damping"), ("coulomb", "friction")):
+        values[ours] = description.zero_is_structure(number(dynamics, theirs, f"{field}.dynamics", 0.0))
+    return Joint(name=name, kind=kind_of_joint(joint), axis=axis_of(joint), position=p, rotation=R, **values)
+
+
+def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
+    """Name of each joint that follows another one -> how; of joints that can move only."""
+    found: dict[str, Mimic] = {}
+    for name, joint in joints.items():
+        field = f"joint[{name}]"
+        mimic = child(joint, "mimic", field)
+        if mimic is None or fixed_at(joint) is not None:
+            continue
+        ratio = number(mimic, "multiplier", f"{field}.mimic", 1.0)
+        found[name] = Mimic(mimic.get("joint", ""), ratio, number(mimic, "offset", f"{field}.mimic", 0.0))
+    return found
+
+
+def resting(name: str, joints: Mapping[str, ET.Element], mimics: Mapping[str, Mimic]) -> float:
+    """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
+    passed = [name]
+    while passed[-1] in mimics:
+        leader = mimics[passed[-1]].joint
+        if leader in passed:
+            refuse(f"joint[{name}].mimic.joint", leader, f"must not lead back ({' -> '.join([*passed, leader])})")
+        passed.append(leader)
+    value = 0.0
+    if passed[-1] in joints:
+        lower, upper = limits(joints[passed[-1]])
+        fixed = fixed_at(joints[passed[-1]])
+        value = min(max(0.0, lower), upper) if fixed is None else fixed
+    for each in reversed(passed[:-1]):
+        value = mimics[each].ratio * value + mimics[each].offset
+    return value
+
+
+PACKAGE, FILE = "package://", "file://"
+
+
+def mesh_file(address: str, urdf: Path) -> Path | None:
+    """File of a mesh's address; None where there is none.
+
+    Args:
+        address: ``package://PACKAGE/PATH``, ``file://PATH`` or a path beside the URDF file.
+        urdf: the file that states it. A package is the folder of that name above it or beside one above it, or the
+            folder above it that holds a ``package.xml``.
+    """
+    try:
+        return next((each for each in _candidates(address, urdf) if each.is_file()), None)
+    except (OSError, ValueError):  # a name that no file can have
+        return None
+
+
+def _candidates(address: str, urdf: Path) -> list[Path]:
+    folder = urdf.resolve().parent
+    if address.startswith(FILE):
+        return [Path(address.removeprefix(FILE))]
+    if not address.startswith(PACKAGE):
+        return [folder / address]
+    package, *inside = PurePosixPath(address.removeprefix(PACKAGE)).parts or ("",)
+    above = [folder, *folder.parents]
+    roots = [each for each in above if each.name == package]
+    roots += [each / package for each in above]
+    roots += [each for each in above if (each / "package.xml").is_file()]
+    return [root.joinpath(*inside) for root in roots]
+
+
+def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
+    """Meshes of a link's visuals, in the link's own axes; one that cannot be drawn is noted.
+
+    Args:
+        link: of the file.
+        urdf: the file.
+        notes: of its reader.
+    """
+    name, found = link.get("name", ""), []
+    for visual in link.findall("visual"):
+        for mesh in visual.findall("geometry/mesh"):
+            file, field = mesh_file(mesh.get("filename", ""), urdf), f"link[{name}].visual"
+            if file is None:
+                notes.add("a mesh file is not there; it is drawn from its joints", name, "link")
+                continue
+            if file.suffix.lower() != ".stl":
+                notes.add("a mesh file is no .stl; it is drawn from its joints", name, "link")
+                continue
+            try:  # a picture that cannot be drawn changes nothing of how the vehicle flies
+                rotation, position = origin_of(visual, field)
+                if max(map(abs, position)) > FARTHEST:
+                    refuse(f"{field}.origin.xyz", list(position), f"must be within {FARTHEST:g} m")
+                x, y, z = numbers(mesh, "scale", f"{field}.mesh", METRES)
+                read_corners(file, (x, y, z))
+            except ValueError as error:
+                notes.add(f"a mesh cannot be drawn ({error}); it is drawn from its joints", name, "link")
+                continue
+            scale = Vec3(x, y, z)
+            found.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
+    return found
+
+
+def read_xml(path: str | os.PathLike[str]) -> tuple[ET.Element, bool]:
+    """The root element of a file, and whether blank lines before its declaration were skipped.
+
+    Raises:
+        VehicleError: without the file's name, which the caller adds.
+    """
+    with open(path, "rb") as stream:
+        content = stream.read()
+    begun = content.lstrip()
+    try:
+        return ET.fromstring(begun), begun[:5] == b"<?xml" and begun != content
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from error
+
+
+def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
+    """The child element of a kind of which there may be one."""
+    found = element.findall(tag)
+    if len(found) > 1:
+        refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
+    return found[0] if found else None
+
+
+def required(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
+    """Numbers of a child element that must be there, with all of them."""
+    found = child(element, tag, field)
+    if found is None:
+        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
+    for name in names:
+        if found.get(name) is None:
+            refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
+    return [finite(found.get(name, ""), f"{field}.{tag}.{name}") for name in names]
+
+
+def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
+    """A number that may be left out; infinite only where that means something."""
+    text: Any = None if element is None else element.get(name)
+    return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
+
+
+def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
+    """Three numbers that may be left out."""
+    text: Any = None if element is None else element.get(name)
+    if text is None:
+        return default
+    words = text.split()
+    if len(words) != 3:
+        refuse(f"{field}.{name}", text, "must be three numbers")
+    return [finite(word, f"{field}.{name}") for word in words]
+
+
+def finite(text: str, field: str, *, infinite: bool = False) -> float:
+    """A number in words."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) or (infinite and math.isinf(value))):
+        refuse(field, text, "must be a number" if infinite else "must be a finite number")
+    return value
+
+
+def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
+    """Rotation and position (m) that an element's <origin> states; none without one."""
+    origin = child(element, "origin", field)
+    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
+    return description.rotation_rpy(rpy), description.vector(xyz)

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import io
 import os
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import file_name, must_be_one_of, one_line, read_toml, shown, unreadable
-from skyarm.files.kinds_of_files import require_kind
-from skyarm.vehicle import sources
-from skyarm.vehicle.assemble import assemble
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.referred_files import RIGID, expand, plain_vehicle, referred_by
-from skyarm.vehicle.robots_by_name import is_robot, robot_file
-from skyarm.vehicle.schema import parse
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.files import did_you_mean, file_name, must_be_one_of, needs_extra, one_line, read_toml, shown, unreadable
+from skyarm.files.names import names_in, require_kind
+from skyarm.vehicle.assemble import SOURCES, Referred, assemble
+from skyarm.vehicle.attach import RigidBodies, bodies_of
+from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.schema import AttachTable, VehicleFile, parse
+from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
 
 def list_vehicles() -> tuple[str, ...]:
     """Return the names of the shipped vehicles."""
-    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+    return names_in(LIBRARY)
 
 
 def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
@@ -31,7 +35,7 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
 
     Args:
         name_or_path: a name of :func:`list_vehicles`, a path with one of these suffixes, or ``robot:NAME`` for a robot
-            of a package that is installed (:mod:`skyarm.vehicle.robots_by_name`).
+            of a package that is installed (:mod:`skyarm.vehicle.vehicle_files`).
 
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
@@ -104,7 +108,7 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
         raise VehicleError(str(error)) from None
     tables = parse(document)
     vehicle = assemble(tables, referred_by(tables, file, above, _loaded))
-    sources.check_keys(document, tables.sources)
+    check_keys(document, tables.sources)
     return vehicle
 
 
@@ -113,3 +117,260 @@ def _loaded(name: str, path: Path, above: tuple[Path, ...]) -> Vehicle:
     if name in list_vehicles():
         return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
     return _from_toml(path.read_bytes(), path, above)
+
+
+RIGID = (".urdf", ".xml", ".mjcf")
+"""Suffixes of files that hold rigid bodies and joints, and no rotors."""
+
+Loaded = Callable[[str, Path, tuple[Path, ...]], Vehicle]
+"""From a name, the path that it means and the files above it to a vehicle."""
+
+
+def expand(path: Path) -> str:
+    """What to do with a xacro file."""
+    return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
+
+
+def read_rigid(path: Path, mimic: str) -> RigidBodies:
+    """Bodies of a URDF or an MJCF file.
+
+    Raises:
+        VehicleError: without the file's name, which the caller adds.
+    """
+    if path.suffix == ".urdf":
+        from skyarm.vehicle.urdf import read_urdf
+
+        return read_urdf(path, mimic)
+    from skyarm.vehicle.mjcf import read_mjcf
+
+    return read_mjcf(path, mimic)
+
+
+def plain_vehicle(path: Path) -> Vehicle:
+    """A URDF or MJCF file as a vehicle without rotors."""
+    from skyarm.vehicle.urdf import urdf_vehicle
+
+    return urdf_vehicle(with_real_inertias(read_rigid(path, "lock"), False))
+
+
+def referred_by(file: VehicleFile, own: Path | None, above: tuple[Path, ...], load: Loaded) -> Referred:
+    """What the fields of a vehicle file refer to.
+
+    Args:
+        file: its fields.
+        own: its path, from whose folder others are named; None for the library's.
+        above: the files that refer to it.
+        load: reads a vehicle of TOML.
+
+    Raises:
+        VehicleError: a file that is not there, of no known kind, or wrong; or files that refer to each other.
+    """
+    chain = above if own is None else (*above, own.resolve())
+    folder = Path() if own is None else own.parent
+    given = [name for name in SOURCES if getattr(file, name) is not None]
+    if len(given) > 1:
+        refuse(given[1], getattr(file, given[1]), f"must not be given together with '{given[0]}'")
+    bodies, airframe, settled = None, None, list[str]()
+    if given:
+        field, name = given[0], str(getattr(file, given[0]))
+        suffixes = {"urdf": (".urdf",), "mjcf": RIGID[1:], "airframe": (".toml", *RIGID)}[field]
+        found = _read(field, name, folder, chain, load, suffixes, file.mimic)
+        bodies = found if isinstance(found, RigidBodies) else bodies_of(found)
+        if isinstance(found, Vehicle):
+            airframe, settled = found, [link.joint.name for link in found.links]
+    arms, drives = [], list[MountedDrive]()
+    for index, table in enumerate(file.attach):
+        arm, carried = _arm(f"attach[{index}]", table, file, folder, chain, load)
+        arms.append(arm)
+        if carried is not None:
+            settled += [table.prefix + link.joint.name for link in carried.links]
+            drives += [replace(each, name=table.prefix + each.name) for each in carried.drives]
+    return Referred(bodies, airframe, tuple(arms), tuple(settled), tuple(drives))
+
+
+def _arm(
+    field: str, table: AttachTable, file: VehicleFile, folder: Path, chain: tuple[Path, ...], load: Loaded
+) -> tuple[RigidBodies, Vehicle | None]:
+    """Bodies of an arm, and the vehicle that its own file describes it as, with drives and stops."""
+    found = _read(f"{field}.arm", table.arm, folder, chain, load, (".toml", *RIGID), table.mimic or file.mimic)
+    if isinstance(found, RigidBodies):
+        return found, None
+    if found.rotors:
+        refuse(f"{field}.arm", table.arm, f"must have no rotors ({found.rotors[0].name}); those of the airframe fly")
+    if found.battery is not None:
+        refuse(f"{field}.arm", table.arm, "must have no battery; that of the airframe feeds the rotors")
+    return bodies_of(found), found
+
+
+def _read(
+    field: str,
+    name: str,
+    folder: Path,
+    chain: tuple[Path, ...],
+    load: Loaded,
+    suffixes: tuple[str, ...],
+    mimic: str,
+) -> RigidBodies | Vehicle:
+    """Bodies of a URDF or MJCF file, or the vehicle of a TOML file or of the library."""
+    try:
+        if is_robot(name):
+            return read_rigid(robot_file(name), mimic)
+        path = folder / name
+        if path.suffix == "" and ".toml" in suffixes:
+            return load(name, path, chain) if _shipped(name) else refuse(field, name, _allowed(suffixes))
+        if path.suffix == ".xacro":
+            refuse(field, name, expand(path))
+        if path.suffix not in suffixes:
+            refuse(field, name, _allowed(suffixes))
+        reason = unreadable(path)
+        if reason:
+            refuse(field, name, f"{reason} ({shown(str(path))[1:-1]})")
+        if path.resolve() in chain:
+            refuse(field, name, "must not lead back to a file that refers to it")
+    except OSError as error:
+        refuse(field, name, error.strerror or "must be readable")
+    try:
+        return load(name, path, chain) if path.suffix == ".toml" else read_rigid(path, mimic)
+    except VehicleError as error:
+        raise VehicleError(f"{field} = {name!r}: {error}") from None
+
+
+def _shipped(name: str) -> bool:
+    from skyarm.vehicle.vehicle_files import list_vehicles
+
+    return name in list_vehicles()
+
+
+def _allowed(suffixes: tuple[str, ...]) -> str:
+    named = "a name of the library, or " if ".toml" in suffixes else ""
+    return f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
+
+
+PREFIX = "robot:"
+
+CARRIED = Path("share") / "example-robot-data" / "robots"
+"""Folder of example-robot-data below the prefix where its package puts its files."""
+
+FETCHED = "robot_descriptions"
+
+
+def is_robot(name: str) -> bool:
+    """Whether a name means a robot of an installed package."""
+    return name.startswith(PREFIX)
+
+
+def robot_file(name: str) -> Path:
+    """URDF file of a robot.
+
+    Args:
+        name: ``robot:NAME``; NAME is the stem of a URDF file of example-robot-data (``ur5_robot``), or a robot of
+            robot_descriptions (``ur5`` for its module ``ur5_description``).
+
+    Raises:
+        VehicleError: one line: no package, no such robot, or files that cannot be fetched.
+    """
+    wanted = name.removeprefix(PREFIX)
+    carried = carried_robots()
+    if wanted in carried:
+        return carried[wanted]
+    fetched = fetched_robots()
+    if wanted in fetched:
+        return _fetched(name, wanted)
+    if not carried and not fetched:
+        refuse("robot", name, needs_extra("robots"))
+    known = sorted({*carried, *fetched})
+    refuse(
+        "robot", name, f"{did_you_mean(wanted, known)}must be one of the {len(known)} robots of the packages installed"
+    )
+
+
+def carried_robots() -> dict[str, Path]:
+    """Name -> file of the robots of example-robot-data; empty where it is not installed."""
+    for folder in dict.fromkeys((*sys.path, sys.prefix)):
+        for prefix in (Path(folder) / "cmeel.prefix", Path(folder)):
+            if (prefix / CARRIED).is_dir():
+                return {each.stem: each for each in sorted((prefix / CARRIED).rglob("*.urdf"))}
+    return {}
+
+
+def fetched_robots() -> list[str]:
+    """Names of the robots of robot_descriptions that it has as URDF, MJCF or xacro; empty where it is not installed."""
+    spec = find_spec(FETCHED)
+    if spec is None or not spec.submodule_search_locations:
+        return []
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    return sorted(each.stem.removesuffix("_description") for each in folder.glob("*_description.py"))
+
+
+def _fetched(name: str, wanted: str) -> Path:
+    """File of a robot of robot_descriptions, fetched by that package if it is not there yet."""
+    said = io.StringIO()
+    try:
+        # it tells of each file that it fetches
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            module = importlib.import_module(f"{FETCHED}.{wanted}_description")
+        found = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+    except Exception as error:
+        reason = one_line(str(error))[:200]
+        raise VehicleError(
+            f"robot = {name!r}: must be fetched by robot_descriptions when first asked for, and could not be: {reason}"
+        ) from None
+    if found is None:
+        refuse("robot", name, "must be a robot that robot_descriptions has as URDF or MJCF")
+    return Path(found)
+
+
+Step = tuple[str, bool]
+"""A key of a table, or the name of an array's entry (True)."""
+
+
+def fields(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Step, ...], Any]]:
+    """Path and value of every field that is no table; an array of numbers is one field."""
+    for key, value in document.items():
+        if key not in ("schema", "sources"):
+            yield from _below(((key, False),), value)
+
+
+def _below(path: tuple[Step, ...], value: Any) -> Iterator[tuple[tuple[Step, ...], Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _below((*path, (key, False)), inner)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for index, inner in enumerate(value):
+            yield from _below((*path, (str(inner.get("name", index)), True)), inner)
+    else:
+        yield path, value
+
+
+def speaks_of(key: str, path: Sequence[Step]) -> bool:
+    """True if a key of ``[sources]`` covers the field at a path."""
+    parts = key.split(".")
+    full = [text for text, _ in path]
+    unnamed = [text for text, is_name in path if not is_name]
+    return full[: len(parts)] == parts or unnamed[: len(parts)] == parts
+
+
+def check_keys(document: Mapping[str, Any], sources: Mapping[str, str]) -> None:
+    """Refuse a key that speaks of no field of the file, and an empty source."""
+    paths = [path for path, _ in fields(document)]
+    for key, text in sources.items():
+        if not any(speaks_of(key, path) for path in paths):
+            refuse(f"sources.{key}", text, "must speak of a field of this file (a dotted path)")
+        if not text.strip():
+            refuse(f"sources.{key}", text, "must say where the number comes from")
+
+
+def without_source(document: Mapping[str, Any]) -> list[str]:
+    """Numeric fields that no key of ``[sources]`` covers, as dotted paths."""
+    keys = list(document.get("sources", {}))
+    return [
+        ".".join(text for text, _ in path)
+        for path, value in fields(document)
+        if _numeric(value) and not any(speaks_of(key, path) for key in keys)
+    ]
+
+
+def _numeric(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(_numeric(item) for item in value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records import coerce
-from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.coerce import near_rotation, near_unit_vector
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit

@@ -10,7 +10,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Node
 from skyarm.records.leaves import is_record, leaves, parts

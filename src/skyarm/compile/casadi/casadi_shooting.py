@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.program import Program
 
 try:

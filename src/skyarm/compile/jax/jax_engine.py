@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
 from skyarm.compile.jax.jax_cpu import CPU_FLAGS, JaxStartedError, configure_cpu
 from skyarm.compile.jax.jax_operations import evaluate
 from skyarm.compile.jax.jax_random import uniforms
+from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 
 try:

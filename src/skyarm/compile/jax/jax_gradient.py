@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile.extras import missing_extra
 from skyarm.compile.jax.jax_engine import Array, JaxKernel, joined
+from skyarm.compile.machine_code import missing_extra
 from skyarm.records.leaves import shaped_like
 
 try:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.lower import Lowered
 from skyarm.compile.tracing.tracer import Node
 

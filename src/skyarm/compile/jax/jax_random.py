@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile.extras import missing_extra
+from skyarm.compile.machine_code import missing_extra
 from skyarm.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 
 try:

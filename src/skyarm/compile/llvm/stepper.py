@@ -49,6 +49,21 @@ class Stepper:
         self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
+        self._held = self._arguments.data  # written faster than the array
+        self._tables: tuple[Array, ...] = ()
         # who keeps the function alone keeps its arrays and its machine code, too
         step.__dict__["needs"] = (self, kernel)
         self.step: Callable[[], None] = step
+
+    def read_tables(self, rows: Array, log: Array) -> None:
+        """Read rows from a table, and log into another, both (steps, numbers), in place of one row and output."""
+        if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
+            raise ValueError("tables: must be contiguous and of the kernel's numbers")
+        self._tables = rows, log
+        self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
+
+    def fly(self, begin: int, end: int, start: int = 0) -> None:
+        """Step through some rows of the table; ``start``: number of the step of its first, for the random numbers."""
+        held = self._held
+        held[7], held[8], held[9] = begin, end, start
+        self.step()

@@ -46,6 +46,14 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
             made[node.index] = items[0].args[0]
         elif node.op == "item":
             made[node.index] = target.item(args[0], node.value)
+        elif node.op == "call":
+            function, sizes = node.value
+            given = iter(args)
+            groups = [[next(given) for _ in range(size)] for size in sizes]
+            # a call without results is not live: the first of them leads to its node
+            made[node.index] = target.external(function, groups, 1)[0].args[0]
+        elif node.op == "result":
+            made[node.index] = target.result(args[0], node.value)
         elif node.op != "input":
             made[node.index] = target.call(node.op, *args)
     results = tuple(made[node.index] for node in outputs)

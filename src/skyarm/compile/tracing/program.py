@@ -94,7 +94,13 @@ def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
     if node.op == "item":
         return f"v{node.args[0].value[1][node.value].index}"
+    if node.op == "result":
+        return f"v{node.args[0].index}[{node.value}]"
     args = [name(arg) for arg in node.args]
+    if node.op == "call":
+        given = iter(args)
+        groups = ["".join(f"{next(given)}, " for _ in range(size)) for size in node.value[1]]
+        return f"call{node.index}({', '.join(f'({group})' for group in groups)})"
     form = divide if node.op == "div" else _FORMS.get(node.op)
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 
@@ -117,19 +123,35 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
     return "\n".join([*lines, f"    return ({results})", ""])
 
 
+class _Once:
+    """A call that is made once an evaluation, also where the program is run again with the IEEE versions."""
+
+    def __init__(self, function: Callable[..., Sequence[float]]) -> None:
+        self._function = function
+        self.made: Sequence[float] | None = None
+
+    def __call__(self, *groups: tuple[float, ...]) -> Sequence[float]:
+        if self.made is None:
+            self.made = self._function(*groups)
+        return self.made
+
+
 def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """Emit the program as a Python function that never raises on numbers.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
     once more with the IEEE versions, which give the same bits wherever both are defined.
     """
-    constants = {"_inf": math.inf, "_nan": math.nan}
+    calls = {f"call{node.index}": _Once(node.value[0]) for node in program.nodes if node.op == "call"}
+    constants = {"_inf": math.inf, "_nan": math.nan} | calls
     fast_names: dict[str, Any] = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
     fast = fast_names["program"]
     safe: list[Any] = []
 
     def run(x: Sequence[float]) -> tuple[float, ...]:
+        for call in calls.values():
+            call.made = None
         try:
             result: tuple[float, ...] = fast(x)
         except (ZeroDivisionError, ValueError, OverflowError):

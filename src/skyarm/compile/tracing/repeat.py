@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from skyarm.compile.tracing.tracer import Graph, Node
-from skyarm.records.blend import blend
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import blend, leaves, rebuild
 
 Record = TypeVar("Record")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import sys
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from skyarm.scalars import floats, register
@@ -252,6 +253,22 @@ class Graph:
     def item(self, block: Node, k: int) -> Node:
         """What the last round of a loop left in its slot ``k``."""
         return self._make("item", (block,), k, ("item", block.index, k))
+
+    def external(
+        self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
+    ) -> list[Node]:
+        """Call a Python function of floats, which only programs in Python can do; returns its ``count`` results.
+
+        Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
+        """
+        args = tuple(self.lift(value) for group in groups for value in group)
+        value = (function, tuple(len(group) for group in groups))
+        block = self._make("call", args, value, ("call", len(self.nodes)))
+        return [self.result(block, k) for k in range(count)]
+
+    def result(self, call: Node, k: int) -> Node:
+        """One of the results of an external call."""
+        return self._make("result", (call,), k, ("result", call.index, k))
 
     def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
         found = self._known.get(key)

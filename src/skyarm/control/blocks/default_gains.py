@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Mixer, make_mixer
-from skyarm.actuation.mixer import OLD_POLICIES, POLICIES
+from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.dynamics import mass_matrix
 from skyarm.files import shown
-from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 
 
@@ -52,7 +51,6 @@ def fitting_mixer(model: Model, policy: str) -> Mixer:
         ControllerError: unknown policy.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    policy = renamed("controller.mixer", policy, OLD_POLICIES)
     if policy not in POLICIES:
         raise ControllerError(f"controller.mixer = {shown(policy)}: must be one of {', '.join(POLICIES)}")
     return make_mixer(model.vehicle, policy)

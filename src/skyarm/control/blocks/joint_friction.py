@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation.joint import friction
+from skyarm.actuation.drive import friction
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Parameters
 from skyarm.files import number, shown

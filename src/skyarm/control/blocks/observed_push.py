@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.controller import innermost
+from skyarm.control.controller import innermost, part_of
 from skyarm.records.leaves import is_record
 
 
@@ -20,7 +20,7 @@ def observed_push(memory: Any) -> Vec3 | None:
     found = getattr(own, "tip_force", None)
     if isinstance(found, Vec3):
         return found
-    parts: list[Any] = [getattr(own, part, ()) for part in ("interaction", "admittance")]
+    parts: list[Any] = [part_of(own, part) for part in ("interaction", "admittance")]
     return next((part.force for part in parts if is_record(part)), None)
 
 

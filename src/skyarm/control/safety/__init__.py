@@ -2,8 +2,5 @@
 
 from skyarm.control.safety.limits import Limits, limits_for
 from skyarm.control.safety.safety_layer import with_safety_layer
-from skyarm.files.old_names import old_attributes
 
 __all__ = ["Limits", "limits_for", "with_safety_layer"]
-
-__getattr__ = old_attributes(__name__, {"guarded": "with_safety_layer"})

@@ -1,4 +1,4 @@
-"""What a law is asked: errors so bounded that the tilt, the climb and the speed it answers with stay bounded.
+"""Reference governor of the safety layer: errors bounded so that commanded tilt, climb and speed stay bounded.
 
 A wrapper sees neither the law's attitude loop nor its gains, but it may move the reference. With the law taken for
 a = stiffness e_p + damping e_v + a_ref, the errors and a_ref are scaled together, which keeps the balance of pull and

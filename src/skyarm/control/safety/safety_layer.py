@@ -5,27 +5,247 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Any
+from functools import partial
+from typing import Annotated, Any
 
-from skyarm.actuation import Command
+from skyarm.actuation import Command, Mixer
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.default_gains import default_gains, default_joint_gains
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.model import Model
-from skyarm.control.safety.command_limits import with_priorities
+from skyarm.control.safety.command_limits import (
+    apply_joint_barrier,
+    limit_slew,
+    reachable,
+    with_priorities,
+    within_efforts,
+)
+from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import Limits, limits_for
-from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend_dense, first_memory
-from skyarm.control.safety.recovery import STOW_SPEEDS, Recovery, pose_of, stowed
-from skyarm.control.safety.step import arbitrate, govern
-from skyarm.control.safety.supervisor import finite, not_finite
+from skyarm.control.safety.recovery import (
+    STOW_SPEEDS,
+    Confidence,
+    Recovery,
+    base_stiffness,
+    finite,
+    not_finite,
+    pose_of,
+    recover,
+    stowed,
+    update_confidence,
+)
 from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import blend, parts
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import logical_or
+from skyarm.scalars import Scalar, absolute, logical_or, where
 from skyarm.sensors.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SafetyParameters:
+    """Constants of a law with the safety layer: one model for all, and the law's own constants without it.
+
+    Attributes:
+        model: belief. mixer: its rotors, with priorities where they allow them.
+        limits: of references and commands. recovery: what flies when the law is given up.
+        inner: constants of the law; its model and mixer are those above, given to it at each call.
+    """
+
+    model: Model
+    mixer: Mixer
+    limits: Limits
+    recovery: Recovery
+    inner: Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SafetyMemory:
+    """State of a law with the safety layer between two steps.
+
+    Attributes:
+        inner: memory of the law.
+        started: 0 before the first step.
+        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        arm: those of the recovery.
+        sent: the last command.
+        confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+    """
+
+    inner: Any
+    started: Annotated[Scalar, Unit("", "0 before the first step")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed references of the law")]
+    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is on its way")]
+    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "references of the recovery")]
+    sent: Command
+    confidence: Confidence
+    hold: Annotated[Vec3, Unit("m", "where the recovery hovers, world axes")]
+    yaw: Annotated[Scalar, Unit("rad", "heading in the recovery")]
+
+
+def first_memory(controller: Controller) -> SafetyMemory:
+    """Return the memory of a controller with the safety layer before its first step."""
+    vehicle = controller.par.model.vehicle
+    still = (0.0,) * vehicle.n
+    return SafetyMemory(
+        inner=controller.memory,
+        started=0.0,
+        joints=still,
+        ramping=still,
+        arm=still,
+        sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
+        confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
+        hold=Vec3(0.0, 0.0, 0.0),
+        yaw=0.0,
+    )
+
+
+def blend_dense(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf; a command's structural zeros are data."""
+    return blend(condition, _dense(new), _dense(old))
+
+
+def _dense(record: Any) -> Any:
+    """A command with structural zeros as data, as a law with free joints sends them; other records as they are."""
+    if not isinstance(record, Command):
+        return record
+    data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))
+    return Command(**dict(zip(("rotor_speeds", "efforts"), data, strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Governed:
+    """The governed reference of a law.
+
+    Attributes:
+        reference: governed. ramping: 1 for each joint whose reference is on its way.
+        joints: rad or m, where the governed references stood one period ago.
+    """
+
+    reference: Reference
+    ramping: tuple[Any, ...]
+    joints: tuple[Any, ...]
+
+
+def govern(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Any
+) -> Governed:
+    """Return the governed reference."""
+    limits = par.limits
+    joints = _kept(memory.started > 0.5, memory.joints, measurement.joints)
+    base = govern_base(
+        reference,
+        measurement,
+        limits=limits,
+        stiffness=limits.stiffness,
+        damping=limits.damping,
+        gravity=par.model.gravity,
+    )
+    reference, ramping = govern_joints(
+        base, joints, memory.ramping, limits.joint_slew, limits.joint_step, dt, model=par.model, limits=limits
+    )
+    return Governed(reference=reference, ramping=ramping, joints=joints)
+
+
+def arbitrate(
+    par: SafetyParameters,
+    memory: SafetyMemory,
+    measurement: Measurement,
+    governed: Governed,
+    desired: Command,
+    failed: Any,
+    dt: Any,
+) -> SafetyMemory:
+    """Decide whether the law or the recovery flies; return the memory after the step, the law's own as it was.
+
+    Args:
+        par: constants.
+        memory: before the step.
+        measurement: now.
+        governed: reference that the law was given.
+        desired: command of the law.
+        failed: whether the law's command or memory cannot be used.
+        dt: s.
+    """
+    confidence = update_confidence(par.limits, memory.confidence, measurement, governed.joints, failed, dt)
+    given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
+    hold, yaw = _place(before, memory, measurement)
+    arm = _kept(before, memory.arm, measurement.joints)
+    hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
+    rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
+    return SafetyMemory(
+        inner=memory.inner,
+        started=memory.started * 0.0 + 1.0,
+        joints=_kept(given_up, measurement.joints, governed.reference.joints),
+        ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
+        arm=hovering.joints,
+        sent=limit_command(par, memory, measurement, blend_dense(given_up, rescue, desired), dt),
+        confidence=confidence,
+        hold=hold,
+        yaw=yaw,
+    )
+
+
+def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
+
+
+def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Any]:
+    """Hover position and heading of the recovery: measured while the law flies, held since it was given up."""
+    hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
+    return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
+
+
+def _hold_reference(
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any
+) -> Reference:
+    """Return the reference of the recovery: hover, and stow the arm."""
+    still = (0.0,) * len(par.recovery.stow)
+    wanted = Reference(
+        position=hold,
+        velocity=ZERO3,
+        yaw=yaw,
+        joints=par.recovery.stow,
+        joint_rates=still,
+        joint_accelerations=still,
+        joint_jerks=still,
+        joint_snaps=still,
+    )
+    stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
+    base = govern_base(
+        wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
+    )
+    speeds = par.recovery.stow_speed
+    return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
+
+
+def limit_command(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Any
+) -> Command:
+    """Return the command within its limits."""
+    limits = par.limits
+    held = within_efforts(limits, command.efforts)
+    if held:
+        held = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, held))
+    turning = reachable(par.model, par.mixer, command.rotor_speeds)
+    near = limit_slew(
+        Command(rotor_speeds=turning, efforts=held),
+        memory.sent,
+        memory.started,
+        limits.rotor_slew,
+        limits.effort_slew,
+        dt,
+    )
+    return rebuild(
+        memory.sent,
+        (where(absolute(a) < float("inf"), a, b) for a, b in zip(leaves(near), leaves(memory.sent), strict=True)),
+    )
+
 
 FAILURES = (ArithmeticError, ValueError, RuntimeError)
 """What numbers and solvers raise, numpy's LinAlgError among them; other exceptions are mistakes in a law's code."""
@@ -37,7 +257,7 @@ def with_safety_layer(
     """Return the controller with the safety layer around it.
 
     In order, each period: the reference is governed (:mod:`skyarm.control.safety.governor`); the law steps on it; if
-    it is given up (:mod:`skyarm.control.safety.supervisor`) the recovery flies in its place, the arm on its way to
+    it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
     ``stow``; the joints are kept from their limits, efforts and rotor speeds brought within theirs, yaw given up
     first; changes from the last command are bounded; a number that is not finite becomes the last one sent. The law's
     memory gets the applied command (:func:`skyarm.control.controller.with_applied_command`).
@@ -106,7 +326,7 @@ def _limits(controller: Controller, limits: Any) -> Limits:
 def _layer(controller: Controller) -> Law:
     """The step function with the safety layer; a partial function of the module, so that a record can be read back."""
     step = _traced_law if controller.compiled else _called_law
-    return partial(step, inner=controller.law, first=controller.memory, margin=controller.margin)
+    return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
 
 
 def _traced_law(
@@ -125,8 +345,7 @@ def _traced_law(
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
     governed = govern(par, memory, measurement, reference, dt)
-    law = _checked(inner, par, compiled=True)
-    following, desired = law(memory.inner, measurement, governed.reference, dt, par=_own(par))
+    following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
     failed = logical_or(not_finite(desired), not_finite(following))
     if margin is not None:
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
@@ -157,8 +376,7 @@ def _called_law(
     # from its first memory a law may have much to prepare, in vain while the recovery flies
     if memory.confidence.given_up < 0.5:
         try:
-            law = _once_checked(_Asked(inner, par))
-            following, desired = law(memory.inner, measurement, governed.reference, dt, par=_own(par))
+            following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
             failed = not finite(desired) or (margin is not None and margin(measurement.quaternion) < 0.0)
         except LawError as error:
             # a mistake in its code, but for a record that its numbers do not make
@@ -172,37 +390,6 @@ def _called_law(
     return dataclasses.replace(new, inner=with_applied_command(kept, new.sent)), new.sent
 
 
-def _checked(inner: Law, par: SafetyParameters, *, compiled: bool) -> Law:
-    """The law inside the safety layer, looked at as any law of someone's own."""
-    name = getattr(inner, "__name__", type(inner).__name__)
-    return checked_law(Controller(name=name, law=inner, par=par, compiled=compiled))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Asked:
-    """A law that is asked for a command; the same one for the same vehicle whatever its constants are."""
-
-    law: Law
-    par: SafetyParameters
-
-    def __hash__(self) -> int:
-        # by itself: an object that can be called may have no hash
-        return id(self.law)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self.law is other.law and self._counts() == other._counts()
-
-    def _counts(self) -> tuple[int, int]:
-        vehicle = self.par.model.vehicle
-        return len(vehicle.rotors), vehicle.n
-
-
-@lru_cache(maxsize=16)
-def _once_checked(asked: _Asked) -> Law:
-    """A called law, made ready to be looked at once: in its flight it is asked in every period."""
-    return _checked(asked.law, asked.par, compiled=False)
-
-
 def _own(par: SafetyParameters) -> Any:
-    """Constants of the law, with the belief of all."""
+    """Constants of the law, with the shared model."""
     return dataclasses.replace(par.inner, model=par.model, mixer=par.mixer)

@@ -19,20 +19,22 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
-from skyarm.log.ros.cdr import Bytes, encode
-from skyarm.log.ros.frame_transforms import (
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, ROS1, Bytes, encode, flight_definition
+from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
+    METRICS,
+    MOVING_TOPIC,
     WORLD,
+    WORLD_TOPIC,
     Frames,
+    Part,
+    WorldMarkers,
+    markers,
     quaternion,
     transform,
     xyz,
 )
-from skyarm.log.ros.instants import METRICS, Part
-from skyarm.log.ros.markers import markers
-from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
-from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore

@@ -1,9 +1,9 @@
 """The centroidal law: centre-of-mass tracking, consistent computed torque, disturbance observer, joints or tip."""
 
-from skyarm.control.laws.centroidal.gain_presets import PRESETS
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.presets import PRESETS
 from skyarm.files.old_names import old_attributes
 
 __all__ = ["PRESETS", "CentroidalParameters", "centroidal", "make_centroidal"]

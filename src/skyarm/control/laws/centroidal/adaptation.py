@@ -23,18 +23,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import derivative, posture
 from skyarm.control.laws.centroidal.demands import Planned
-from skyarm.control.laws.centroidal.memory import JointLearned, Learned, Regressor
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, clip, divide, exp, maximum, mul, sub
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3
@@ -53,14 +54,92 @@ FOLLOWING = 2.0
 """1/s, of the mean squares of a joint's planned rate and of what its own is off."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Regressor:
+    """Regressor of one joint from the planned motion: torque of 1 kg at the tip (N m/kg), position (rad or m), rate."""
+
+    load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
+    place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
+    rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointLearned:
+    """Estimates of one joint, and the filtered signals that they are found by.
+
+    Attributes:
+        damping: beyond the model's, N m s/rad or N s/m.
+        level, slope: of the observer's effort what is constant, N m or N, and what goes with the position, per rad or
+            m. once, twice: planned signals after one and two stages of the observer's lag.
+        moving, off: mean squares of the planned rate and of what the joint's own is off.
+    """
+
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "adapted")]
+    level: Annotated[Scalar, Unit("N m or N", "constant part of the observer's effort")]
+    slope: Annotated[Scalar, Unit("", "per rad or m, part of the observer's effort that goes with the position")]
+    once: Regressor
+    twice: Regressor
+    moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the planned rate")]
+    off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Learned:
+    """Slow estimates (tip mass, joint friction) and the feed-forward they give, applied in the next period.
+
+    Attributes:
+        tip_mass: kg, beyond the model's. joints: of each.
+        feedforward: force, torque and efforts of the estimates, taken as a known disturbance.
+    """
+
+    tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
+    joints: tuple[JointLearned, ...]
+    feedforward: Disturbance
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AdaptationGains(Part):
+    """Constants of the adaptation.
+
+    Attributes:
+        load, friction: rates of the tip's mass and of the joints' damping; None holds either.
+        mass_limit: of the tip's mass. damping_limits: lowest and highest of each joint.
+        slow: squares of position and rate below which a joint says little, rad^2 and (rad/s)^2 or m^2 and (m/s)^2.
+    """
+
+    load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
+    mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
+    friction: Annotated[Scalar, Unit("1/s", "rate of the adapted damping of the joints")] | None
+    damping_limits: Annotated[
+        tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
+    ]
+    slow: Annotated[
+        tuple[tuple[Scalar, Scalar], ...], Unit("", "squares of position and rate below which a joint teaches little")
+    ]
+
+    def start(self, joints: int) -> Learned:
+        """Memory before the first measurement: nothing is known."""
+        return first_learned(joints)
+
+    def learn(self, memory: Learned, step: Step) -> Learned:
+        """The estimates one period later."""
+        if step.demand is None:
+            return memory
+        observed = step.observed
+        return adapt(
+            self, step.par, memory, step.demand.planned, observed.joint_rates, observed.efforts, step.free, step.dt
+        )
+
+
 def first_learned(joints: int) -> Learned:
     """Memory before the first measurement: nothing is known."""
     silent = Regressor(load=0.0, place=0.0, rate=0.0)
     joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
-    return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=_nothing(joints))
+    return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
 
 def adapt(
+    gains: AdaptationGains,
     par: CentroidalParameters,
     learned: Learned,
     planned: Planned,
@@ -72,7 +151,8 @@ def adapt(
     """Return the slow estimates one period later.
 
     Args:
-        par: constants.
+        gains: constants.
+        par: of the law.
         learned: memory.
         planned: motion without errors.
         rates: of the joints now.
@@ -83,16 +163,18 @@ def adapt(
     """
     places = [q.derivative(0) for q in planned.joints]
     wanted = [q.derivative(1) for q in planned.joints]
-    unit = unit_load(par.model.vehicle, planned) if par.adapts_load else _nothing(len(places))
+    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(places))
     share = _share(par, dt)
     seen = []
     for joint, load, place, rate, qd in zip(learned.joints, unit.efforts, places, wanted, rates, strict=True):
         seen.append(_update_joint(joint, Regressor(load=load, place=place, rate=rate), qd, share, dt))
-    weights = [mul(f, _follows(joint, slow)) for f, joint, (_, slow) in zip(free[1:], seen, par.slow, strict=True)]
+    weights = [mul(f, _follows(joint, slow)) for f, joint, (_, slow) in zip(free[1:], seen, gains.slow, strict=True)]
     mass = learned.tip_mass
-    if par.adapts_load:
-        mass = _mass(par, mass, [joint.twice.load for joint in seen], left, weights, dt)
-    joints = [_joint(par, i, joint, d, t, dt) for i, (joint, d, t) in enumerate(zip(seen, left, weights, strict=True))]
+    if gains.load is not None:
+        mass = _mass(gains.load, gains.mass_limit, mass, [joint.twice.load for joint in seen], left, weights, dt)
+    joints = [
+        _joint(gains, i, joint, d, t, dt) for i, (joint, d, t) in enumerate(zip(seen, left, weights, strict=True))
+    ]
     taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
     feedforward = Disturbance(
         force=vector_data(unit.force * mass),
@@ -114,11 +196,6 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
         torque=r.cross(pull),
         efforts=tuple(column.linear.dot(pull) for column in columns),
     )
-
-
-def _nothing(joints: int) -> Disturbance:
-    zero = Vec3(0.0, 0.0, 0.0)
-    return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
 
 def _share(par: CentroidalParameters, dt: Any) -> Any:
@@ -158,28 +235,27 @@ def _follows(joint: JointLearned, slow: Any) -> Any:
 
 
 def _mass(
-    par: CentroidalParameters, mass: Any, unit: Sequence[Any], left: Sequence[Any], weights: Sequence[Any], dt: Any
+    rate: Any, limit: Any, mass: Any, unit: Sequence[Any], left: Sequence[Any], weights: Sequence[Any], dt: Any
 ) -> Any:
     match: Any = 0.0
     size: Any = SMALL
     for y, d, t in zip(unit, left, weights, strict=True):
         match, size = add(match, mul(t, mul(y, d))), add(size, mul(y, y))
-    limit = par.tip_mass_limit
-    return clip(add(mass, mul(par.adaptation * dt, divide(match, size))), -limit, limit)
+    return clip(add(mass, mul(rate * dt, divide(match, size))), -limit, limit)
 
 
-def _joint(par: CentroidalParameters, i: int, joint: JointLearned, left: Any, weight: Any, dt: Any) -> JointLearned:
+def _joint(gains: AdaptationGains, i: int, joint: JointLearned, left: Any, weight: Any, dt: Any) -> JointLearned:
     """Damping, and what is none, of joint ``i``."""
-    if not par.adapts_friction:
+    if gains.friction is None:
         return joint
-    (small, slow), (low, high) = par.slow[i], par.damping_limits[i]
+    (small, slow), (low, high) = gains.slow[i], gains.damping_limits[i]
     place, rate = joint.twice.place, joint.twice.rate
     error = mul(weight, sub(sub(left, joint.level), mul(joint.slope, place)))
     step = divide(mul(error, rate), add(mul(rate, rate), slow))
     turn = divide(mul(error, place), add(mul(place, place), small))
     return dataclasses.replace(
         joint,
-        damping=clip(sub(joint.damping, mul(par.friction_adaptation * dt, step)), low, high),
+        damping=clip(sub(joint.damping, mul(gains.friction * dt, step)), low, high),
         level=add(joint.level, mul(WEIGHT * dt, error)),
         slope=add(joint.slope, mul(WEIGHT * dt, turn)),
     )

@@ -1,50 +1,68 @@
-"""The tip gives way to a force from outside as a mass, a damper and a spring of one's choice: admittance.
+"""Admittance: the tip answers an external force as a mass, a damper and a spring.
 
 Nothing of the law changes but the reference that it tracks: the whole of it is shifted by a virtual tip
-(:mod:`skyarm.control.blocks.virtual_tip`), with its velocity and acceleration, which the force pushes that is observed
-at the tip or told by a sensor (:mod:`skyarm.control.blocks.outside_force`). The law goes on to answer the force itself,
-so that tip, arm and base stay on the shifted reference and what is felt outside are M, D and K alone, as far as the
-loops reach. With a table ``rotation`` the torque about the tip is heard, too, and turns the tip of the reference
+(:mod:`skyarm.control.laws.centroidal.virtual_body`), with its velocity and acceleration, which the external force
+drives, observed or measured (:mod:`skyarm.control.laws.centroidal.outside_force`). The law goes on to compensate the
+force itself, so that tip, arm and base stay on the shifted reference and what is felt outside are M, D and K alone, as
+far as the loops reach. A table ``rotation`` adds the torque about the tip, which turns the tip of the reference
 (:mod:`skyarm.control.laws.centroidal.tip_rotation`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.outside_force import hear
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.blocks.virtual_tip import moved_tip
-from skyarm.control.laws.centroidal.admittance_records import AdmittanceGains, AdmittanceMemory, RotationMemory
-from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.control.laws.centroidal.tip_force import TipLevers, levers, tip_force, without
-from skyarm.control.laws.centroidal.tip_rotation import listen, turn
-from skyarm.control.laws.centroidal.tip_wrench import tip_wrench
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.compliance_table import compliance_of, require_moderate, rotation_of
+from skyarm.control.laws.centroidal.interaction import SENSING
+from skyarm.control.laws.centroidal.joint_room import ends_of
+from skyarm.control.laws.centroidal.outside_force import Hearing, HearingMemory, first_hearing, hear
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
+from skyarm.control.laws.centroidal.tip_rotation import (
+    RotationGains,
+    RotationMemory,
+    first_rotation,
+    listen,
+    require_turning,
+    turn,
+)
+from skyarm.control.laws.centroidal.virtual_body import (
+    AT_REST,
+    Compliance,
+    VirtualTip,
+    moved_tip,
+)
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.scalars import maximum, minimum, mul, where
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, minimum, mul, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def give_way(
-    gains: AdmittanceGains | None,
-    memory: AdmittanceMemory | tuple[()],
+    gains: AdmittanceGains,
+    memory: AdmittanceMemory,
     vehicle: Vehicle,
     observed: Observed,
-    signals: list[Taylor],
+    signals: Sequence[Taylor],
     told: tuple[Any, ...],
     dt: Any,
     twisted: tuple[Any, ...] = (),
-) -> tuple[AdmittanceMemory | tuple[()], list[Taylor]]:
+) -> tuple[AdmittanceMemory, list[Taylor]]:
     """One period: the memory, and the reference's signals with x, y and z shifted and, if it turns, joints moved.
 
     Args:
-        gains: constants; None of a law that stands against forces.
+        gains: constants.
         memory: one period earlier.
         vehicle: model.
         observed: of the observer, at the measurement's time.
@@ -53,11 +71,9 @@ def give_way(
         dt: control period, s.
         twisted: N m, as a sensor tells it, axes of the tip; empty without one.
     """
-    if gains is None or not isinstance(memory, AdmittanceMemory):
-        return memory, signals
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
-    force, torque = _wrench(gains, vehicle, at, observed.joints, without(d, memory.hearing.bias))
+    force, torque = _wrench(gains, vehicle, at, observed.joints, d - memory.hearing.bias)
     rotation, heard, pulls = memory.rotation, None, None
     felt, counted = _told(gains, vehicle, at, observed.joints, memory.felt, memory.hearing.felt, told, force, dt)
     if gains.rotation is not None and isinstance(rotation, RotationMemory):
@@ -88,10 +104,8 @@ def _wrench(
     gains: AdmittanceGains, vehicle: Vehicle, at: TipLevers, joints: Sequence[Any], rest: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Force and torque about the tip (N, N m, world axes) that the observer holds; no torque where none is heard."""
-    if gains.rotation is None:
-        return tip_force(vehicle, gains.errors, at, rest), ZERO3
-    turns = [column.angular for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
-    return tip_wrench(vehicle, gains.errors, at, turns, rest)
+    columns = () if gains.rotation is None else jacobian_columns(vehicle, vehicle.frame(), joints)
+    return tip_wrench(vehicle, gains.errors, at, [column.angular for column in columns], rest)
 
 
 def _told(
@@ -113,25 +127,106 @@ def _told(
     return now, turned.apply(now - bias)
 
 
-def known_rate(memory: AdmittanceMemory | tuple[()], rate: Vec3) -> Vec3:
-    """How an observed force changes, N/s; nothing is foretold of one from outside."""
-    return rate * (1.0 - memory.hearing.heard) if isinstance(memory, AdmittanceMemory) else rate
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AdmittanceGains(Part):
+    """Constants of giving way."""
+
+    tip: Compliance
+    hearing: Hearing = Hearing()
+    errors: ForceErrors = ForceErrors()
+    rest: Annotated[Scalar, Unit("s", "after a force, from which on a law learns loads, friction and lag")] = 0.5
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
+    rotation: RotationGains | None = None
+
+    def __post_init__(self) -> None:
+        require_moderate("controller.parts.admittance.tip", "mass", self.tip)
+
+    @property
+    def senses(self) -> bool:
+        """Whether a force sensor tells the force: structure."""
+        return self.sensing is not None
+
+    @property
+    def senses_torque(self) -> bool:
+        """Whether it tells the torque, too."""
+        return self.senses and self.rotation is not None
+
+    def start(self, joints: int) -> AdmittanceMemory:
+        """At rest on the reference, nothing known."""
+        zero, sensor = Vec3(0.0, 0.0, 0.0), self.senses
+        return AdmittanceMemory(
+            tip=AT_REST,
+            hearing=first_hearing(joints, sensor),
+            force=zero,
+            felt=zero if sensor else (),
+            rotation=() if self.rotation is None else first_rotation(joints, sensor),
+        )
+
+    def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:
+        """Move the reference; nothing is adapted while a force from outside is in what is observed, and after it."""
+        told = step.measurement
+        memory, step.signals = give_way(
+            self,
+            memory,
+            step.par.model.vehicle,
+            step.observed,
+            step.signals,
+            told.tip_force,
+            step.dt,
+            told.tip_torque,
+        )
+        step.external = memory.hearing.heard
+        step.isolate(self.rested(memory))
+        return memory
+
+    def rested(self, memory: AdmittanceMemory) -> Any:
+        """1 where nothing of a force or torque from outside is left in what is observed, else 0."""
+        quiet = memory.hearing.quiet
+        if isinstance(memory.rotation, RotationMemory):
+            quiet = minimum(quiet, memory.rotation.hearing.quiet)
+        return where(quiet > self.rest, 1.0, 0.0)
 
 
-def outside(memory: AdmittanceMemory | tuple[()], pressing: Pressing | None) -> Any:
-    """1 while what the tip touches, or what pushes it, is in what is observed: no trend of the wind."""
-    engaged = 0 if pressing is None else pressing.engaged
-    return maximum(engaged, memory.hearing.heard) if isinstance(memory, AdmittanceMemory) else engaged
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AdmittanceMemory:
+    """Memory of giving way."""
+
+    tip: VirtualTip
+    hearing: HearingMemory
+    force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, axes of the tip")] = ()
+    rotation: RotationMemory | tuple[()] = ()
 
 
-def unmoved(
-    gains: AdmittanceGains | None, memory: AdmittanceMemory | tuple[()], free: Sequence[Any]
-) -> tuple[Any, ...]:
-    """Shares with which loads, friction and lag are learned: 0 while anything from outside is in what is observed."""
-    if gains is None or not isinstance(memory, AdmittanceMemory):
-        return tuple(free)
-    quiet = memory.hearing.quiet
-    if isinstance(memory.rotation, RotationMemory):
-        quiet = minimum(quiet, memory.rotation.hearing.quiet)
-    rest = where(quiet > gains.rest, 1.0, 0.0)
-    return tuple(mul(each, rest) for each in free)
+def admittance_gains(
+    table: Any, mode: str, vehicle: Vehicle, sensor: bool, lead: float, others: Mapping[str, bool]
+) -> AdmittanceGains | None:
+    """Constants of the option ``admittance``; None where it is left out.
+
+    Args:
+        table: mass, damping, stiffness; normal, threshold; rotation.
+        mode: of the law.
+        vehicle: model.
+        sensor: whether a force sensor tells the force.
+        lead: s, by how long the observer is late.
+        others: options that cannot fly beside it, and whether they are used.
+
+    Raises:
+        ControllerError: a table that is none, or a law without a tip to lead.
+    """
+    if table is None:
+        return None
+    at = "controller.admittance"
+    if mode != "tip" or not vehicle.n:
+        raise ControllerError(f"{at} = {shown(table)}: must be left out but in mode 'tip' with joints")
+    for name, used in others.items():
+        if used:
+            raise ControllerError(f"{at} = {shown(table)}: must be left out beside {name}")
+    lag = 1.0 / SENSING if sensor else lead
+    tip, hearing = compliance_of(table, at, lag)
+    turns, rotation = rotation_of(table, at, lag, tip.axes), None
+    if turns is not None:
+        require_turning(vehicle, at, table["rotation"], sensor)
+        rotation = RotationGains(body=turns[0], threshold=turns[1], ends=ends_of(vehicle))
+    gains = AdmittanceGains(tip=tip, hearing=hearing, rotation=rotation)
+    return dataclasses.replace(gains, sensing=SENSING) if sensor else gains

@@ -3,20 +3,30 @@
 p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Taking R_q from the
 force of the centre of mass itself would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a
 hanging arm and unstable for an arm on top; so the base is exact as far as R_q is the attitude.
+
+How much of the arm's motion the base makes good.
+
+A base that stays on its reference while the arm swings must move the common centre of mass, h(th_d) in base axes, and
+tilt for it: the arm's motion asks for the angular acceleration |h''''| / g. Fast swings ask for more than rotors give;
+then the centre of mass follows only a share of them, the base gives way by the rest, and the tip, which the arm holds,
+does not. The share is limit / size where the size of |h''''| / g, followed quickly upwards and slowly downwards, is
+above the limit, else 1; what is left out is the motion about a slow mean of h. Vertical motion needs no tilt and stays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, reachable
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.series_kinematics import derivative
-from skyarm.control.blocks.sideways_force import Reach, across, applied
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.scalars import divide, mul, sqrt
+from skyarm.control.laws.centroidal.sideways_force import Reach, across, applied
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, minimum, mul, sqrt, where
 from skyarm.scalars.taylor import Taylor
 
 
@@ -50,7 +60,7 @@ def quasi_static(
         base[4] * mass - second,
     ]
     series = (Taylor.of_derivatives(each) for each in zip(*wanted, strict=True))
-    return reachable(Vec3(*series), par.tilt, par.thrust_floor)
+    return reachable(Vec3(*series), par.center.tilt, par.center.floor)
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
@@ -115,7 +125,7 @@ def thrust(
     pull.append(_attraction(par, off) + kv.scaled(eddd))
     second = (wanted[4] - _bounded(pull, limit)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
-    held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
+    held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
     pushed = applied(reach, [derivative(held, 0)], R, w)
     return Thrust(
         force=held,
@@ -130,12 +140,13 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
 
     The velocity that kp e + kv e' settles at is kp / kv e, which no bounded thrust can stop from far away. With
     e_0 = 2 a (kv / kp)^2 it is kp e / (1 + |e / e_0|^4)^(1/8): near by kp e, far away the velocity sqrt(2 a |e|), which
-    falls at the rate a (``par.approach``).
+    falls at the rate a (``approach``).
     """
     kp, kv = par.base.position, par.base.velocity
-    if not par.brakes:
+    approach = par.center.approach
+    if approach is None:
         return kp.scaled(errors[-1])
-    near = [divide(p * p, v * v * (2.0 * par.approach)) for p, v in zip(kp, kv, strict=True)]
+    near = [divide(p * p, v * v * (2.0 * approach)) for p, v in zip(kp, kv, strict=True)]
     series = [Taylor.of_derivatives(each) for each in zip(*errors, strict=True)]
     x, y, z = (each * share for each, share in zip(series, near, strict=True))
     square = x * x + y * y + z * z
@@ -149,3 +160,44 @@ def _bounded(pull: list[Vec3], limit: Any) -> Vec3:
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
     return Vec3(*((each * share).derivative(len(pull) - 1) for each in series))
+
+
+ATTACK, DECAY = 10.0, 0.5
+"""1/s, rates at which the size follows upwards and downwards."""
+
+MEAN = 1.0
+"""rad/s, filter of the mean."""
+
+SMALL = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ArmMotion:
+    """Memory.
+
+    Attributes:
+        size: of the angular acceleration that the arm's motion asks for, rad/s^2. mean: of h, base axes, m.
+    """
+
+    size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
+    mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
+
+
+def followed(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
+    """The memory one period later; ``com`` is h as a series of fourth order."""
+    top = derivative(com, 4)
+    size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)
+    rate = where(size > memory.size, ATTACK, DECAY) * dt
+    h = derivative(com, 0)
+    return ArmMotion(
+        size=memory.size + rate * (size - memory.size), mean=vector_data(memory.mean + (h - memory.mean) * (MEAN * dt))
+    )
+
+
+def made_good(memory: ArmMotion, limit: Any, h: list[Vec3]) -> list[Vec3]:
+    """h and its derivatives as the centre of mass follows them, base axes; the mean moves as its filter says."""
+    left = 1.0 - minimum(1.0, divide(limit, memory.size + SMALL))
+    mean = [memory.mean]
+    for each in h[:-1]:
+        mean.append((each - mean[-1]) * MEAN)
+    return [Vec3(a.x - (a.x - m.x) * left, a.y - (a.y - m.y) * left, a.z) for a, m in zip(h, mean, strict=True)]

@@ -7,27 +7,27 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude, angular_acceleration
+from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag_along
+from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.force_trend import ForceTrend
+from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
-from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
-from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.gust_shift import SlowForce, shift_acceleration
+from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
-from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.control.laws.centroidal.reference_drag import reference_drag
+from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
-from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.scalars import add, mul, sub
 from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,13 +52,12 @@ class Following:
     """What the demands of the next period need to know; empty where the law does without.
 
     Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
         pace: of the arm's swing. path: of the base's path.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
-    trend: ForceTrend | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
     path: PathShift | tuple[()] = ()
 
@@ -144,9 +143,9 @@ def demands(
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
-        arm = followed(arm, course.level.com, model.gravity, dt)
-        h = made_good(arm, par.arm_turn, h)
-    wanted = center_of_mass.goal(course.base, h, course.still, par.moves_shift)
+        arm = center_of_mass.followed(arm, course.level.com, model.gravity, dt)
+        h = center_of_mass.made_good(arm, par.center.arm_turn, h)
+    wanted = center_of_mass.goal(course.base, h, course.still, par.tip.shift is not None)
     push = center_of_mass.thrust(
         par,
         mass,
@@ -184,8 +183,8 @@ def demands(
             gap = pressing.n.dot(present.tip - course.goal.tip[0])
             goal = pressing.freed(goal, present.tip, present.tip_velocity, par.tip.velocity)
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
-    if par.ends:
-        preferred = within_limits(vehicle, par.ends, par.joint_gains, state, joints, preferred)
+    if par.joint_ends:
+        preferred = within_limits(vehicle, par.joint_ends, par.joint_gains, state, joints, preferred)
     plan = Planned(
         R=course.still.R,
         rate=course.still.rate,
@@ -193,8 +192,8 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm, trend=before.trend, pace=course.pace, path=course.path)
-    ahead = par.leads_thrust or course.reach is not None
+    following = Following(shift=course.shift, arm=arm, pace=course.pace, path=course.path)
+    ahead = par.rotors.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
         alpha=alpha,
@@ -226,32 +225,33 @@ def _course(
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
+    moves, sideways = par.tip.shift, par.center.sideways is not None
     answered = with_shift(before.path, base, level, par.model.gravity)
     drag = reference_drag(
         model,
         state,
         answered[:4],
-        sideways=par.uses_sideways,
-        moving=par.moves_shift,
-        across=par.pushes_across,
-        air=par.air,
+        sideways=sideways,
+        moving=moves is not None,
+        across=par.rotors.pushes_across,
+        air=par.observation.air,
     )
     changes = (drag[1] + force_rate, drag[2])
-    gust = slow if par.gust is not None else None
+    gust = slow if moves is not None and moves.gust is not None else None
     known = changes if gust is None else (drag[1] + gust.rate, drag[2] + gust.bend)
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], known)
-    changes = changes if par.follows_path else (force_rate, ZERO3)
-    reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
+    changes = changes if moves is not None and moves.path_rate is not None else (force_rate, ZERO3)
+    reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if sideways else None
     still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
         return Course(base=base, still=still, level=level, turned=joints, reach=reach, changes=changes)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
-    turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, par.moves_shift)
+    turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     path = moved_path(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
     own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
-    shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt, own)
+    shift, pace, offset = moved_shift(moves, model.gravity, before.shift, before.pace, offset, upright_posture, dt, own)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
     return Course(
         base=base,
@@ -281,3 +281,67 @@ def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequenc
 def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
     """World velocity of a point of the vehicle against the base origin."""
     return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
+
+
+def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
+    """Attitude of a force (series of second order, world axes, N).
+
+    Args:
+        par: constants.
+        force: wanted.
+        yaw: heading.
+        reach: of the force that goes sideways at the attitude that is held; None for none.
+    """
+    center = par.center
+    if reach is not None and center.sideways is not None:
+        held = center.sideways.attitude
+        axis = None if held is None else thrust_axis(held, yaw.truncated(2))
+        force = leaning(reach, force, center.sideways.share, axis)
+    if center.low_thrust is not None:
+        force = upright(force, par.model.vehicle.mass * par.model.gravity, center.low_thrust)
+    return attitude(force, yaw.truncated(2))
+
+
+def pushes_across(vehicle: Vehicle) -> bool:
+    """Whether some rotor's axis is not body z."""
+    return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
+
+
+def reference_drag(
+    model: Model,
+    state: State,
+    base: Sequence[Vec3],
+    *,
+    sideways: bool,
+    moving: bool,
+    across: bool,
+    air: BelievedAir | None = None,
+) -> list[Vec3]:
+    """Force of the rotors beside their thrust along body z, at the reference's motion (N, world axes), and derivatives.
+
+    At the present motion it would feed noise and errors into the posture. Hub drag is linear in the velocity; what
+    tilted rotors push across body z is no drag and does not change with the motion, and the derivatives leave it out.
+
+    Args:
+        model: belief.
+        state: now, of which attitude and rotor speeds count.
+        base: position of the base on its reference and its derivatives, world axes.
+        sideways: thrust across body z is the law's own, and no disturbance.
+        moving: False takes the derivatives as zero.
+        across: rotors push across body z, and it is not the law's own.
+        air: wind and drag of the hull that are believed.
+    """
+    R = state.quaternion.rotation()
+
+    def side(motion: Vec3) -> Vec3:
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
+
+    hull = hull_drag_along(model, air, R, base[1:4])
+    value = side(against_air(air, base[1])) + hull[0]
+    if not moving:
+        return [value, ZERO3, ZERO3]
+    changes = [side(base[2]), side(base[3])]
+    if across:
+        still = side(ZERO3)
+        changes = [each - still for each in changes]
+    return [value, *(each + beside for each, beside in zip(changes, hull[1:], strict=True))]

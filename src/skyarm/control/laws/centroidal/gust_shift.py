@@ -33,20 +33,18 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.force_trend import ForceTrend, believed_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.series_kinematics import Posture, derivative
-from skyarm.control.laws.centroidal.arm_length import SHORTEST, arm_length
+from skyarm.control.laws.centroidal.force_trend import AHEAD, lateness
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, GustGains
+from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.presets import SHORTEST, arm_length
 from skyarm.control.laws.centroidal.tip_tasks import level_turn
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.records.units import Unit
-from skyarm.scalars import divide, exp, maximum, mul, sub
+from skyarm.scalars import divide, exp, maximum
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
-
-SLOWEST = 1.0
-"""rad/s; no force is foretold further ahead than filters of this bandwidth are late."""
 
 QUICKEST = 10.0
 """rad/s, pace of the shift of a short arm at most; a shorter arm shifts less."""
@@ -84,18 +82,18 @@ def slow_force(
     """The force that the shift follows, one period later.
 
     Args:
-        par: constants; without ``gust`` the filter is of first order, and its derivatives are not known.
+        par: constants; without the part for gusts the filter is of first order, and its derivatives are not known.
         before: the filtered force, N, world axes.
-        memory: its rate; empty without ``gust``.
+        memory: its rate; empty without that part.
         force: of the observer, N, world axes.
         dt: s. The filter's step is exact for a force that stays, so that it is stable at any period.
     """
-    slowest = par.tip.shift_rate
-    if par.gust is None or not isinstance(memory, GustMemory):
+    slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
+    if gust is None or not isinstance(memory, GustMemory):
         return SlowForce(before + (force - before) * low_pass_share(slowest, dt))
     off = before - force
-    square = off.dot(off) * divide(1.0, par.gust.size * par.gust.size)
-    w = slowest + (par.gust.pace - slowest) * divide(square, square + 1.0)
+    square = off.dot(off) * divide(1.0, gust.size * gust.size)
+    w = slowest + (gust.pace - slowest) * divide(square, square + 1.0)
     turn = w * dt
     left = exp(-turn)
     away = (off * (1.0 + turn) + memory.rate * dt) * left
@@ -103,36 +101,27 @@ def slow_force(
     return SlowForce(vector_data(force + away), rate, away * -(w * w) - rate * (2.0 * w), GustMemory(rate=rate))
 
 
-def lateness(par: CentroidalParameters) -> Any:
-    """By how long the observed force is late where it changes steadily, s."""
-    felt = par.accelerometer
-    if felt is None:
-        return divide(2.0, maximum(par.observer.force, SLOWEST))
-    return divide(1.0, maximum(felt.force, SLOWEST))
-
-
-def foretold(
-    par: CentroidalParameters, steady: Vec3, slow: SlowForce, trend: ForceTrend, rate: Vec3, late: Any, engaged: Any
-) -> tuple[Vec3, SlowForce]:
-    """The force that the shift follows and its derivatives, with what is foretold of the force.
+def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted: Vec3) -> tuple[Vec3, SlowForce]:
+    """The force that the attitude balances (N, world axes), and the filtered one with its derivatives, predicted.
 
     Args:
         par: constants.
-        steady: the filtered force, or in mode ``"joint"`` the force, with what is learned, N.
+        step: with rate and trend of the force.
         slow: of the filter.
-        trend: of the observed force.
-        rate: what is believed of it, N/s.
-        late: by how long the observer is late, s.
-        engaged: 0 to 1, whether the tip is on a surface: an impact is no trend.
+        adapted: force of the adapted load.
     """
-    if par.gust is None or par.trend is None:
-        return steady + rate * (
-            late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
-        ), slow
-    # a change that can be foretold is followed as it is, the rest through the filter
-    share = mul(believed_share(par.trend, trend), sub(1.0, engaged))
+    steady, rate, shift = (slow.force if par.mode == "tip" else step.force) + adapted, step.rate, par.tip.shift
+    if step.trend is None:
+        return steady, slow
+    late = lateness(par)
+    if par.mode != "tip" or shift is None or shift.gust is None:
+        if par.mode == "tip":
+            late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
+        return steady + rate * late, slow
+    # a change that can be predicted is followed as it is, the rest through the filter
+    level, share = step.trend
     left = 1.0 - share
-    force = steady + (trend.level - slow.force) * share + rate * late
+    force = steady + (level - slow.force) * share + rate * late
     return force, dataclasses.replace(slow, rate=slow.rate * left + rate, bend=slow.bend * left)
 
 

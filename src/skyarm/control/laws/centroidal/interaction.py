@@ -12,39 +12,66 @@ integral i' = k (f_d - f.n), which stands still unless g = 1, and does not grow 
 and the shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and
 returns. The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
 
-The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
+The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.interaction`).
 
 A tip that grips touches for as long as it is told to: f_d and o may have either sign, nothing is lost, and the normal
-may be the radius of an arc (:class:`skyarm.control.laws.centroidal.interaction_records.Wanted`).
+may be the radius of an arc (:class:`skyarm.control.laws.centroidal.interaction.Wanted`).
 
 Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
 Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
 difference over, at rest, until there is room.
+
+What pressing on a surface asks of the rest of the law, and what it puts in place of the observed force.
+
+The joints give the order along the normal in place of what is observed there, by the levers of the present. The base
+carries the order and, while its ramp runs, what is felt beyond it: an impact pushes the base back with more than the
+order of that instant, and a base that does not answer this swings.
+
+The normal of a surface, found by sliding on it.
+
+A tip that slides moves along the surface, so what its velocity has along the believed normal n is an error of n, seen
+in the direction of the motion alone:
+
+    lean' = -rate (n . v) v / (|v|^2 + slow^2),   n = (told + lean) / |told + lean|
+
+It learns while the tip presses with its full force and its reference leads it along the surface. Friction is no help:
+which way it pushes nobody knows at rest. A surface that itself moves along n would be taken for a slope.
+
+Records of pressing on a surface: constants, memory, what the reference asks for; how each is made.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
-from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, tip_force
+from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference.tip_motion import STRONGEST, out_of_axis
 from skyarm.scalars import (
+    Scalar,
     absolute,
     clip,
-    data,
+    divide,
     logical_and,
     logical_not,
     logical_or,
     maximum,
     minimum,
+    mul,
+    sqrt,
     where,
 )
+from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PRESSED = 0.75
@@ -79,7 +106,7 @@ def interact(
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.asked
-    force = tip_force(vehicle, gains.errors, at, without(observed, memory.bias))
+    force = tip_force(vehicle, gains.errors, at, observed - memory.bias)
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
@@ -189,14 +216,256 @@ def learned(
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
-    unexplained = d.force - force * where(learns, 0.0, 1.0)
-    return Disturbance(
-        force=vector_data(bias.force + (unexplained - bias.force) * wind),
-        torque=vector_data(bias.torque + (d.torque - bias.torque) * share),
-        efforts=tuple(data(b + (e - b) * share) for b, e in zip(bias.efforts, d.efforts, strict=True)),
-    )
+    unexplained = dataclasses.replace(d, force=d.force - force * where(learns, 0.0, 1.0))
+    return bias.filtered(unexplained, share, wind)
 
 
 def rested(gains: InteractionGains, memory: InteractionMemory) -> Any:
     """1 where nothing of a contact is left in what is observed, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pressing:
+    """What an instant asks of the rest of the law.
+
+    Attributes:
+        n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
+        engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
+        order: N, along n, in place of the observed one. beyond: N, that the base carries along n beside it.
+        force: N, the tip's as observed, world axes.
+        kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
+    """
+
+    n: Vec3
+    share: Any
+    damping: Any
+    engaged: Any
+    shift: tuple[Any, Any, Any]
+    order: Any
+    beyond: Any
+    force: Vec3
+    kept: Any
+    asked: Any = False
+
+    def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
+        """The reference's signals with x, y and z moved along the normal."""
+        s = Taylor((self.shift[0], self.shift[1], mul(0.5, self.shift[2]), 0.0, 0.0))
+        return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
+
+    def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
+        """The disturbance with the order in place of what the observer holds along n, by the levers of the present.
+
+        The joints give the order, and yield to all else; the base carries what is still felt beyond it, too.
+        """
+        across = self.force - self.n * self.n.dot(self.force)
+        wanted = across * self.kept + self.n * self.order
+        borne = wanted + self.n * self.beyond
+        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(wanted).efforts)
+        change = base - then.disturbance(self.force)
+        return d + Disturbance(
+            force=change.force * self.engaged,
+            torque=change.torque * self.engaged,
+            efforts=tuple(mul(each, self.engaged) for each in change.efforts),
+        )
+
+    def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
+        """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
+        p, v, a = goal.tip
+        n, slower = self.n, 1.0 - self.damping / velocity_gain
+        return dataclasses.replace(
+            goal,
+            tip=(
+                p + n * (n.dot(tip - p) * self.share),
+                v + n * (n.dot(tip_velocity * slower - v) * self.share),
+                a - n * (n.dot(a) * self.share),
+            ),
+        )
+
+
+SLOW = 0.02
+"""m/s: speeds below which a direction of sliding is little known."""
+
+STEEPEST = 0.4
+"""Of each component of the lean: 20 degrees and more of a surface that was told as level."""
+
+
+def leaning(told: Vec3, lean: Vec3) -> Vec3:
+    """The unit normal that is believed."""
+    n = told + lean
+    # a reference that has not begun has no normal
+    unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))
+    return unit
+
+
+def slid(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
+    """The lean one period later; none where no contact is asked for.
+
+    Args:
+        lean: before.
+        n: believed.
+        velocity: of the tip, m/s, world axes.
+        rate: 1/s.
+        asked: whether contact is asked for.
+        slides: whether the tip presses and is led along the surface.
+        dt: s.
+    """
+    share = where(slides, rate * dt, 0.0) * divide(n.dot(velocity), velocity.dot(velocity) + SLOW * SLOW)
+    moved = lean - velocity * share
+    return Vec3(*(where(asked, clip(each, -STEEPEST, STEEPEST), 0.0) for each in moved))
+
+
+SENSING = 60.0
+"""rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionGains:
+    """Constants of pressing; touch and lost are the law's option, the others are in no unit of the vehicle's size."""
+
+    touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
+    lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
+    errors: ForceErrors = ForceErrors()
+    loss_time: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
+    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
+    escape_time: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
+    fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
+    integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
+    integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
+    integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
+    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
+    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 53.0
+    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
+    wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
+    rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
+    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 3.5
+    coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
+    follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
+    relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
+    relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
+    relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
+    tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
+    again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
+    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+
+    @property
+    def senses(self) -> bool:
+        """Whether a force sensor tells the force along the normal: structure."""
+        return self.sensing is not None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionMemory:
+    """Memory of pressing."""
+
+    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")]
+    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")]
+    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
+    integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
+    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")]
+    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
+    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
+    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")]
+    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
+    bias: Disturbance
+    force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
+    lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes.
+
+    Attributes:
+        grip: 1 while the tip is held by what it grips; a structural 0 where it never is.
+        pivot: m, on the axis about which the tip goes then. axis: its unit vector; None for a normal as told.
+    """
+
+    force: Any
+    speed: Any
+    normal: Vec3
+    grip: Any = 0
+    pivot: Vec3 | None = None
+    axis: Vec3 | None = None
+
+    @property
+    def grips(self) -> bool:
+        """Whether the tip ever grips: structure."""
+        return type(self.grip) is not int
+
+    @property
+    def asked(self) -> Any:
+        """Whether any contact is asked for."""
+        wanted: Any = self.force > 0.0
+        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+
+    @property
+    def presses(self) -> Any:
+        """Whether the tip shall press on a surface, which it may slide along."""
+        wanted: Any = self.force > 0.0
+        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+
+    def about_the_pivot(self, tip: Vec3) -> Wanted:
+        """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
+        if self.pivot is None or self.axis is None:
+            return self
+        out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
+        return dataclasses.replace(self, normal=out)
+
+
+def interaction_gains(
+    thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False, *, leading: str = "tip"
+) -> InteractionGains | None:
+    """Constants of pressing for its two thresholds, N, with or without a force sensor; None where it is left out.
+
+    ``leading`` is the mode in which the law leads the tip.
+
+    Raises:
+        ControllerError: thresholds that are none, or a law without a tip to lead.
+    """
+    touch, lost = thresholds
+    if touch == 0.0 and lost == 0.0:
+        if sensor:
+            raise ControllerError("controller.force_sensor = true: must be false without interaction")
+        return None
+    at = f"controller.interaction = {shown(thresholds)}"
+    if not touch > lost > 0.0:
+        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
+    if touch > STRONGEST:
+        raise ControllerError(f"{at}: must be at most {STRONGEST:g} N")
+    if mode != leading or not vehicle.n:
+        raise ControllerError(f"{at}: must be twice 0 but in mode '{leading}' with joints that press")
+    return InteractionGains(touch=touch, lost=lost, sensing=SENSING if sensor else None)
+
+
+def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
+    """Free flight, nothing known."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    return InteractionMemory(
+        touching=0.0,
+        losing=0.0,
+        share=0.0,
+        integral=0.0,
+        found=0.0,
+        shift=0.0,
+        shift_rate=0.0,
+        free=0.0,
+        gap=0.0,
+        bias=no_disturbance(joints),
+        force=zero,
+        lean=zero,
+        felt=zero if sensor else (),
+    )
+
+
+def wanted_of(push: Sequence[Any]) -> Wanted:
+    """The field ``push`` of a reference."""
+    force, speed, *normal = push[:5]
+    grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
+    pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
+    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)

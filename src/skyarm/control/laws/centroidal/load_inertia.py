@@ -25,22 +25,71 @@ Wensing, Kim, Slotine 2018, IEEE Robotics and Automation Letters 3(1) (physical 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import posture
-from skyarm.control.laws.centroidal.load_records import InertiaGains, InertiaMemory, JointMeans
 from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
-from skyarm.control.laws.centroidal.turned_reference import tip_rotation, turning, values_of
-from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, clip, divide, exp, maximum, mul, sub, where
+from skyarm.control.laws.centroidal.tip_rotation import tip_rotation, turning, values_of
+from skyarm.dynamics import mass_matrix
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TINY = 1e-9
 """kg m^2, of what is not surprising of a load without mass."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InertiaGains:
+    """Constants of the learned inertia of a load, chosen on other bars and seeds than docs/carrying.md reports.
+
+    Attributes:
+        spread: of what is believed of each moment beforehand, mass times its square.
+        stout: of each axis of the tip, the inertia of the unloaded vehicle that its joints and its base feel there: the
+            less it is, the sooner is a moment that is believed too large too stiff.
+        noise, colour: of a joint's observed torque, and for how long it stays alike: so many seconds are one reading.
+    """
+
+    stout: Annotated[tuple[Scalar, ...], Unit("kg m^2", "of the vehicle about each axis of the tip", low=0.0)]
+    spread: Annotated[Scalar, Unit("m", "radius of gyration that is not surprising", low=0.0, strict=True)] = 0.1
+    furthest: Annotated[Scalar, Unit("m", "root of the largest second moment of mass per kg", low=0.0)] = 0.15
+    noise: Annotated[Scalar, Unit("N m", "of a joint's observed torque", low=0.0, strict=True)] = 0.005
+    colour: Annotated[Scalar, Unit("s", "for which that noise stays alike", low=0.0, strict=True)] = 0.1
+    forgetting: Annotated[Scalar, Unit("1/s", "of what was observed, while the hand is turned", low=0.0)] = 0.5
+    turned: Annotated[Scalar, Unit("rad/s^2", "angular acceleration below which little is told or forgotten")] = 2.0
+    mean_rate: Annotated[Scalar, Unit("rad/s", "filter of means, which tell nothing", low=0.0)] = 1.0
+    pace: Annotated[Scalar, Unit("rad/s", "with which the model follows what is found", low=0.0)] = 5.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointMeans:
+    """Slow means of a joint's observed effort, and of the torques of 1 kg m^2 about each axis of the tip in it."""
+
+    effort: Annotated[Scalar, Unit("N m or N", "mean")]
+    unit: Annotated[tuple[Scalar, ...], Unit("1/s^2", "means, of 1 kg m^2 about each axis of the tip")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InertiaMemory:
+    """Memory of the learned inertia.
+
+    Attributes:
+        once, twice: torques of 1 kg m^2 about each axis of the tip, after one and two stages of the observer's lag.
+        A, b: normal equations, lower triangle row by row. moments: about the centre of mass, axes of the tip.
+    """
+
+    once: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")]
+    twice: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")]
+    means: tuple[JointMeans, ...]
+    A: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)^2", "information")]
+    b: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)", "information times moments")]
+    moments: Annotated[Vec3, Unit("kg m^2", "about the centre of mass, axes of the tip")]
 
 
 def unit_torques(vehicle: Vehicle, signals: Sequence[Taylor]) -> tuple[Vec3, Vec3, Vec3]:
@@ -185,3 +234,21 @@ def consistent(gains: InertiaGains, mass: Any, size: Any, moments: Vec3, known: 
         found[i] = add(found[i], mul(lacks, part))
         found[j] = add(found[j], mul(lacks, sub(1.0, part)))
     return Vec3(*found)
+
+
+def stout(vehicle: Vehicle) -> tuple[float, ...]:
+    """1 / (J M^-1 J^T)_kk about each axis of the tip, kg m^2, joints at zero, J the tip's Jacobian with the base."""
+    joints, tip = (0.0,) * vehicle.n, vehicle.frame()
+    M, R = mass_matrix(vehicle, Mat3.identity(), joints), frame_pose(vehicle, tip, joints).R
+    columns = [Vec3(0, 0, 0)] * 3 + [Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)]
+    columns += [column.angular for column in jacobian_columns(vehicle, tip, joints)]
+    rows = [[float(R.column(k).dot(column)) for column in columns] for k in range(3)]
+    solved = [ldl_solve([list(map(float, line)) for line in M], list(row)) for row in rows]
+    return tuple(1.0 / sum(a * b for a, b in zip(x, row, strict=True)) for x, row in zip(solved, rows, strict=True))
+
+
+def first_inertia(joints: int) -> InertiaMemory:
+    """Nothing is known of the moments."""
+    zero, none = Vec3(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    means = (JointMeans(effort=0.0, unit=none),) * joints
+    return InertiaMemory(once=(zero,) * 3, twice=(zero,) * 3, means=means, A=(0.0,) * 6, b=none, moments=zero)

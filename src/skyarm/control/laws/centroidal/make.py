@@ -14,27 +14,46 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
-from skyarm.control.blocks.force_trend import first_trend, trend_gains
-from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
-from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
-from skyarm.control.laws.centroidal.admittance_records import AdmittanceGains, admittance_gains, first_admittance
-from skyarm.control.laws.centroidal.arm_length import damping_share
-from skyarm.control.laws.centroidal.arm_motion import ArmMotion
-from skyarm.control.laws.centroidal.bandwidth import at_shares
-from skyarm.control.laws.centroidal.demands import Following
-from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, AdaptationGains
+from skyarm.control.laws.centroidal.admittance import AdmittanceGains, admittance_gains
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion
+from skyarm.control.laws.centroidal.demands import Following, pushes_across
+from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
-from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
+from skyarm.control.laws.centroidal.interaction import interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
+from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import centroidal
-from skyarm.control.laws.centroidal.load_records import first_load, load_gains
-from skyarm.control.laws.centroidal.memory import CentroidalMemory
-from skyarm.control.laws.centroidal.option_checks import bounded, checked, must_act, one_of, periods_of
-from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, GustGains, TipGains
+from skyarm.control.laws.centroidal.load import load_gains
+from skyarm.control.laws.centroidal.memory import CentroidalMemory, PartMemories
+from skyarm.control.laws.centroidal.parameters import (
+    MODES,
+    CenterGains,
+    CentroidalParameters,
+    Observation,
+    Parts,
+    RotorGains,
+    ShiftGains,
+    SidewaysGains,
+    TipGains,
+    at_shares,
+)
 from skyarm.control.laws.centroidal.path_shift import AT_REST
-from skyarm.control.laws.centroidal.reference_drag import pushes_across
+from skyarm.control.laws.centroidal.presets import (
+    ENTRIES,
+    PERIODS,
+    PRESETS,
+    bounded,
+    checked,
+    damping_share,
+    must_act,
+    name_of,
+    one_of,
+    periods_of,
+)
+from skyarm.control.laws.centroidal.pressing import PressingGains
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
@@ -65,7 +84,7 @@ def make_centroidal(
 
     Args:
         model: what it believes.
-        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference; also "ee").
+        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference).
         preset: a key of ``PRESETS``.
         delay: known age of the measurement, s, a whole number of control periods.
         control_period: s.
@@ -81,7 +100,6 @@ def make_centroidal(
             rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
-    mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
     one_of("mode", mode, MODES)
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
@@ -99,10 +117,12 @@ def make_centroidal(
         gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
-    adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     (stiffness, damping), sensor = gains["arm"], gains["force_sensor"]
+    (force, velocity), late = gains["accelerometer"], gains["lag"]
+    moves = gains["shift_bandwidth"] > 0.0 and mode == "tip"
+    swings = moves and vehicle.n > 0
     par = CentroidalParameters(
         model=model,
         mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"], "yaw_slack" in changes),
@@ -114,60 +134,55 @@ def make_centroidal(
             rate=Vec3(kw, kw, yaw_kw),
             pull=gains["pull"],
         ),
+        center=CenterGains(
+            tilt=gains["tilt"],
+            floor=0.15 * vehicle.mass * model.gravity + 1e-3,
+            approach=gains["approach"] or None,
+            arm_turn=(gains["arm_turn"] or None) if vehicle.n else None,
+            low_thrust=gains["low_thrust"] or None,
+            sideways=_sideways(gains["sideways"], gains["attitude"]),
+        ),
         joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
+        joint_ends=_ends(vehicle, gains["joint_limits"]),
         tip=TipGains(
             **dict(zip(("position", "velocity"), gains["tip"], strict=True)),
-            reach=gains["reach"],
-            damping=gains["damping"],
-            posture=gains["posture"],
-            shift_rate=gains["shift_rate"],
-            shift_limit=gains["shift_limit"],
+            **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate", "shift_limit")},
+            shift=ShiftGains(
+                bandwidth=gains["shift_bandwidth"],
+                swing_rate=(gains["swing_rate"] or None) if swings else None,
+                path_rate=(gains["path_rate"] or None) if swings else None,
+                gust=gust_gains(gains["gust_shift"], vehicle, model.gravity) if gains["gust_shift"] else None,
+            )
+            if moves
+            else None,
         ),
         observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
+        observation=Observation(
+            accelerometer=AccelerometerGains(force=force, velocity=velocity)
+            if _both("accelerometer", (force, velocity), "bandwidths")
+            else None,
+            air=_air(vehicle, gains["hull_drag"], gains["wind"]),
+            measured_rates=gains["measured_rates"],
+        ),
+        rotors=RotorGains(
+            lag_inversion=gains["lag_inversion"],
+            trim_rate=gains["trim_rate"],
+            leads_thrust=gains["thrust_lead"],
+            pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+        ),
         delay_periods=periods,
         reference_period=bounded("reference_period", reference_period, *PERIODS),
         continuation=gains["continuation"],
-        lag_inversion=gains["lag_inversion"],
-        trim_rate=gains["trim_rate"],
-        measured_rates=gains["measured_rates"],
-        tilt=gains["tilt"],
-        thrust_floor=0.15 * vehicle.mass * model.gravity + 1e-3,
-        adaptation=adaptation,
-        tip_mass_limit=bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3),
-        adapts_load=adaptation > 0.0 and not gains["load"] > 0.0,
-        friction_adaptation=gains["friction_adaptation"],
-        damping_limits=_dampings(vehicle),
-        slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
-        adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
-        shift_bandwidth=gains["shift_bandwidth"],
-        moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
-        gust=_gust(gains, mode, vehicle, model.gravity),
-        swing_rate=gains["swing_rate"],
-        follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
-        path_rate=gains["path_rate"],
-        follows_path=gains["path_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
-        low_thrust=gains["low_thrust"],
-        softens_attitude=gains["low_thrust"] > 0.0,
-        arm_turn=gains["arm_turn"],
-        limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
-        sideways=gains["sideways"],
-        uses_sideways=gains["sideways"] > 0.0,
-        attitude=gains["attitude"],
-        holds_attitude=_holds(gains["attitude"], gains["sideways"]),
-        approach=gains["approach"],
-        brakes=gains["approach"] > 0.0,
-        trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
-        leads_thrust=gains["thrust_lead"],
-        ends=_ends(vehicle, gains["joint_limits"]),
-        pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
-        arm_scaling=gains["arm_scaling"],
-        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
-        lag=_lag(gains["lag"], control_period),
-        accelerometer=_accelerometer(gains["accelerometer"]),
-        air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-        interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
-        load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
-        admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
+        parts=Parts(
+            lag=LagGains(base=late[0], joints=late[1], stride=stride_of(control_period))
+            if _both("lag", late, "lengths")
+            else None,
+            interaction=_pressing(gains["interaction"], mode, vehicle, sensor and admittance is None),
+            admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
+            load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
+            trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
+            adaptation=_adaptation(vehicle, gains, bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
+        ),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -175,10 +190,23 @@ def make_centroidal(
     return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _gust(gains: Mapping[str, Any], mode: str, vehicle: Vehicle, gravity: Any) -> GustGains | None:
-    """How the shift follows a force that changes; None where it is left out."""
-    moving = gains["shift_bandwidth"] > 0.0 and mode == "tip"
-    return gust_gains(gains["gust_shift"], vehicle, gravity) if gains["gust_shift"] > 0.0 and moving else None
+def _adaptation(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
+    """Rates and bounds of the adaptation; None where nothing is adapted. A load that is learned is not adapted too."""
+    load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
+    friction = gains["friction_adaptation"] if vehicle.n else 0.0
+    if not load and not friction:
+        return None
+    # damping is learned back to none, and up to a share of the joint's inertia at rest
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    return AdaptationGains(
+        load=load or None,
+        mass_limit=limit,
+        friction=friction or None,
+        damping_limits=tuple(
+            (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
+        ),
+        slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
+    )
 
 
 def _ends(vehicle: Vehicle, kept: bool) -> Ends:
@@ -187,11 +215,17 @@ def _ends(vehicle: Vehicle, kept: bool) -> Ends:
     return ends if any(low or high for low, high in ends) else ()
 
 
-def _holds(attitude: tuple[float, float], sideways: float) -> bool:
-    """Whether the law holds an attitude other than level."""
-    if any(attitude) and not sideways:
+def _pressing(thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool) -> PressingGains | None:
+    """Constants of pressing; None where it is left out."""
+    found = interaction_gains(thresholds, mode, vehicle, sensor)
+    return None if found is None else PressingGains(touch=found.touch, lost=found.lost, sensing=found.sensing)
+
+
+def _sideways(share: float, attitude: tuple[float, float]) -> SidewaysGains | None:
+    """Force across the thrust axis, and an attitude other than level that it holds."""
+    if any(attitude) and not share:
         raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
-    return any(attitude)
+    return SidewaysGains(share=share, attitude=attitude if any(attitude) else None) if share else None
 
 
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
@@ -215,29 +249,12 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> M
         return make_mixer(vehicle)
 
 
-def _dampings(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
-    """Least and most that is learned of each joint's damping: back to none, and by its inertia at rest."""
-    M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
-    return tuple(
-        (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
-    )
-
-
-def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
-    """Constants of the lag's estimate; None where it is left out."""
-    base, joints = halves
-    if (base > 0.0) != (joints > 0.0):
-        raise ControllerError(f"controller.lag = {shown(halves)}: must be two lengths above 0, or twice 0")
-    return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
-
-
-def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None:
-    """Bandwidths of force and velocity; None where the law does without the accelerometer."""
-    force, velocity = bandwidths
-    if (force > 0.0) != (velocity > 0.0):
-        allowed = "must be two bandwidths above 0, or twice 0"
-        raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
-    return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+def _both(name: str, pair: tuple[float, float], what: str) -> bool:
+    """Whether an option of two numbers is used: both are above 0."""
+    first, second = pair
+    if (first > 0.0) != (second > 0.0):
+        raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {what} above 0, or twice 0")
+    return first > 0.0
 
 
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:
@@ -262,7 +279,7 @@ def _admittance(
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
-    model, vehicle = par.model, par.model.vehicle
+    model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
     trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
     speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     zero = Vec3(0.0, 0.0, 0.0)
@@ -271,23 +288,18 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds, par.accelerometer is not None),
+        observed=first_observed(vehicle.n, speeds, par.observation.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
-        gust=() if par.gust is None else GustMemory(rate=zero),
+        gust=() if moves is None or moves.gust is None else GustMemory(rate=zero),
         trim=(0.0,) * len(speeds),
-        learned=first_learned(vehicle.n),
         following=Following(
-            shift=ShiftMotion(acceleration=zero, jerk=zero) if par.moves_shift else (),
-            arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
-            trend=() if par.trend is None else first_trend(par.trend),
-            pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
-            path=(AT_REST, AT_REST) if par.follows_path else (),
+            shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
+            arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=zero),
+            pace=() if moves is None or moves.swing_rate is None else SwingPace(rate=0.0, acceleration=0.0),
+            path=() if moves is None or moves.path_rate is None else (AT_REST, AT_REST),
         ),
-        lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
-        interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
-        load=() if par.load is None else first_load(vehicle.n, par.load.inertia is not None),
-        admittance=() if par.admittance is None else first_admittance(vehicle.n, par.admittance),
+        parts=PartMemories(**{name: part.start(vehicle.n) for name, part in par.parts.present()}),
     )

@@ -1,54 +1,76 @@
-"""Constants of the centroidal law."""
+"""Constants of the centroidal law: its core, and the parts that are built in."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from skyarm.actuation import Mixer
 from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
-from skyarm.control.blocks.force_trend import TrendGains
-from skyarm.control.blocks.lag_estimate import LagGains
-from skyarm.control.laws.centroidal.admittance_records import AdmittanceGains
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
-from skyarm.control.laws.centroidal.load_records import LoadGains
+from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
+from skyarm.records.leaves import is_record, parts
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
 MODES = ("joint", "tip")
-MODE_ALIASES = {"ee": "tip"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TipGains:
-    """Of the tip mode.
+class SidewaysGains:
+    """Force across the thrust axis.
 
     Attributes:
-        position: 1/s^2. velocity: 1/s. Of the tip's error.
-        reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
-        damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
-            Over ``reach`` it weighs the references of sliding joints.
-        posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
-        shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
-        shift_limit: m, largest length of the shift.
+        share: of the rotors' room beside hover that a force takes at the held attitude; the rest tilts the base.
+        attitude: roll and pitch that are held; None for level.
     """
 
-    position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
-    velocity: Annotated[Scalar, Unit("1/s", "of the tip")]
-    reach: Annotated[Scalar, Unit("m", "base errors beyond this are followed by the tip")]
-    damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
-    posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
-    shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
-    shift_limit: Annotated[Scalar, Unit("m", "largest shift of the base")]
+    share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
+    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CenterGains:
+    """Bounds and shape of the force on the centre of mass; None leaves a part out.
+
+    Attributes:
+        approach: rate at which the velocity of a distant base falls on its way back.
+        arm_turn: largest angular acceleration with which the base compensates the arm's motion.
+        low_thrust: share of the weight below which a vertical force turns the attitude less.
+        sideways: force across the thrust axis; None for force along body z only.
+    """
+
+    tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
+    floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
+    approach: Annotated[Scalar, Unit("m/s^2", "rate at which a base that comes back from afar slows down")] | None
+    arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] | None
+    low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] | None
+    sideways: SidewaysGains | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RotorGains:
+    """Commands of the rotors.
+
+    Attributes:
+        lag_inversion: 0 commands the desired rotor speed, 1 inverts the motor lag within one period.
+        leads_thrust: commands the planned force ahead by what motors lag.
+        pushes_across: rotors push across body z, which the law does not use.
+    """
+
+    lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
+    trim_rate: Annotated[Scalar, Unit("1/s", "correction of the rotors' mean squared speeds")]
+    leads_thrust: bool
+    pushes_across: bool
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustGains:
-    """Of the base's shift for a force that changes.
+    """Pace of the base's shift under a changing force.
 
     Attributes:
         pace: rad/s, of the shift where the force changes by much.
@@ -60,136 +82,154 @@ class GustGains:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class CentroidalParameters:
-    """All constants of the centroidal law.
+class ShiftGains:
+    """Motion of the base's shift in tip mode; None leaves a part of it out.
 
     Attributes:
-        model: belief. mixer: of the model.
-        mode: "joint" keeps base and joints on their references, "tip" the tip and the link orientations.
-        base, joint_gains, tip, observer: gains; those of the joints on accelerations.
-        delay_periods: age of the measurement in control periods.
-        reference_period: s between published samples.
-        continuation: 1 continues held samples to the present, 0 takes them as they were.
-        lag_inversion: 0 commands the wanted rotor speed, 1 inverts the motor lag within one period.
-        trim_rate: 1/s, of the correction of the rotors' mean squared speeds.
+        bandwidth: of the differentiators that give jerk and snap. swing_rate, path_rate: of the means by which the
+            pace of the arm's swing and of the base's path is found.
+    """
+
+    bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
+    swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None
+    path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] | None
+    gust: GustGains | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TipGains:
+    """Of the tip mode.
+
+    Attributes:
+        position: 1/s^2. velocity: 1/s. Of the tip's error.
+        reach: m; base errors beyond this length are followed by the tip, not compensated by the arm.
+        damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
+            Over ``reach`` it weighs the references of sliding joints.
+        posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
+        shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
+        shift_limit: m, largest length of the shift.
+        shift: its motion; None takes shift, drag and turned links as they stand.
+    """
+
+    position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
+    velocity: Annotated[Scalar, Unit("1/s", "of the tip")]
+    reach: Annotated[Scalar, Unit("m", "base errors beyond this are followed by the tip")]
+    damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
+    posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
+    shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
+    shift_limit: Annotated[Scalar, Unit("m", "largest shift of the base")]
+    shift: ShiftGains | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Observation:
+    """Knowledge of the observer beside its bandwidths.
+
+    Attributes:
+        accelerometer: bandwidths of its part in velocity and force; None for a law without one.
+        air: wind and drag of the hull; None for still air and no hull.
         measured_rates: 0 takes velocities from the observer, 1 from the sensors.
-        tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
-        adaptation: 1/s; rate of the load at the tip. tip_mass_limit: kg. adapts_load: False leaves it out.
-        friction_adaptation: 1/s; rate of the joints' damping. damping_limits: lowest and highest of each, N m s/rad
-            or N s/m. slow: squares of position and rate below which a joint teaches little, rad^2 and (rad/s)^2 or m^2
-            and (m/s)^2. adapts_friction: False leaves it out.
-        shift_bandwidth: rad/s, of the differentiators that give jerk and snap of the base's shift. moves_shift: False
-            takes shift, drag and turned links as they stand, without their motion.
-        gust: how the shift follows a force that changes; None for a filter of first order.
-        swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
-            base as each instant asks for.
-        path_rate: 1/s, of the means by which the pace of the base's path is found. follows_path: False turns the base
-            for its reference alone.
-        low_thrust: share of the weight below which a vertical force turns the attitude less. softens_attitude: False
-            leaves it out.
-        arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
-            limits_arm: False makes all of it good.
-        sideways: share of the rotors' room beside hover that a force across body z may take at a level attitude; what
-            is beyond tilts the base. uses_sideways: False leaves it out: all force is along body z.
-        attitude: roll and pitch that sideways force holds in place of level, rad. holds_attitude: False holds level.
-        approach: m/s^2, rate at which the velocity falls that a distant base comes back with. brakes: False leaves it
-            to the gains.
-        trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
-        leads_thrust: True commands rotors ahead of the planned force by what motors lag.
-        ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
-        pushes_across: rotors push across body z, which the law does not use.
-        arm_scaling: share of a rotor's squared speed in hover that joint accelerations leave free at both ends of its
-            range. scales_arm: False gives the joints their accelerations whatever the rotors can.
-        lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
-        accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
-        air: wind and drag of the hull that are believed; None for still air and no hull.
-        interaction: how the tip presses where the reference asks for it; None for a law of motions alone.
-        load: how a load is learned while the reference says that one is held; None for a law that only observes it.
-        admittance: how the tip gives way to forces from outside; None for a law that stands against them.
+    """
+
+    accelerometer: AccelerometerGains | None
+    air: BelievedAir | None
+    measured_rates: Annotated[Scalar, Unit("", "0 velocities of the observer, 1 of the sensors")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Parts:
+    """Parts with a memory, in the order in which they act; None leaves one out. See :class:`Part`.
+
+    Attributes:
+        lag: bandwidth by the delay that is found in flight. interaction: pressing on surfaces. admittance: compliance
+            of the tip. load: mass and centre of a payload in the model. trend: prediction of the observed force.
+        adaptation: tip mass and joint friction, fed forward.
+    """
+
+    lag: Part | None = None
+    interaction: Part | None = None
+    admittance: Part | None = None
+    load: Part | None = None
+    trend: Part | None = None
+    adaptation: Part | None = None
+
+    def present(self) -> list[tuple[str, Part]]:
+        """Name and constants of each part that there is."""
+        return [(name, part) for name, part in parts(self).items() if part is not None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CentroidalParameters:
+    """Constants of the centroidal law.
+
+    Attributes:
+        mixer: of the model. mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
+        base, joint_gains, tip, observer: gains; those of the joints on accelerations.
+        joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
+        delay_periods: age of the measurement in control periods.
+        continuation: 1 continues held samples to the present, 0 takes them as they were.
     """
 
     model: Model
     mixer: Mixer
     mode: str
     base: BaseGains
+    center: CenterGains
     joint_gains: JointGains
+    joint_ends: tuple[tuple[bool, bool], ...]
     tip: TipGains
     observer: ObserverGains
+    observation: Observation
+    rotors: RotorGains
     delay_periods: int
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
     continuation: Annotated[Scalar, Unit("", "0 to 1, share of the time since a reference sample that it is continued")]
-    lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
-    trim_rate: Annotated[Scalar, Unit("1/s", "correction of the rotors' mean squared speeds")]
-    measured_rates: Annotated[Scalar, Unit("", "0 velocities of the observer, 1 of the sensors")]
-    tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
-    thrust_floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
-    adaptation: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")]
-    tip_mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
-    adapts_load: bool
-    friction_adaptation: Annotated[Scalar, Unit("1/s", "rate of the adapted damping of the joints")]
-    damping_limits: Annotated[
-        tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
-    ]
-    slow: Annotated[
-        tuple[tuple[Scalar, Scalar], ...], Unit("", "squares of position and rate below which a joint teaches little")
-    ]
-    adapts_friction: bool
-    shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
-    moves_shift: bool = False
-    gust: GustGains | None = None
-    swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
-    follows_swing: bool = False
-    path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] = 0.0
-    follows_path: bool = False
-    low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
-    softens_attitude: bool = False
-    arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
-    limits_arm: bool = False
-    sideways: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")] = 0.0
-    uses_sideways: bool = False
-    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] = (0.0, 0.0)
-    holds_attitude: bool = False
-    approach: Annotated[Scalar, Unit("m/s^2", "rate at which a base that comes back from afar slows down")] = 0.0
-    brakes: bool = False
-    trend: TrendGains | None = None
-    leads_thrust: bool = False
-    ends: tuple[tuple[bool, bool], ...] = ()
-    pushes_across: bool = False
-    arm_scaling: Annotated[Scalar, Unit("", "share of a rotor's hover that joint accelerations leave free")] = 0.0
-    scales_arm: bool = False
-    lag: LagGains | None = None
-    accelerometer: AccelerometerGains | None = None
-    air: BelievedAir | None = None
-    interaction: InteractionGains | None = None
-    load: LoadGains | None = None
-    admittance: AdmittanceGains | None = None
+    parts: Parts
 
     def choices(self) -> list[str]:
-        """What is structure, in words."""
-        adapted = ["adapted tip mass"] if self.adapts_load else []
-        adapted += ["adapted friction"] if self.adapts_friction else []
-        added = {
-            "motion of the shift": self.moves_shift,
-            "shift for gusts": self.gust is not None,
-            "shift by the pace of the swing": self.follows_swing,
-            "shift by the pace of the path": self.follows_path,
-            "upright at low thrust": self.softens_attitude,
-            "limited motion for the arm": self.limits_arm,
-            "sideways force": self.uses_sideways,
-            "held attitude": self.holds_attitude,
-            "braking in time": self.brakes,
-            "trend of the force": self.trend is not None,
-            "thrust ahead of its plan": self.leads_thrust,
-            "joints kept within their limits": bool(self.ends),
-            "joints slowed where rotors do not reach": self.scales_arm,
-            "bandwidth by the lag found": self.lag is not None,
-            "force by the accelerometer": self.accelerometer is not None,
-            "drag of the hull": self.air is not None and self.air.hull,
-            "pressing on surfaces": self.interaction is not None,
-            "learned load": self.load is not None,
-            "moments of a learned load": self.load is not None and self.load.inertia is not None,
-            "giving way to forces": self.admittance is not None,
-            "believed wind": self.air is not None and type(self.air.wind.x) is not int,
-        }
-        adapted += [name for name, there in added.items() if there]
-        return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]
+        """Structure in words: mode, delay, and the path of each optional part that there is."""
+        kept = [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old"]
+        return [*kept, *(["joint_ends"] if self.joint_ends else []), *_options(self)]
+
+
+def _options(record: Any) -> list[str]:
+    """Paths of the fields that may be left out and are not."""
+    found = []
+    kinds = type(record).__annotations__
+    for name, value in parts(record).items():
+        if value is True or ("None" in str(kinds[name]) and value is not None):
+            found.append(name)
+        if is_record(value) and not isinstance(value, (Model, Mixer)):
+            found += [f"{name}.{each}" for each in _options(value)]
+    return found
+
+
+def at_shares(par: CentroidalParameters, rotors: Any, joints: Any) -> CentroidalParameters:
+    """The constants with the rotors' loops (position, attitude, their observer) and the joints' at shares of both.
+
+    Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
+    """
+    base, arm, tip, observer = par.base, par.joint_gains, par.tip, par.observer
+    accelerometer = par.observation.accelerometer
+    once, twice = rotors * rotors, joints * joints
+    if accelerometer is not None:
+        accelerometer = dataclasses.replace(accelerometer, force=accelerometer.force * rotors)
+    return dataclasses.replace(
+        par,
+        base=dataclasses.replace(
+            base,
+            position=base.position * once,
+            velocity=base.velocity * rotors,
+            attitude=base.attitude * once,
+            rate=base.rate * rotors,
+        ),
+        joint_gains=JointGains(
+            stiffness=tuple(each * twice for each in arm.stiffness),
+            damping=tuple(each * joints for each in arm.damping),
+        ),
+        tip=dataclasses.replace(tip, position=tip.position * twice, velocity=tip.velocity * joints),
+        observer=dataclasses.replace(
+            observer, force=observer.force * rotors, torque=observer.torque * rotors, joints=observer.joints * joints
+        ),
+        observation=dataclasses.replace(par.observation, accelerometer=accelerometer),
+    )

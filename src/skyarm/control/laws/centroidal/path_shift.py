@@ -119,7 +119,8 @@ def moved_path(
         par: constants.
         dt: control period, s.
     """
-    if not path:
+    rate = None if par.tip.shift is None else par.tip.shift.path_rate
+    if not path or rate is None:
         return path
     per, lever = _per(level, par.model.gravity), levers(level)
     com = needed_shift(level.com, yaw, turned.com, still)
@@ -127,7 +128,7 @@ def moved_path(
     # what an arm that swings under a steady tilt asks for is no motion along the path: see swing_shift
     u1, u2 = (asked[k] - com[k] + tilt * lever[k] for k in (1, 2))
     rows = zip(path, zip(*base, strict=True), u1, u2, strict=False)
-    x, y = (moved_axis(axis, reference, (a, b), per, par.path_rate, dt) for axis, reference, a, b in rows)
+    x, y = (moved_axis(axis, reference, (a, b), per, rate, dt) for axis, reference, a, b in rows)
     return x, y
 
 

@@ -1,9 +1,4 @@
-"""What pressing on a surface asks of the rest of the law, and what it puts in place of the observed force.
-
-The joints give the order along the normal in place of what is observed there, by the levers of the present. The base
-carries the order and, while its ramp runs, what is felt beyond it: an impact pushes the base back with more than the
-order of that instant, and a base that does not answer this swings.
-"""
+"""Pressing as a part of the law: one period of :mod:`skyarm.control.laws.centroidal.interaction` in a control step."""
 
 from __future__ import annotations
 
@@ -12,69 +7,150 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.laws.centroidal.tip_force import TipLevers
-from skyarm.control.laws.centroidal.tip_reference import Goal
-from skyarm.scalars import add, mul, sub
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.laws.centroidal.interaction import (
+    InteractionGains,
+    InteractionMemory,
+    Pressing,
+    first_interaction,
+    interact,
+    leaning,
+    rested,
+    slid,
+    wanted_of,
+)
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.scalars import absolute, divide, logical_and, maximum, mul, where
 from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SLIDES = 0.01
+"""m/s along the surface, from which on friction is at its cone and cannot be let go."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Pressing:
-    """What an instant asks of the rest of the law.
+class PressingGains(InteractionGains, Part):
+    """Constants of pressing."""
 
-    Attributes:
-        n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
-        engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
-        order: N, along n, in place of the observed one. beyond: N, that the base carries along n beside it.
-        force: N, the tip's as observed, world axes.
-        kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
+    def start(self, joints: int) -> InteractionMemory:
+        """Memory of free flight."""
+        return first_interaction(joints, self.senses)
+
+    def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+        """Exchange the observed force for the wanted one; a surface is no load, no friction and no lag."""
+        if not step.reference.push:
+            return memory
+        load, sent = step.memory.parts.load, step.memory.sent[-1]
+        weight = mul(load.mass, step.par.model.gravity) if load else 0
+        memory, step.pressing, step.unknown, step.force = press(
+            self,
+            step.par,
+            memory,
+            step.reference.push,
+            step.signals,
+            step.observed,
+            sent,
+            step.state,
+            step.unknown,
+            step.measurement.tip_force,
+            step.dt,
+            weight,
+        )
+        step.signals, step.external = step.pressing.shifted(step.signals), step.pressing.engaged
+        step.isolate(rested(self, memory))
+        return memory
+
+    def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+        """Take the tip's distance from its reference along the normal."""
+        if step.pressing is None or step.demand is None:
+            return memory
+        return dataclasses.replace(memory, gap=step.demand.gap)
+
+
+def press(
+    gains: InteractionGains,
+    par: CentroidalParameters,
+    memory: InteractionMemory,
+    push: Sequence[Any],
+    signals: Sequence[Taylor],
+    observed: Observed,
+    sent: Command,
+    state: State,
+    unknown: Disturbance,
+    tip_force: tuple[Any, ...],
+    dt: Any,
+    weight: Any = 0,
+) -> tuple[InteractionMemory, Pressing, Disturbance, Vec3]:
+    """One period of pressing.
+
+    Args:
+        gains: constants.
+        par: of the law.
+        memory: of pressing.
+        push: of the reference.
+        signals: of the reference, series in time.
+        observed: of the observer, at the measurement's time.
+        sent: the last command.
+        state: now.
+        unknown: disturbance that the law would answer without a surface.
+        tip_force: N, as a sensor tells it, axes of the tip; empty without one.
+        dt: control period, s.
+        weight: N, of the load that the tip is believed to hold: a sensor feels it, the surface does not.
+
+    Returns:
+        The memory, what the instant asks for, the disturbance that the law answers, and its force on the base as far as
+        the observer tells it (N, world axes), which the posture follows.
     """
+    vehicle = par.model.vehicle
+    then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
+    now = levers(vehicle, state.quaternion.rotation(), state.joints)
+    told = wanted_of(push).about_the_pivot(state.position + now.R.apply(now.tip))
+    wanted = dataclasses.replace(told, normal=leaning(told.normal, memory.lean))
+    moving = state.rate.cross(now.tip)
+    for column, rate in zip(now.columns, state.joint_rates, strict=True):
+        moving = moving + column * rate
+    velocity = state.velocity + now.R.apply(moving)
+    into = -wanted.normal.dot(velocity)
+    led = Vec3(*(signal.derivative(1) for signal in signals[:3]))
+    across = led - wanted.normal * wanted.normal.dot(led)
+    slides: Any = across.dot(across) > SLIDES * SLIDES
+    load = where(slides, 0.0, _load(vehicle, sent))
+    felt = None
+    if isinstance(memory.felt, Vec3) and tip_force:
+        turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
+        pushed = turned.apply(Vec3(*tip_force)) + Vec3(0, 0, weight)
+        felt = memory.felt + (pushed - memory.felt) * low_pass_share(gains.sensing, dt)
+    memory, pressing = interact(gains, memory, wanted, vehicle, disturbance(observed), then, into, load, dt, felt)
+    lean = slid(
+        memory.lean,
+        wanted.normal,
+        velocity,
+        gains.tilting,
+        wanted.presses,
+        logical_and(slides, memory.share > 1.0 - 1e-9),
+        dt,
+    )
+    memory = dataclasses.replace(memory, lean=vector_data(lean))
+    given = pressing.exchanged(unknown, then, now)
+    return memory, pressing, given, observed.force + given.force - unknown.force
 
-    n: Vec3
-    share: Any
-    damping: Any
-    engaged: Any
-    shift: tuple[Any, Any, Any]
-    order: Any
-    beyond: Any
-    force: Vec3
-    kept: Any
-    asked: Any = False
 
-    def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
-        """The reference's signals with x, y and z moved along the normal."""
-        s = Taylor((self.shift[0], self.shift[1], mul(0.5, self.shift[2]), 0.0, 0.0))
-        return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
-
-    def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
-        """The disturbance with the order in place of what the observer holds along n, by the levers of the present.
-
-        The joints give the order, and yield to all else; the base carries what is still felt beyond it, too.
-        """
-        across = self.force - self.n * self.n.dot(self.force)
-        wanted = across * self.kept + self.n * self.order
-        borne = wanted + self.n * self.beyond
-        held, given, base = then.disturbance(self.force), now.disturbance(wanted), now.disturbance(borne)
-        return Disturbance(
-            force=d.force + (base.force - held.force) * self.engaged,
-            torque=d.torque + (base.torque - held.torque) * self.engaged,
-            efforts=tuple(
-                add(e, mul(sub(g, h), self.engaged))
-                for e, g, h in zip(d.efforts, given.efforts, held.efforts, strict=True)
-            ),
-        )
-
-    def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
-        """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
-        p, v, a = goal.tip
-        n, slower = self.n, 1.0 - self.damping / velocity_gain
-        return dataclasses.replace(
-            goal,
-            tip=(
-                p + n * (n.dot(tip - p) * self.share),
-                v + n * (n.dot(tip_velocity * slower - v) * self.share),
-                a - n * (n.dot(a) * self.share),
-            ),
-        )
+def _load(vehicle: Vehicle, sent: Command) -> Any:
+    """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
+    most: Any = 0.0
+    for link, effort in zip(vehicle.links, sent.efforts, strict=True):
+        limit = link.joint.effort_limit  # 0 is none
+        most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
+    for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
+        share = divide(speed, rotor.max_speed)
+        most = maximum(most, share * share)
+    return most

@@ -28,7 +28,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.series_kinematics import Posture, derivative
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.parameters import ShiftGains
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, where
@@ -113,7 +113,8 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 
 
 def moved_shift(
-    par: CentroidalParameters,
+    gains: ShiftGains | None,
+    gravity: Any,
     shift: ShiftMotion | tuple[()],
     pace: SwingPace | tuple[()],
     needed: list[Vec3],
@@ -124,7 +125,8 @@ def moved_shift(
     """Memories of the shift's motion one period later, and the shift with as many derivatives as the law has of it.
 
     Args:
-        par: constants.
+        gains: constants; None leaves the motion out.
+        gravity: m/s^2.
         shift: memory of its differentiators; empty where they are left out.
         pace: memory of the swing's pace; empty where that is left out.
         needed: shift that each instant asks for, with two derivatives.
@@ -132,12 +134,12 @@ def moved_shift(
         dt: control period, s.
         own: of its acceleration what jumps with a force and is not differentiated, m/s^2, world axes.
     """
-    if not isinstance(shift, ShiftMotion):
+    if gains is None or not isinstance(shift, ShiftMotion):
         return shift, pace, needed
-    if not isinstance(pace, SwingPace):
-        shift, jerk, snap = differentiated(shift, needed[2] - own, par.shift_bandwidth, dt)
+    if gains.swing_rate is None or not isinstance(pace, SwingPace):
+        shift, jerk, snap = differentiated(shift, needed[2] - own, gains.bandwidth, dt)
         return shift, pace, [*needed, jerk, snap]
-    pace = followed_pace(pace, levers(level), par.swing_rate, dt)
-    swung = shift_for_swing(pace, needed, level, par.model.gravity)
-    shift, jerk, snap = differentiated(shift, swung.steady - own, par.shift_bandwidth, dt)
+    pace = followed_pace(pace, levers(level), gains.swing_rate, dt)
+    swung = shift_for_swing(pace, needed, level, gravity)
+    shift, jerk, snap = differentiated(shift, swung.steady - own, gains.bandwidth, dt)
     return shift, pace, [*swung.offset, jerk + swung.jerk, snap + swung.snap]

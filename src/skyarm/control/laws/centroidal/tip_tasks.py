@@ -108,28 +108,44 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
     ]
 
 
+def joints_of_turns(
+    vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Motion of the joints that turns each link by its own vector (base axes), the rest as preferred: least squares."""
+    problem = Squares(vehicle.n)
+    for i, turn in enumerate(turns):
+        problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
+    problem.prefer(preferred, gains.posture * gains.posture)
+    return problem.solve()
+
+
+def link_turning(
+    vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Any], rate: Vec3, acceleration: Vec3
+) -> list[tuple[Vec3, Vec3]]:
+    """Angular velocity of each link, and its acceleration without those of the joints; base axes."""
+    found: list[tuple[Vec3, Vec3]] = []
+    for i, link in enumerate(vehicle.links):
+        turn, bias = (rate, acceleration) if link.parent == BASE else found[link.parent]
+        if link.joint.kind == "revolute":
+            slide = directions[i] * joint_rates[i]
+            turn, bias = turn + slide, bias + turn.cross(slide)
+        found.append((turn, bias))
+    return found
+
+
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Any, ...]:
     """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
-    problem = Squares(vehicle.n)
-    directions = axes(vehicle, poses)
-    for i, pose in enumerate(poses[: vehicle.n]):
-        error = R.apply_T(orientation_error(R @ pose.R, wanted.links[i]))
-        problem.require(orientation_rows(vehicle, directions, i), error, gains.damping * gains.damping)
-    problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
-    return problem.solve()
+    pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
+    errors = [R.apply_T(orientation_error(R @ pose.R, link)) for pose, link in pairs]
+    return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
 def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Any, ...]:
     """Change of the joints that keeps the links as they are while the base turns by a small ``turn``, base axes.
 
-    To first order, so that it holds of rates, or of accelerations, too; weights as in :func:`level_joints`.
+    To first order, so that it holds of rates, or of accelerations, too.
     """
-    problem = Squares(vehicle.n)
-    directions = axes(vehicle, poses)
-    for i in range(vehicle.n):
-        problem.require(orientation_rows(vehicle, directions, i), turn * -1.0, gains.damping * gains.damping)
-    problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
-    return problem.solve()
+    return joints_of_turns(vehicle, gains, axes(vehicle, poses), [turn * -1.0] * vehicle.n, (0.0,) * vehicle.n)
 
 
 def level_motion(
@@ -144,31 +160,18 @@ def level_motion(
 
     Args:
         vehicle: model.
-        gains: weights, as in :func:`level_joints`.
+        gains: weights.
         wanted: turning of the links.
         still: attitude of the base with its rate and acceleration, base axes.
         poses: of the links turned so.
         told: rates and accelerations of the joints' references, which are kept where the links say nothing.
     """
     directions, R, w = axes(vehicle, poses), still.R, still.rate
-    weight = gains.damping * gains.damping
-    first, second = Squares(vehicle.n), Squares(vehicle.n)
-    for i in range(vehicle.n):
-        first.require(orientation_rows(vehicle, directions, i), R.apply_T(wanted.rates[i]) - w, weight)
-    first.prefer(told[0], gains.posture * gains.posture)
-    rates = first.solve()
-    turns: list[Vec3] = []
-    biases: list[Vec3] = []
-    for i, link in enumerate(vehicle.links):
-        turn, bias = (w, still.acceleration) if link.parent == BASE else (turns[link.parent], biases[link.parent])
-        if link.joint.kind == "revolute":
-            slide = directions[i] * rates[i]
-            turn, bias = turn + slide, bias + turn.cross(slide)
-        turns.append(turn)
-        biases.append(bias)
-        second.require(orientation_rows(vehicle, directions, i), R.apply_T(wanted.accelerations[i]) - bias, weight)
-    second.prefer(told[1], gains.posture * gains.posture)
-    return rates, second.solve()
+    turns = [R.apply_T(each) - w for each in wanted.rates]
+    rates = joints_of_turns(vehicle, gains, directions, turns, told[0])
+    links = link_turning(vehicle, directions, rates, w, still.acceleration)
+    bends = [R.apply_T(each) - bias for each, (_, bias) in zip(wanted.accelerations, links, strict=True)]
+    return rates, joints_of_turns(vehicle, gains, directions, bends, told[1])
 
 
 def turned_joints(
@@ -235,17 +238,8 @@ def joint_accelerations(
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
-    rates: list[Vec3] = []
-    biases: list[Vec3] = []
-    for i, (link, pose) in enumerate(zip(vehicle.links, poses, strict=False)):
-        root = link.parent == BASE
-        rate, bias = (w, now.alpha) if root else (rates[link.parent], biases[link.parent])
-        if link.joint.kind == "revolute":
-            slide = directions[i] * now.joint_rates[i]
-            rate, bias = rate + slide, bias + rate.cross(slide)
-        rates.append(rate)
-        biases.append(bias)
-        error = orientation_error(R @ pose.R, wanted.links[i])
+    for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
+        error = orientation_error(R @ poses[i].R, wanted.links[i])
         turn = wanted.accelerations[i] + wanted.rates[i] * gains.velocity + error * gains.position
         needed = R.apply_T(turn) - rate * gains.velocity - bias
         problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)

@@ -2,25 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
-from skyarm.algebra import E_Z, Vec3
+from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
 from skyarm.control.blocks.prediction import motor_speeds
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.underactuated import forces_under_thrust
-from skyarm.control.laws.centroidal.arm_scaling import margins, reaction, slower
 from skyarm.control.laws.centroidal.demands import Demand
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.scalars import absolute, add, clip, logical_and, maximum, sqrt, sub, where
+from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.vehicle.vehicle_records import Vehicle
 
 TRIM = 0.1
 """Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """What joint accelerations need under a given force on the base, whose angular acceleration stays as desired.
+
+    Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints; the base's origin moves
+    freely.
+
+    Attributes:
+        joints: M_jj - M_jt M_tj / m, joint torques per joint acceleration, a row a joint.
+        base: M_wj - M_wt M_tj / m, body torque (base axes) per joint acceleration, three rows.
+    """
+
+    joints: list[list[Any]]
+    base: list[list[Any]]
+
+    def torque(self, accelerations: Sequence[Any]) -> Vec3:
+        """Body torque of joint accelerations, N m, base axes."""
+        return Vec3(*(inner_product(row, accelerations) for row in self.base))
+
+    def accelerations(self, efforts: Sequence[Any]) -> list[Any]:
+        """Joint accelerations of joint torques or forces."""
+        return ldl_solve(self.joints, list(efforts)) if self.joints else []
+
+
+def reaction(vehicle: Vehicle, joints: Sequence[Any]) -> Reaction:
+    """The reaction of an arm at a posture (rad or m)."""
+    if not joints:
+        return Reaction([], [[], [], []])
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
+    share, n = divide(1.0, vehicle.mass), len(joints)
+
+    def reduced(row: int, column: int) -> Any:
+        total = M[row][column]
+        for k in range(3):
+            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
+        return total
+
+    return Reaction(
+        joints=[[reduced(6 + i, 6 + j) for j in range(n)] for i in range(n)],
+        base=[[reduced(k, 6 + j) for j in range(n)] for k in range(3, 6)],
+    )
 
 
 def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
@@ -77,8 +122,7 @@ def actuate(
     while others change the rotors' commands (``applied`` is 0), which would wind it up.
 
     Joints whose torques are cut accelerate more slowly and push the base less: that part of the body torque falls away,
-    so that its angular acceleration stays what was desired. With ``par.scales_arm`` all joints are slowed where the
-    rotors do not reach.
+    so that its angular acceleration stays what was desired.
     """
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
@@ -87,27 +131,21 @@ def actuate(
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
-    if par.scales_arm:
-        left = [sub(wanted, less) for wanted, less in zip(demand.joints, late, strict=True)]
-        margin = margins(par.mixer, model.vehicle.mass * model.gravity, par.arm_scaling)
-        scaled = slower(par.mixer, arm, left, torque, held, demand.thrust, margin)
-        torque = scaled.torque
-        held = tuple(clip(data(each), -limit, limit) for each, limit in zip(scaled.efforts, limits, strict=True))
     wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
     inside: Any = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
     ahead = trim
     if demand.force_rate is not None:
-        ahead = led(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, par.lag_inversion)
+        ahead = led(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, par.rotors.lag_inversion)
     targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, ahead, strict=True)]
     speeds = tuple(
-        command_for(rotor, speed, target, dt, par.lag_inversion)
+        command_for(rotor, speed, target, dt, par.rotors.lag_inversion)
         for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
     )
     command = Command(rotor_speeds=speeds, efforts=held)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
-    step = where(logical_and(inside, applied > 0.5), par.trim_rate * dt, 0.0)
+    step = where(logical_and(inside, applied > 0.5), par.rotors.trim_rate * dt, 0.0)
     return Done(
         command=command,
         free=(

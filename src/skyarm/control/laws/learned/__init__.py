@@ -1,1 +1,1 @@
-"""A learned compensator: a small network that tells what the model leaves out, around the paper's law."""
+"""A learned compensator: a small network that estimates what the model lacks, around the paper's law."""

@@ -1,4 +1,4 @@
-"""What the network sees: motion, errors, and a short history of velocities and commands in one filter each."""
+"""Inputs of the network: motion, errors, and a short history of velocities and commands in one filter each."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def no_history(joints: int) -> History:
 
 
 def feature_names(joints: int) -> tuple[str, ...]:
-    """What each feature is, in their order."""
+    """Names of the features, in their order."""
     axes = ("x", "y", "z")
     arm = tuple(str(i + 1) for i in range(joints))
     groups = {

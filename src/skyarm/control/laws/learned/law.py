@@ -9,7 +9,7 @@ torque law; its inputs and size; supervised training on simulated flights, no ad
 rad/s per velocity and command stands for the history; the answer is limited to what training has seen and filtered.
 
 Tuning: ``answer`` (rad/s), the paper's gains. The shipped weights are those of the Hummingbird with the two-joint arm;
-``python -m skyarm.learn`` makes them again.
+``examples/learned_compensator/train.py`` makes them again.
 
 Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
 """
@@ -20,16 +20,15 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, Mixer, mix
+from skyarm.actuation import Command
 from skyarm.algebra import Motion, Vec3
-from skyarm.control.blocks.common import turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
-from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
 from skyarm.control.laws.learned.network import Network, shipped_network, unlike
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.laws.paper import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -41,17 +40,11 @@ FASTEST = 1e4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LearnedParameters:
-    """Constants of the law: those of the paper's law, the network, and how fast its answer is followed (rad/s)."""
+class LearnedParameters(Parameters):
+    """Constants of the law: those of the paper's law, the network, and the bandwidth of its filtered output (rad/s)."""
 
-    model: Model
-    gains: GeometricGains
-    joint_gains: JointGains
-    mixer: Mixer
     network: Network
     answer: Annotated[Scalar, Unit("rad/s", "how fast the network's answer is followed")]
-    rate_error: str = "rotors_sim"
-    terms: Terms = Terms()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -101,32 +94,27 @@ def make_learned_controller(
     if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
         raise ControllerError(
             f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
-            f"{len(feature_names(n))}; train one with skyarm.learn"
+            f"{len(feature_names(n))}; train one with examples/learned_compensator/train.py"
         )
     other = unlike(model.vehicle, training)
     if other:
         raise ControllerError(
             f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
-            "train one with skyarm.learn, or give this one as network="
+            "train one with examples/learned_compensator/train.py, or give this one as network="
         )
     base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
+    mixer = fitting_mixer(model, mixer_policy)
     par = LearnedParameters(
-        model=model,
-        gains=base,
-        joint_gains=joints,
-        mixer=fitting_mixer(model, mixer_policy),
-        network=found,
-        answer=float(answer),
+        model=model, gains=base, joint_gains=joints, mixer=mixer, network=found, answer=float(answer)
     )
-    nothing = Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n)
-    memory = LearnedMemory(history=no_history(n), sent=nothing, answer=(0.0,) * (6 + n))
+    memory = LearnedMemory(history=no_history(n), sent=no_command(model.vehicle), answer=(0.0,) * (6 + n))
     return Controller(name="learned_compensator", law=learned_compensator, par=par, memory=memory)
 
 
 def learned_compensator(
     memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: LearnedParameters
 ) -> tuple[LearnedMemory, Command]:
-    """The paper's computed torque, less what a network says that the model leaves out.
+    """The paper's computed torque, less the network's estimate of what the model lacks.
 
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """
@@ -144,15 +132,14 @@ def compensated(
     """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
-    specific = wanted_specific_force(par, measurement, reference)  # type: ignore[arg-type]
+    specific = wanted_specific_force(par, measurement, reference)
     # what pushes already need not be thrust
     thrust = specific - R.apply(force_B) * divide(1.0, vehicle.mass)
-    alpha = turn_towards(par, measurement, reference, R, thrust)  # type: ignore[arg-type]
+    alpha = turn_towards(par, measurement, reference, R, thrust)
     base = Motion(alpha, R.apply_T(specific))
-    wanted = joint_accelerations(par, measurement, reference)  # type: ignore[arg-type]
+    wanted = joint_accelerations(par, measurement, reference)
     force, torques = dynamics.inverse_dynamics(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, wanted
     )
-    speeds, _ = mix(par.mixer, force.torque - torque_B, force.force.z - force_B.z)
     efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
-    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))  # type: ignore[arg-type]
+    return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]

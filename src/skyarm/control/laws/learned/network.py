@@ -65,7 +65,7 @@ def _affine(row: Sequence[Any], values: Sequence[Any], offset: Any) -> Any:
 
 
 def read_network(text: str) -> tuple[Network, dict[str, Any]]:
-    """A network and what is said of its training, from the text of its file.
+    """A network and the record of its training, from the text of its file.
 
     Raises:
         ValueError: it is not such a file.
@@ -104,7 +104,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
-    """What of a vehicle is beyond what a network has seen in training; empty if nothing is or if it has no numbers."""
+    """Numbers of a vehicle outside a network's training range, in words; empty if none are or none are known."""
     known = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)

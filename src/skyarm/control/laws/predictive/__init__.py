@@ -1,1 +1,1 @@
-"""Model predictive control of the whole vehicle: prediction, cost, observer, and two solvers."""
+"""Model predictive control of the whole vehicle: prediction, cost, observer and solver."""

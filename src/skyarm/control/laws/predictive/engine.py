@@ -1,32 +1,74 @@
-"""Machine code of the predictive law: made once for a belief and its options, shared by all flights."""
+"""Constants of the predictive law and its machine code, made once for a model and options and shared by all flights."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
+from skyarm.actuation import Command, Mixer
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, worst_cost
-from skyarm.control.laws.predictive.kalman_observer import Bandwidths, Estimate, observe, predict
-from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Motors, motors
-from skyarm.control.laws.predictive.parameters import PredictiveParameters
-from skyarm.control.laws.predictive.rollout import Bounds, Rollouts
-from skyarm.control.laws.predictive.solve import Riccati, Solver
-from skyarm.control.laws.predictive.stance import Stance
+from skyarm.control.laws.predictive.linearise import Bounds, Rollouts, Stages, examples
+from skyarm.control.laws.predictive.observer import Bandwidths, Estimate, observe, predict
+from skyarm.control.laws.predictive.prediction import Motors, motors
+from skyarm.control.laws.predictive.preview import Stance
+from skyarm.control.laws.predictive.riccati import Riccati
 from skyarm.control.laws.predictive.tip_contact import TipContact
 from skyarm.control.model import Model
+from skyarm.records.units import Unit
+from skyarm.reference import Trajectory
 from skyarm.sensors.measurement import blank_measurement
+
+WEIGHTS = Weights(
+    position=10.0,
+    velocity=2.0,
+    heading=2.0,
+    rate=0.2,
+    joints=5.0,
+    joint_rates=0.2,
+    joint_accelerations=0.005,
+    tool=50.0,
+    rotor_accelerations=3e-4,
+    final=0.2,
+)
+
+BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PredictiveParameters:
+    """Constants of the law.
+
+    Attributes:
+        model: the belief. mixer: of the belief; the law does not use it.
+        weights, mode: of the cost. bandwidths: of the observer.
+        stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
+        every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
+        preview: "samples", or the trajectory if it is known.
+        interaction: of pressing on surfaces; None for a law that knows nothing of a push.
+    """
+
+    model: Model
+    mixer: Mixer
+    weights: Weights
+    bandwidths: Bandwidths
+    mode: str
+    stages: int
+    horizon: Annotated[float, Unit("s")]
+    every: int
+    delay_periods: int
+    preview: str | Trajectory
+    interaction: InteractionGains | None = None
+
 
 Array = npt.NDArray[np.float64]
 
@@ -73,7 +115,7 @@ def _stepped(kernel: Kernel, before: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """What the law calls; holds no memory of a flight, so that copies of a flight have it in common.
+    """Compiled parts of the law, without memory of a flight: copies of a flight share them.
 
     Attributes:
         solver, observation, motors, bounds: those.
@@ -81,7 +123,7 @@ class Engine:
         stance: where the base stands aside for the tip. contact: of the tip; None where no reference asks for any.
     """
 
-    solver: Solver
+    solver: Riccati
     observation: Observation
     motors: Motors
     bounds: Bounds
@@ -96,7 +138,7 @@ class Engine:
 
 @dataclass(frozen=True, slots=True)
 class Purpose:
-    """What an engine is made for: constants, the control period in s, and whether the reference may ask for contact."""
+    """Key of an engine: constants, the control period in s, and whether the reference may request contact."""
 
     par: PredictiveParameters
     dt: float
@@ -109,7 +151,7 @@ class Purpose:
     def made_of(self) -> tuple[Any, ...]:
         """All that the engine is made of."""
         par = self.par
-        shape = par.mode, par.solver, par.stages, par.horizon, par.every
+        shape = par.mode, par.stages, par.horizon, par.every
         return par.model, par.weights, par.bandwidths, *shape, self.dt, par.interaction if self.push else None
 
     def serves(self, other: Purpose) -> bool:
@@ -119,7 +161,7 @@ class Purpose:
 
 
 def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
-    """The engine of a law at a control period of ``dt`` s, whose reference may ask for contact where ``push`` is."""
+    """The engine of a law at a control period of ``dt`` s; with ``push`` the reference may request contact."""
     return _engine(*Purpose(par, dt, push).made_of)
 
 
@@ -129,7 +171,6 @@ def _engine(
     weights: Weights,
     bandwidths: Bandwidths,
     mode: str,
-    solver: str,
     stages: int,
     horizon: float,
     every: int,
@@ -145,14 +186,8 @@ def _engine(
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
     presses = interaction is not None
     compiled = Stages(model, weights, mode, scales, presses)
-    made: Solver
-    if solver == "riccati":
-        rollouts = Rollouts(model, weights, mode, bounds, presses)
-        made = Riccati(compiled, rollouts, steps, float(weights.final), bounds)
-    else:
-        from skyarm.control.laws.predictive.interior_point import InteriorPoint
-
-        made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds, presses)
+    rollouts = Rollouts(model, weights, mode, bounds, presses)
+    made = Riccati(compiled, rollouts, steps, float(weights.final), bounds)
     most = worst_cost(weights, mode, vehicle.n, horizon)
     seen = Observation(model, bandwidths, dt)
     contact = TipContact(model, interaction, dt) if interaction is not None else None

@@ -1,4 +1,4 @@
-"""What flies while no plan can be trusted: the test of a plan, how long it stays distrusted, and the law in its place.
+"""Fallback of the predictive law: test of a plan, time of distrust, and the law flown in its place.
 
 A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
 reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
@@ -19,14 +19,14 @@ from skyarm.algebra import Motion, Vec3
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.laws.paper.computed_torque import generalized_force, joint_accelerations
-from skyarm.control.laws.paper.make import make_paper_controller
+from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
-from skyarm.control.laws.predictive.solve import Plan
+from skyarm.control.laws.predictive.riccati import Plan
 from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
@@ -66,7 +66,7 @@ FORGIVEN = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What is remembered of the plans.
+    """History of the plans' quality.
 
     Attributes:
         good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
@@ -125,7 +125,7 @@ SPENT = 1e-9
 
 
 class Stabiliser:
-    """The paper's computed torque law with RotorS's gains scaled to the belief, as machine code.
+    """The paper's computed torque law with RotorS's gains scaled to the model, as machine code.
 
     Args:
         model: the belief.
@@ -158,28 +158,17 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
     wanted = Reference(
-        joints=tuple(values[4:]), joint_rates=tuple(rates[4:]), joint_accelerations=tuple(accelerations[4:])
-    )
-    a_d = downward_acceleration(
-        par.gains,
-        vehicle.mass,
-        model.gravity,
-        position_error=reading.position - Vec3(*values[:3]),
-        velocity_error=reading.velocity - Vec3(*rates[:3]),
+        position=Vec3(*values[:3]),
+        velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
-    )
-    a_d = -_climbable(-a_d, model.gravity)
-    alpha = attitude_loop(
-        par.gains,
-        vehicle.base.inertia,
-        a_d=a_d,
         yaw=_near(values[3], yaw_of(reading.quaternion)),
         yaw_rate=rates[3],
-        R_WB=R,
-        w_B=reading.rate,
-        rate_form=par.rate_error,
+        joints=tuple(values[4:]),
+        joint_rates=tuple(rates[4:]),
+        joint_accelerations=tuple(accelerations[4:]),
     )
-    base = Motion(alpha, R.apply_T(-a_d))
+    up = _climbable(wanted_specific_force(par, reading, wanted), model.gravity)
+    base = Motion(turn_towards(par, reading, wanted, R, up), R.apply_T(up))
     force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
     speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
     efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
@@ -208,11 +197,10 @@ def _climbable(force: Vec3, gravity: Any) -> Vec3:
 
 
 def _parameters(model: Model) -> Parameters:
-    """RotorS's gains scaled to the belief; torques before thrust where every rotor lifts."""
-    name = "hybrid_computed_torque"
+    """RotorS's gains scaled to the model; torques before thrust where every rotor lifts."""
     try:
-        made = make_paper_controller(model, name=name, mixer_policy="priority")
+        made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:
-        made = make_paper_controller(model, name=name)
+        made = make_hybrid_computed_torque(model)
     par: Parameters = made.par
     return par

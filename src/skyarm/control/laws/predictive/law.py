@@ -4,8 +4,8 @@ Law: every so many control periods (option ``every``) the motion of base, arm an
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
 started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
-noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`). A tip that is asked to press is held by a
-surface whose force the plan foresees (:mod:`.tip_contact`, :mod:`.contact_force`).
+detected (:mod:`.observer`, :mod:`.fallback`). A tip that presses is held by a surface whose force the plan predicts
+(:mod:`.tip_contact`, :mod:`.cost`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
@@ -13,8 +13,7 @@ every other law must (``preview="samples"``); a known trajectory may be given in
 
 Tuning: ``weights``, ``bandwidths``, ``stages``, ``horizon``, ``every``. Not traceable.
 
-Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search); Vanroye et al.
-2023 (fatrop, the other solver); observer :mod:`skyarm.control.laws.predictive.kalman_observer`. Weights, growing
+Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search). Weights, growing
 stages and rates of rotor speeds as inputs are our own.
 """
 
@@ -22,25 +21,43 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
+from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.control.laws.paper.computed_torque import level_joint_gravity
-from skyarm.control.laws.predictive import preview as ahead
-from skyarm.control.laws.predictive.command_delay import LONGEST, Lateness, compared, first_lateness
-from skyarm.control.laws.predictive.engine import Engine, Purpose, engine_for
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.centroidal.interaction import interaction_gains
+from skyarm.control.laws.paper import level_joint_gravity
+from skyarm.control.laws.predictive.cost import MODES, Weights
+from skyarm.control.laws.predictive.engine import BANDWIDTHS, WEIGHTS, Engine, PredictiveParameters, Purpose, engine_for
 from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
-from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
-from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
-from skyarm.control.laws.predictive.parameters import PredictiveParameters
-from skyarm.control.laws.predictive.problem import bearable, problem_at
-from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
-from skyarm.reference import Reference
+from skyarm.control.laws.predictive.observer import (
+    LONGEST,
+    Bandwidths,
+    Fresh,
+    Lateness,
+    compared,
+    filled,
+    first_lateness,
+    frozen,
+    taken_over,
+)
+from skyarm.control.laws.predictive.prediction import command_for, speeds_under
+from skyarm.control.laws.predictive.preview import Sample, extrapolated, goals, known, taken
+from skyarm.control.laws.predictive.riccati import NoPlanError, Plan, Problem, shifted
+from skyarm.control.laws.predictive.tip_contact import Touch, contact_goals, shift_ahead
+from skyarm.control.model import Model
+from skyarm.control.options import positive, two
+from skyarm.files import shown
+from skyarm.records.leaves import parts
+from skyarm.reference import Reference, Trajectory
 from skyarm.sensors.measurement import Measurement
 
 Array = npt.NDArray[np.float64]
@@ -48,11 +65,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """What one step hands to the next; all None before the first.
+    """Memory between two steps; all None before the first.
 
     Attributes:
         engine: machine code. purpose: what it was made for.
-        estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at the last measurement.
+        estimate: leaves of :class:`skyarm.control.laws.predictive.observer.Estimate` at the last measurement.
         sent: commands that it does not show yet, oldest first, if they act at once.
         shown: the last ones before them. late: what tells how late they really act.
         fresh: the last measurement as it came, and for how long it has been the same.
@@ -68,7 +85,7 @@ class PredictiveMemory:
     shown: tuple[Command, ...] = ()
     late: Lateness | None = None
     fresh: Fresh | None = None
-    sample: ahead.Sample | None = None
+    sample: Sample | None = None
     plan: Plan | None = None
     since: int = 0
     trust: Trust | None = None
@@ -88,10 +105,10 @@ def nmpc(
     # the state in which the command of this period begins to act
     pending = (*seen.shown[len(seen.shown) - late :], *sent)
     x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
-    sample = ahead.taken(reference, memory.sample, dt)
+    sample = taken(reference, memory.sample, dt)
     interaction, touch, known = memory.interaction, None, estimate[nx:]
     if presses and engine.contact is not None:
-        wanted = ahead.extrapolated(sample, np.array([sample.age]))[0][0]
+        wanted = extrapolated(sample, np.array([sample.age]))[0][0]
         interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
         known = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
@@ -143,7 +160,7 @@ def _row(command: Command) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a measurement leaves in memory, see :class:`PredictiveMemory`, and itself with frozen parts foreseen."""
+    """Results of a measurement, see :class:`PredictiveMemory`, and the measurement with frozen parts predicted."""
 
     estimate: Array
     sent: tuple[Command, ...]
@@ -185,7 +202,7 @@ def _seen(
 
 
 def _first(measurement: Measurement, joints: int) -> Array:
-    """What is believed at the first measurement: no disturbance."""
+    """Initial estimate at the first measurement: no disturbance."""
     m = measurement
     moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
     return np.array([*moving, *(0.0,) * (6 + joints)], dtype=float)
@@ -224,3 +241,154 @@ def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Com
     speeds = command_for(engine.motors, x[len(x) - rotors :], u[:rotors], dt)
     efforts = np.minimum(np.maximum(u[rotors:], -most), most)
     return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))
+
+
+MOST_STAGES = 200
+
+THRESHOLDS = (0.3, 0.1)
+"""N along the normal, above which a tip touches and below which it is lost, where nobody says others."""
+
+
+def make_predictive_controller(
+    model: Model,
+    *,
+    mode: str = "tool",
+    weights: Weights = WEIGHTS,
+    bandwidths: Bandwidths = BANDWIDTHS,
+    stages: int = 14,
+    horizon: float = 0.65,
+    every: int = 2,
+    delay_periods: int = 0,
+    preview: str | Trajectory = "samples",
+    interaction: tuple[float, float] | None = None,
+) -> Controller:
+    """Whole-body model predictive control; the options are those of :class:`PredictiveParameters`.
+
+    ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
+    knows nothing of a push, and the only pair allowed where no tip is led. Left out: :data:`THRESHOLDS` where one is.
+
+    Raises:
+        ControllerError: an option with a wrong value.
+    """
+    if mode not in MODES:
+        raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
+    for name, count, least, most in (
+        ("stages", stages, 2, MOST_STAGES),
+        ("every", every, 1, MOST_STAGES),
+        ("delay_periods", delay_periods, 0, 100),
+    ):
+        if not isinstance(count, int) or isinstance(count, bool) or not least <= count <= most:
+            raise ControllerError(f"controller.{name} = {shown(count)}: must be a whole number from {least} to {most}")
+    if every >= stages:
+        raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
+    if not isinstance(preview, Trajectory) and preview != "samples":
+        raise ControllerError(f"controller.preview = {shown(preview)}: must be 'samples' or a Trajectory")
+    if not isinstance(horizon, (int, float)) or isinstance(horizon, bool) or not 0.05 <= horizon <= 5.0:
+        raise ControllerError(f"controller.horizon = {shown(horizon)}: must be a number of s from 0.05 to 5")
+    _require_numbers("weights", weights, Weights, zero=True)
+    _require_numbers("bandwidths", bandwidths, Bandwidths)
+    leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
+    if interaction is None:
+        interaction = THRESHOLDS if leads else (0.0, 0.0)
+    thresholds = two("interaction", interaction, zero=True)
+    par = PredictiveParameters(
+        model=model,
+        mixer=make_mixer(model.vehicle),
+        weights=weights,
+        bandwidths=bandwidths,
+        mode=mode,
+        stages=stages,
+        horizon=float(horizon),
+        every=every,
+        delay_periods=delay_periods,
+        preview=preview,
+        interaction=interaction_gains(thresholds, "tool" if leads else "joints", model.vehicle, leading="tool"),
+    )
+    tip = mode == "tool"
+    memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
+    return Controller(name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip)
+
+
+def _require_numbers(name: str, record: Any, kind: type, *, zero: bool = False) -> None:
+    """A record of the kind whose numbers are above zero (or at least zero)."""
+    if not isinstance(record, kind):
+        raise ControllerError(f"controller.{name} = {shown(record)}: must be {kind.__name__}")
+    for field, value in parts(record).items():
+        positive(f"{name}.{field}", value, zero=zero)
+
+
+LONGEST_ERROR = 0.15
+"""m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
+
+WIDEST_ERROR = 1.5
+"""rad or m: the same for a joint."""
+
+WIDEST_TURN = 1.0
+"""rad: the same for the heading, whose cost is of the sine."""
+
+BEARABLE = 0.8
+"""Share of a drive's limit that a disturbance is foreseen to take at most; the rest moves the arm."""
+
+
+def problem_at(
+    engine: Engine,
+    x: Array,
+    disturbance: Array,
+    sample: Sample,
+    time: float,
+    late: float,
+    par: PredictiveParameters,
+    touch: Touch | None = None,
+) -> Problem:
+    """The problem from the state ``late`` s after now, when a command begins to act."""
+    later = late + np.append(0.0, np.cumsum(engine.solver.steps))
+    if isinstance(par.preview, Trajectory):
+        signals = known(par.preview, time + later)
+    else:
+        signals = extrapolated(sample, sample.age + later)
+    model, pressed = par.model, disturbance
+    if touch is not None and engine.contact is not None:
+        along = shift_ahead(engine.contact.gains, touch, later)
+        places, rates, bends = (along_normal(*each, touch.normal) for each in zip(signals, along, strict=True))
+        signals = places, rates, bends
+        disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
+    held = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
+    shift = engine.stance.at(signals[2][:, :3] + held, signals[0])
+    wanted = goals(*signals, shift)
+    # a step of the reference is approached as one of this size, which moves along
+    error = x[:3] - wanted[0, :3] - shift[0]
+    distance = float(np.linalg.norm(error))
+    if distance > LONGEST_ERROR:
+        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
+    wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
+    joints = model.vehicle.n
+    beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
+    wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
+    if touch is not None and engine.contact is not None:
+        wanted = np.hstack([wanted, contact_goals(engine.contact.gains, touch, later)])
+    return Problem(x, bearable(disturbance, engine.bounds.efforts), wanted)
+
+
+def along_normal(signals: Array, way: Array, normal: Sequence[float]) -> Array:
+    """Signals (T, 4 + joints) whose place is moved along a normal by ``way`` (T,)."""
+    found = signals.copy()
+    found[:, :3] += way[:, None] * np.array(normal)
+    return found
+
+
+def _heading(x: Array) -> float:
+    """Heading of a state, rad."""
+    w, a, b, c = x[3:7].tolist()
+    return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
+
+
+def bearable(disturbance: Array, most: Array) -> Array:
+    """A disturbance whose torques the arm can hold; its force as it is.
+
+    What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
+    up over the whole horizon, and no plan would be found.
+    """
+    driven = most > 0.0  # nothing bears what acts on a passive joint, and it is foreseen as it is
+    share = np.max(np.abs(disturbance[6:][driven]) / (BEARABLE * most[driven]), initial=1.0)
+    return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)

@@ -1,4 +1,4 @@
-"""What a predictive law knows of the contact that its reference asks for, and the goals that follow from it.
+"""Contact of the predictive law: touch and loss by its observer, and the goals that follow.
 
 The tip's force is told by the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
 shift of the reference along the believed normal are those of the centroidal law
@@ -20,15 +20,15 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.centroidal.interaction import interact
-from skyarm.control.laws.centroidal.interaction_records import (
+from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
     first_interaction,
+    interact,
     wanted_of,
 )
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.predictive.contact_force import tip_velocity
+from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.linearise import examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
@@ -48,7 +48,7 @@ against its own push, and the arm of six joints swings up.
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """What a period knows of the contact; forces along the normal in N, ways along it in m and m/s.
+    """State of the contact in a period; forces along the normal in N, displacements along it in m and m/s.
 
     Attributes:
         normal: (3,) out of the surface, world axes.
@@ -78,7 +78,7 @@ class Touch:
 
 
 class TipContact:
-    """One period of touch and loss, and what an observer's disturbance is beside it, as machine code.
+    """One period of touch and loss, and the disturbance without the contact force, as machine code.
 
     Args:
         model: the belief. gains: of pressing. dt: control period, s.
@@ -168,7 +168,7 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 
 
 def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Leaves of :class:`skyarm.control.laws.predictive.contact_force.Contact` at N + 1 instants (N + 1, 6).
+    """Leaves of :class:`skyarm.control.laws.predictive.cost.Contact` at N + 1 instants (N + 1, 6).
 
     The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
     a force that is held over it would turn the tip back by more than its velocity.

@@ -25,7 +25,7 @@ from skyarm.algebra.euler import euler_angles
 from skyarm.control.blocks.common import make_command, make_parameters, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix
 from skyarm.dynamics.euler_lagrange.transforms import (

@@ -23,7 +23,7 @@ from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, make_parameters, turn_towards
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement

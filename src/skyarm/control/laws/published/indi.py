@@ -36,7 +36,7 @@ from skyarm.control.blocks.common import (
 from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
 from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.control.options import flag, positive, whole
 from skyarm.records.units import Unit
@@ -50,7 +50,7 @@ NYQUIST_SHARE = 0.45
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiParameters(Parameters):
-    """Constants beside the gains.
+    """Constants in addition to the gains.
 
     Attributes:
         cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
@@ -65,7 +65,7 @@ class IndiParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiMemory:
-    """What the law remembers.
+    """Memory of the law.
 
     Attributes:
         started: 0 before the first measurement.

@@ -38,7 +38,7 @@ from skyarm.sensors.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingParameters(Parameters):
-    """Constants beside the gains.
+    """Constants in addition to the gains.
 
     Attributes:
         switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
@@ -57,7 +57,7 @@ class SlidingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingMemory:
-    """What the law remembers.
+    """Memory of the law.
 
     Attributes:
         position, attitude, joints: adapted disturbance accelerations, world axes, base axes, of the joints.
@@ -118,7 +118,7 @@ def kim_sliding_mode(
 def _translation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Any], Vec3]:
-    """Sliding variables and wanted specific force, world axes."""
+    """Sliding variables and desired specific force, world axes."""
     per_mass = divide(1.0, par.model.vehicle.mass)
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
@@ -130,7 +130,7 @@ def _translation(
 def _rotation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3, par: SlidingParameters
 ) -> tuple[list[Any], Vec3]:
-    """Sliding variables and wanted angular acceleration, base axes.
+    """Sliding variables and desired angular acceleration, base axes.
 
     Per axis the rates are those of its moment of inertia alone; the linear part is then turned as the PD law's torque
     would: with products of inertia, J alpha = diag(J) linear.
@@ -152,7 +152,7 @@ def _rotation(
 def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Any], tuple[Any, ...]]:
-    """Sliding variables and wanted joint accelerations."""
+    """Sliding variables and desired joint accelerations."""
     found, wanted = [], []
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]

@@ -31,7 +31,7 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.controller import Controller
-from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement

@@ -1,0 +1,382 @@
+"""Joints and servos: torques that hold and move the arm, speeds, stiffness, ranges and the workspace."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skyarm.actuation.servo import PositionServo, Servo, VelocityServo
+from skyarm.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
+from skyarm.assess.layout import disc_radius
+from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
+from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.unlikely_numbers import no_load_speed
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.mobility import joint_mobility
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SWEEP = {"revolute": 1.0, "prismatic": 0.1}
+"""rad or m that every joint is moved by in SECONDS, all at once, with least jerk."""
+
+SECONDS = 2.0
+
+NOTHING = 1e-12
+"""N m or N: below it is rounding."""
+
+PEAK_ACCELERATION, PEAK_RATE = 10.0 / math.sqrt(3.0), 1.875
+"""Of a rest-to-rest motion of least jerk by 1 in 1 s (Flash and Hogan 1985)."""
+
+
+def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+    """Largest static and dynamic effort of every joint against its limit, base level.
+
+    The dynamic effort is the largest that any signs of the joints' accelerations can ask for, with friction.
+    """
+    if not vehicle.n:
+        return []
+
+    def holding(joints: Array) -> Array:
+        return -np.abs(hover_efforts(vehicle, gravity, joints)[WRENCH:])
+
+    least, at = poses.worst(holding)
+    static = np.where(-least > NOTHING, -least, 0.0)
+    tried = np.vstack([at, poses.joints])
+    moving = _dynamic(vehicle, tried, gravity)
+    dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
+    found = []
+    limits = effort_limits(vehicle)
+    for i, link in enumerate(vehicle.links):
+        joint = link.joint
+        unit, limit = ("N m" if joint.kind == "revolute" else "N"), float(limits[i])
+        name = f"joints[{joint.name}]"
+        if float(joint.effort_limit) == 0.0:
+            text = "passive: no drive holds it"
+            found.append(Finding(question=f"{name} static effort{held}", level=NOTE, text=text, field=name))
+            continue
+        servo = _servo_of(vehicle, joint.name)
+        field, stronger = f"{name}.effort_limit", f"{name}.effort_limit"
+        if servo is not None and limit < float(joint.effort_limit):
+            field = f"drives.{joint.name}"
+            stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
+        if servo is not None:
+            found += _bent(joint.name, joint.kind, servo, float(static[i]), held, tuple(map(float, at[i])))
+        by = f"{SWEEP[joint.kind]:g} {'rad' if joint.kind == 'revolute' else 'm'} in {SECONDS:g} s"
+        for kind, value, bad, pose, why in (
+            ("static", float(static[i]), "fault", at[i], "to hold the arm"),
+            ("dynamic", float(dynamic[i]), "warning", where[i], f"to move it ({by})"),
+        ):
+            text = f"up to {value:.3g} {unit}" + (f" of {limit:g}" if limit < math.inf else ", no limit stated")
+            found.append(
+                at_most(
+                    f"{name} {kind} effort{held}",
+                    value,
+                    f"{text} {why}",
+                    **{bad: limit},
+                    field=field,
+                    limit=limit if limit < math.inf else math.nan,
+                    unit=unit,
+                    remedy=f"a stronger drive ({stronger}) or a lighter, shorter arm",
+                    joints=tuple(map(float, pose)),
+                )
+            )
+    return found
+
+
+BENT = {"revolute": 0.5, "prismatic": 0.05}
+"""rad or m by which the arm's weight bends a position servo off its setpoint: hobby servos give way by 0.1 rad."""
+
+
+def _servo_of(vehicle: Vehicle, joint: str) -> Servo | None:
+    found = next((each.drive for each in vehicle.drives if each.name == joint), None)
+    return found if isinstance(found, Servo) else None
+
+
+def _bent(joint: str, kind: str, servo: Servo, static: float, held: str, pose: tuple[float, ...]) -> list[Finding]:
+    """A warning where a position servo without an integral gives way under the weight that it holds."""
+    if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
+        return []
+    bent, unit = static / float(servo.stiffness), "rad" if kind == "revolute" else "m"
+    if bent <= BENT[kind]:
+        return []
+    per = "N m/rad, not N m/degree" if kind == "revolute" else "N/m, not N/mm"
+    field = f"drives.{joint}.stiffness"
+    return [
+        Finding(
+            question=f"joints[{joint}] under the arm's weight{held}",
+            level=WARNING,
+            text=f"{static:.3g} {'N m' if unit == 'rad' else 'N'} bend its servo by {bent:.3g} {unit} off its setpoint",
+            field=field,
+            value=bent,
+            limit=BENT[kind],
+            unit=unit,
+            remedy=f"check {field} ({per}?), or an integral",
+            joints=pose,
+        )
+    ]
+
+
+def effort_limits(vehicle: Vehicle) -> Array:
+    """Largest effort (n,) of each joint, N m or N: its own, or what its servo gives at rest; infinite if passive."""
+    servos = {each.name: each.drive for each in vehicle.drives}
+    found = []
+    for link in vehicle.links:
+        limit = float(link.joint.effort_limit) or math.inf
+        servo = servos.get(link.joint.name)
+        if isinstance(servo, Servo):
+            limit = min(limit, float(servo.largest_effort()))
+        found.append(limit)
+    return np.array(found)
+
+
+def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
+    """Upper bound of every joint's |effort| (n, lanes) while all joints move at once."""
+    still = in_parts(lambda q: hover_efforts(vehicle, gravity, q)[WRENCH:], joints)
+    total = np.abs(still)
+    for i, link in enumerate(vehicle.links):
+        unit = np.zeros(vehicle.n)
+        unit[i] = SWEEP[link.joint.kind] * PEAK_ACCELERATION / SECONDS**2
+
+        def changed(q: Array, a: Array = unit) -> Array:
+            return hover_efforts(vehicle, gravity, q, a)[WRENCH:]
+
+        total += np.abs(in_parts(changed, joints) - still)
+    rates = [SWEEP[link.joint.kind] * PEAK_RATE / SECONDS for link in vehicle.links]
+    friction = [
+        float(k.joint.damping) * rate + float(k.joint.coulomb) for k, rate in zip(vehicle.links, rates, strict=True)
+    ]
+    return np.asarray(total + np.array(friction)[:, None], dtype=float)
+
+
+PERIOD = 0.005
+"""s, of control, where a scenario does not say otherwise."""
+
+LARGEST = 1.0
+"""Frequency of a servo's loop times the control period: while a setpoint is held the loop then moves the joint so far
+that the law's torque is not what the joint feels, and the joint drifts off its reference."""
+
+
+LEAST = 0.01
+"""Stated over least inertia of a joint: a smaller one only makes the steps of the integrator short."""
+
+
+def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
+    """Frequency of every servo's loop on the least inertia that its joint has, against the control period.
+
+    A position servo's is sqrt(stiffness / inertia), a velocity servo's gain / inertia. The inertia is the one against
+    which the joint's own torque accelerates it, all else free to move.
+    """
+    servos = {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
+    if not servos:
+        return []
+    ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0)
+    found = []
+    for link, each in zip(vehicle.links, ease.tolist(), strict=True):
+        servo = servos.get(link.joint.name)
+        if servo is not None and math.isfinite(each) and each > 0.0:
+            found.append(_finding(link.joint.name, frequency(servo, 1.0 / each), float(link.joint.armature)))
+            if float(servo.inertia) < LEAST * (1.0 / each):
+                found.append(_inertia(link.joint.name, float(servo.inertia), 1.0 / each))
+    return found
+
+
+def frequency(servo: Servo, inertia: float) -> float:
+    """Natural frequency of a servo's loop on an inertia (kg m^2 or kg), rad/s; 0 of a kind without one."""
+    if isinstance(servo, PositionServo):
+        return math.sqrt(float(servo.stiffness) / inertia)
+    return float(servo.gain) / inertia if isinstance(servo, VelocityServo) else 0.0
+
+
+def _finding(joint: str, rate: float, armature: float) -> Finding:
+    most = LARGEST / PERIOD
+    text = f"its loop moves the joint at {rate:.3g} rad/s; a torque held for {1e3 * PERIOD:g} ms asks for {most:g}"
+    if rate > most:
+        text += " or less: under a law of torques the joint drifts"
+    missing = f"state joints[{joint}].armature, what the gear makes of the motor's inertia"
+    stiff = f"less stiffness in drives.{joint}, a higher rates.control, or a law of setpoints (servos = false)"
+    return at_most(
+        f"joints[{joint}] servo",
+        rate,
+        text,
+        warning=most,
+        field=f"drives.{joint}" if armature else f"joints[{joint}].armature",
+        unit="rad/s",
+        remedy=stiff if armature else f"{missing}, or {stiff}",
+    )
+
+
+def _inertia(joint: str, stated: float, least: float) -> Finding:
+    field = f"drives.{joint}.inertia"
+    return Finding(
+        question=f"joints[{joint}] servo's inertia",
+        level=WARNING,
+        text=f"{stated:.3g} kg m^2 or kg stated, the joint moves {least:.3g} at least: steps are needlessly short",
+        field=field,
+        value=stated,
+        limit=LEAST * least,
+        unit="kg m^2 or kg",
+        remedy=f"check {field} (kg m^2, not less than the joint moves)",
+    )
+
+
+OFTEN = 0.05
+"""Share of the flight in saturation above which the reference cannot be followed."""
+
+
+def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
+    """Indices of the joints with servos, and these."""
+    given = {each.joint: each.drive for each in scenario.joint_drives}
+    named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.world.vehicle.links)]
+    return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
+
+
+def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
+    """Fastest rate that the reference asks of each servo against its own limit and the motor's speed without load.
+
+    Args:
+        scenario: whose reference is followed exactly.
+        time: (K,) s.
+        every_rate: (n, K) of the reference's joints, rad/s or m/s.
+    """
+    found = []
+    for i, servo in servos(scenario):
+        joint, top = scenario.world.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
+        if math.isinf(top):
+            continue
+        rates, unit = np.abs(every_rate[i]), "rad/s" if joint.kind == "revolute" else "m/s"
+        k = int(np.argmax(rates))
+        late = float(np.mean(rates > top))
+        field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
+        level = OK if not late else FAULT if late > OFTEN else WARNING
+        asked = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s)"
+        text = f"{asked}, the servo turns at {top:.3g}"
+        found.append(
+            Finding(
+                question=f"joints[{joint.name}] servo's speed",
+                level=level,
+                text=text + (f": too fast for {late:.1%} of the flight" if late else ""),
+                field=field,
+                value=float(rates[k]),
+                limit=top,
+                unit=unit,
+                remedy="" if level == OK else f"a slower reference, or more of {field}",
+            )
+        )
+    return found
+
+
+STILL = 1e-9
+"""m or m per rad below which a joint moves a point by rounding only."""
+
+PROBED = 16
+"""Poses in which Jacobians are looked at."""
+
+SMALLEST_RANGE = {"revolute": 0.05, "prismatic": 0.005}
+"""rad or m; fingers slide by some millimetres."""
+
+
+def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+    """Box of the tip's places over all poses, joints without effect, and limits that look wrong."""
+    if not vehicle.n:
+        return []
+    found = [*_ranges(vehicle)]
+    if vehicle.end_effector and vehicle.frame().link != BASE:
+        tips = tip_places(vehicle, poses.joints)
+        ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
+        low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
+        box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
+        found.append(Finding(question="workspace", level=OK, text=f"tip in base axes: {box} m", field="frames"))
+        if vehicle.rotors:
+            found += _blades(vehicle, tips)
+    return [*found, *_joints_without_effect(vehicle, poses)]
+
+
+def tip_places(vehicle: Vehicle, joints: Array) -> Array:
+    """Tip (lanes, 3) in base axes, m."""
+    frame = vehicle.frame()
+    place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
+    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)
+
+
+def _ranges(vehicle: Vehicle) -> list[Finding]:
+    found = []
+    for link in vehicle.links:
+        joint, name = link.joint, f"joints[{link.joint.name}]"
+        width = float(joint.upper) - float(joint.lower)
+        smallest = SMALLEST_RANGE[joint.kind]
+        if width < smallest:
+            text = f"moves by {width:.3g} only"
+            remedy = f"check {name}.lower and {name}.upper (rad or m)"
+            found.append(
+                Finding(
+                    question=f"range of {name}",
+                    level=WARNING,
+                    text=text,
+                    field=f"{name}.lower",
+                    value=width,
+                    limit=smallest,
+                    remedy=remedy,
+                )
+            )
+        if not float(joint.lower) <= 0.0 <= float(joint.upper):
+            text = f"zero is outside {float(joint.lower):g} ... {float(joint.upper):g}: a flight must state its start"
+            found.append(Finding(question=f"range of {name}", level=NOTE, text=text, field=f"{name}.lower"))
+    return found
+
+
+def _blades(vehicle: Vehicle, tips: Array) -> list[Finding]:
+    """Whether the tip can come into a rotor's disc."""
+    radius = 0.8 * disc_radius(vehicle)
+    for rotor in vehicle.rotors:
+        away = tips - np.array([float(c) for c in rotor.position])
+        axis = np.array([float(c) for c in rotor.axis])
+        height = away @ axis
+        beside = np.linalg.norm(away - height[:, None] * axis, axis=1)
+        if np.any((np.abs(height) < 0.1 * radius) & (beside < radius)):
+            text = f"the tip can come into the disc of rotors[{rotor.name}]: joint limits are up to whoever flies it"
+            return [Finding(question="tip and rotors", level=NOTE, text=text, field="joints.lower, joints.upper")]
+    return []
+
+
+def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+    """Joints that move neither the tip nor the centre of mass, and pairs that do the same in every pose."""
+    n, probed = vehicle.n, poses.joints[:PROBED]
+    lanes = len(probed)
+    still, level = np.zeros((lanes, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (lanes, 1))
+    step = 1e-6
+    moved = []
+    for i in range(n):
+        ends = [center_of_mass(vehicle, still, level, probed + sign * step * np.eye(n)[i]) for sign in (1.0, -1.0)]
+        moved.append(np.linalg.norm(ends[0] - ends[1], axis=1).max() / (2.0 * step))
+    tip = vehicle.frame() if vehicle.end_effector else None
+    jacobian = None if tip is None else frame_jacobian(vehicle, still, level, probed)[:, :, 6:]
+    found = []
+    leaders = {each.leader for each in vehicle.followers}  # of fingers that close evenly nothing else moves
+    for i, link in enumerate(vehicle.links):
+        name = f"joints[{link.joint.name}]"
+        turns = jacobian is not None and np.abs(jacobian[:, :3, i]).max() > STILL
+        if moved[i] < 1e-7 and not turns and i not in leaders:
+            text = f"{name} moves neither the tip nor the centre of mass: its axis lies along its own link"
+            found.append(_axis(name, text))
+        if jacobian is None:
+            continue
+        for j in range(i):
+            if _same(jacobian[:, :, i], jacobian[:, :, j]):
+                other = vehicle.links[j].joint.name
+                found.append(
+                    _axis(name, f"{name} and joints[{other}] move the tip alike in every pose: one axis twice")
+                )
+    return found
+
+
+def _same(a: Array, b: Array) -> bool:
+    """Whether two columns (lanes, 6) of Jacobians are parallel everywhere and not zero."""
+    scales = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    return bool(np.all(scales > STILL) and np.all(np.abs(np.sum(a * b, axis=1)) > (1.0 - 1e-12) * scales))
+
+
+def _axis(name: str, text: str) -> Finding:
+    remedy = f"check {name}.axis and {name}.position"
+    return Finding(question=f"axis of {name}", level=WARNING, text=text, field=f"{name}.axis", remedy=remedy)

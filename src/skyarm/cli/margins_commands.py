@@ -1,0 +1,334 @@
+"""``skyarm margins`` and ``skyarm basin``: the loop linearised, and its flights from many initial states."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any
+
+import typer
+
+from skyarm.cli.arguments import Controller, Flying, Out, Scenario, require_not_another, require_within, workers
+from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
+from skyarm.cli.output import aligned, bar, give, heading, tell, waiting, write_json
+from skyarm.control.catalogue import choices, is_named, meant
+from skyarm.control.safety import with_safety_layer
+from skyarm.control.safety.safety_layer import SafetyParameters
+from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
+from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.scenario.controller_table import is_gains_file
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario as Record
+from skyarm.stability.hover_delay import HoverDelay, hover_delay_if_known
+
+DPI = 160
+
+GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
+"""Field of the margins -> head of its column."""
+
+NOTE = """\
+max |z|: spectral radius; slowest: largest real part of a rate, 1/s; delay:
+further dead time it bears, ms; rotors, joints: factors on the actuators'
+effect it bears, common to all of them, or (one) on that of any single rotor
+or joint, the others as they are. The worse of two linearisations, with the
+rotors' time constant upward and with that downward. Instants along a flight
+are frozen in time, and no proof that it is stable."""
+
+LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "together")
+
+LOOP_NOTE = """\
+disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg): what a
+loop bears by it, the others as they are; rad/s: where it is most delicate;
+delay: dead time of this loop alone that it bears, ms; together: disk margin
+of all loops of its kind, each under a factor of its own. The smallest of all
+instants."""
+
+GROUPS_ALONE = ("all commands", "all measurements")
+
+MOST_INSTANTS = 10_000
+"""Along a flight: each takes about half a second."""
+
+Safety = Annotated[bool, typer.Option("--safety", help="with the safety layer")]
+
+
+def margins(
+    scenario: Scenario,
+    controller: Controller = None,
+    instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
+    safety: Safety = False,
+    file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
+    loops: Annotated[
+        bool, typer.Option("--loops", help="list every loop that was cut, not the weakest of each kind")
+    ] = False,
+    page: Annotated[
+        str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
+    ] = None,
+) -> None:
+    """Linearise the closed loop: eigenvalues, margins.
+
+    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario: delay and gain of the
+    actuators; disk margins of every loop, cut at a rotor, a torque, a joint's drive or a number of the measurement,
+    alone and together. Exit code 3 if the flight ended before its time.
+    """
+    from skyarm.stability.along import evidence
+    from skyarm.stability.frozen_scenario import without_adaptation
+
+    planned = _planned(scenario, controller, safety=safety)
+    require_within("--instants", instants, 0, MOST_INSTANTS)
+    written = None if file is None else output_file(file, "--out")
+    drawn = None if page is None else output_file(page, "--html")
+    frozen = without_adaptation(planned)
+    with bar(planned.name) as advance:
+        found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
+    tell(heading(f"{found.controller} in {found.scenario}"))
+    tell(*aligned([("at", "max |z|", "slowest", "damping", "delay", *GAINS.values()), *map(_row, found.instants)]))
+    tell(NOTE)
+    if found.instants:
+        least = min(each.swings for each in found.instants)
+        tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        tell(f"small swings grow in flight from {tolerated} ms of further dead time on")
+    tell("", *aligned(loop_rows(found, every=loops)), LOOP_NOTE)
+    if frozen is not planned:
+        tell("the law's slow adaptation of load and friction is held")
+    if found.left_out:
+        tell(f"disturbances are left out: {', '.join(found.left_out)}")
+    if planned.changes:
+        tell("changes in flight are left out: these are the margins of the scenario as it begins")
+    if not found.completed:
+        tell("the flight ended before its time: no instants beyond")
+    document = _plain(found) | _plugins()
+    give(document, **({} if drawn is None else {"page": drawn}))
+    if drawn is not None:
+        from skyarm.stability.along import hover_loci
+
+        write_atomically(drawn, margins_page(found, hover_loci(planned)).encode())
+        tell(f"page: {drawn}")
+    if written is not None:
+        tell(f"written: {write_json(written, document)}")
+    if not found.completed:
+        raise typer.Exit(NOT_COMPLETED)
+
+
+def basin(
+    scenario: Scenario,
+    controller: Controller = None,
+    out: Out = "out/basin",
+    flights: Annotated[int, typer.Option(help="initial states")] = 100_000,
+    rate: Annotated[float, typer.Option(help="largest initial body rate, rad/s")] = 12.0,
+    offset: Annotated[float, typer.Option(help="largest initial distance, m")] = 1.0,
+    speed: Annotated[float, typer.Option(help="largest initial speed, m/s")] = 2.0,
+    safety: Safety = False,
+    seed: Annotated[int, typer.Option(help="of the draws")] = 0,
+    flying: Flying = 0,
+) -> None:
+    """Map what initial attitudes and rates are caught."""
+    from skyarm.figures.share_maps import basin_figure
+    from skyarm.figures.style import image_bytes
+    from skyarm.stability.basin import CAUGHT
+    from skyarm.stability.basin import basin as fly
+
+    require_within("--seed", seed, 0)
+    threads = workers(flying)
+    planned = _planned(scenario, controller, safety=safety)
+    with taken_back(out):
+        folder = require_writable(out)
+        with waiting(f"{planned.name}: {flights} flights"):
+            found = fly(planned, flights, seed=seed, threads=threads, rate=rate, offset=offset, speed=speed)
+    flown = law_of_file_name(controller) if controller else found.controller
+    # a map with the safety layer is another map
+    if isinstance(planned.controller.par, SafetyParameters) and not flown.startswith("guarded_"):
+        flown = f"guarded_{flown}"
+    table, picture = (folder / f"basin_{flown}_{planned.name}.{suffix}" for suffix in ("json", "png"))
+    document = found.plain() | _plugins()
+    give(document, files=[picture, table])
+    write_json(table, document)
+    write_atomically(picture, image_bytes(basin_figure(found), dpi=DPI))
+    if planned.changes:
+        tell("changes in flight are left out: this is the basin of the scenario as it begins")
+    upside = found.tilt > 0.5 * math.pi
+    tell(
+        f"{found.controller}: {found.caught.mean():.2%} of {flights} flights caught, {found.returned.mean():.2%} back "
+        f"on their reference; of {int(upside.sum())} that began upside down "
+        f"{found.caught[upside].mean() if upside.any() else 0.0:.2%}",
+        f"caught: {CAUGHT}",
+        f"map in {folder}: {picture.name}, {table.name}",
+    )
+
+
+def tell_margin(scenario: Record, label: str) -> None:
+    """Print and give the delay margin of a scenario's law in hover; warn where it is too small.
+
+    Args:
+        scenario: in whose hover it is computed.
+        label: of the law, in words.
+    """
+    found = hover_delay_if_known(scenario)
+    if isinstance(found, str):
+        give_margin(None)
+        return tell(f"delay margin: not known: {found}")
+    short = found.shortfall if found.margin > 0.0 else "no margin at all"
+    if short:
+        remedy = "softer gains or another law ('skyarm margins' shows which loop)"
+        say(f"warning: {label}: delay margin: {short}{found.before}: {remedy}")
+    give_margin(found)
+    tell(f"delay margin: {found.sentence(label)}")
+
+
+def give_margin(found: HoverDelay | None) -> None:
+    """A margin for the document, s; null where it is not known, and beyond 0.1 s."""
+    margin, believed, enough = (None, None, None) if found is None else (found.margin, found.believed, found.enough)
+    give(delay_margin_s=margin, delay_believed_s=believed, delay_margin_enough=enough)
+
+
+def _planned(scenario: str, controller: str | None, *, safety: bool) -> Record:
+    """A scenario with another controller on its own model and clocks, with the safety layer if asked for.
+
+    Raises:
+        ValueError: one line.
+    """
+    if controller is not None and not is_named(controller) and not is_gains_file(controller):
+        raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}")
+    require_not_another(scenario, "scenario")
+    loaded = load_scenario(scenario, controller=controller)
+    say_suspicious(loaded)
+    if not safety or isinstance(loaded.controller.par, SafetyParameters):
+        return loaded
+    return dataclasses.replace(loaded, controller=with_safety_layer(loaded.controller))
+
+
+def _row(each: Any) -> tuple[str, ...]:
+    """Cells of an instant."""
+    rates = [s for m in each.by_lag.values() for s in m.s]
+    return (
+        "hover" if each.hover else f"{each.time:.2f} s",
+        f"{each.radius:.6f}",
+        f"{max((s.real for s in rates), default=-math.inf):.3g}",
+        f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}",
+        _number(1e3 * each.delay),
+        *("-".join(_factor(k) for k in each.gain(field)) for field in GAINS),
+    )
+
+
+def _factor(value: float) -> str:
+    """A factor in at most four characters: a range of two fits its column."""
+    if math.isinf(value):
+        return "none"
+    return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
+
+
+def _number(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.3g}"
+
+
+def _plugins() -> dict[str, Any]:
+    """Plugins and files of laws that took part, by name and digest; empty without any."""
+    return {"plugins": identities()} if identities() else {}
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    """Evidence as plain data."""
+    return {
+        "schema": 1,
+        "controller": found.controller,
+        "scenario": found.scenario,
+        "completed": found.completed,
+        "left_out": list(found.left_out),
+        "instants": [
+            {
+                "hover": each.hover,
+                "time": each.time,
+                "swings_from": each.swings,
+                "lag": {
+                    lag: {
+                        "radius": m.radius,
+                        "z": [[float(z.real), float(z.imag)] for z in m.z],
+                        "s": [[float(s.real), float(s.imag)] for s in m.s],
+                        "delay_margin": m.delay,
+                        **{field: list(getattr(m, field)) for field in GAINS},
+                        "loops": [one.plain() for one in m.loops],
+                        "together": [several.plain() for several in m.together],
+                    }
+                    for lag, m in each.by_lag.items()
+                },
+            }
+            for each in found.instants
+        ],
+    }
+
+
+def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:
+    """Rows of the table of disk margins, its head first.
+
+    Args:
+        found: evidence of :func:`skyarm.stability.along.evidence`.
+        every: every loop in place of the weakest of each group.
+    """
+    margins = [m for instant in found.instants for m in instant.by_lag.values()]
+    alone = _smallest(each for m in margins for each in m.loops)
+    several = _smallest(each for m in margins for each in m.together)
+    rows: list[tuple[str, ...]] = [LOOP_HEAD if not every else ("loop", *LOOP_HEAD[1:])]
+    for group in dict.fromkeys(each.group for each in alone.values()):
+        members = [each for each in alone.values() if each.group == group]
+        listed = members if every else [min(members, key=lambda each: float(each.disk))]
+        together = f"{several[group].disk:.2f}" if group in several else ""
+        rows += [(*_cells(each), together if each is listed[-1] else "") for each in listed]
+    return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
+
+
+def _smallest(found: Iterable[Any]) -> dict[str, Any]:
+    """Of each loop the margin with the smallest disk, by name."""
+    least: dict[str, Any] = {}
+    for each in found:
+        if each.name not in least or each.disk < least[each.name].disk:
+            least[each.name] = each
+    return least
+
+
+def _cells(each: Any) -> tuple[str, ...]:
+    low, high = each.gain
+    gain = f"{low:.2f}-" + ("none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}")
+    frequency = "-" if math.isnan(each.frequency) else f"{each.frequency:.1f}"
+    delay = "none" if math.isinf(each.delay) else f"{1e3 * each.delay:.1f}"
+    return each.name, f"{each.disk:.2f}", gain, f"{math.degrees(each.phase):.0f}", frequency, delay
+
+
+WORDS = (
+    "<p>The disk margin is how far gain and phase of a loop may change together, from 0 (unstable) to 2: gain and "
+    "phase (degrees) are what it leaves of each alone, rad/s is where the loop is most delicate, delay the dead time "
+    "(ms) that this loop alone bears, together the disk margin of all loops of its kind under factors of their own. "
+    "Each number is the smallest of all instants.</p>"
+)
+
+CAPTION = (
+    "The weakest loop of each kind in hover, cut one at a time, the others closed; dashed: negative frequencies. The "
+    "curve stays out of the red disk around -1 (a half plane at a margin of 2), and touches it at the frequency said."
+)
+
+
+def margins_page(found: Any, loci: Any) -> str:
+    """HTML of margins: Nyquist diagrams in hover and every loop, one file that needs nothing else.
+
+    Args:
+        found: of :func:`skyarm.stability.along.evidence`.
+        loci: of :func:`skyarm.stability.along.hover_loci`.
+    """
+    from skyarm.figures.stability_figures import nyquist_figure
+    from skyarm.figures.style import image_bytes
+    from skyarm.pages import image, page, section, table
+
+    body = ""
+    if loci:
+        names = "; ".join(f"{each.margin.name} {each.margin.disk:.2f}" for each in loci)
+        picture = image_bytes(nyquist_figure(loci), dpi=150)
+        body += section("Loops in hover", image(f"Nyquist diagrams: {names}", CAPTION, picture, wide=True))
+    head, *rows = loop_rows(found, every=True)
+    body += section("Every loop", WORDS + table([head[0], *(f">{name}" for name in head[1:])], rows))
+    facts = "the loop is lost in hover"
+    if found.instants:
+        delay, swings = (min(getattr(each, name) for each in found.instants) for name in ("delay", "swings"))
+        facts = f"delay margin {1e3 * delay:.3g} ms; small swings grow from {1e3 * swings:.3g} ms on"
+        facts += f"; instants: {len(found.instants)}"
+    if found.left_out:
+        facts += f"; disturbances are left out: {', '.join(found.left_out)}"
+    return page(f"Margins of {found.controller} in {found.scenario}", facts, body)

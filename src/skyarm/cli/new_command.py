@@ -1,0 +1,92 @@
+"""``skyarm new``: commented files to begin with, which fly as they are."""
+
+from __future__ import annotations
+
+import keyword
+import os
+import re
+import sys
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skyarm.cli.output import give, tell
+from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
+from skyarm.files.names import is_result_name
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+
+KINDS: dict[str, tuple[tuple[str, str], ...]] = {
+    "vehicle": (
+        ("vehicle.toml.txt", "NAME.toml"),
+        ("hover.toml.txt", "NAME_hover.toml"),
+        ("vehicle_test.py.txt", "test_NAME.py"),
+    ),
+    "scenario": (("scenario.toml.txt", "NAME.toml"), ("scenario_test.py.txt", "test_NAME.py")),
+    "law": (("law.py.txt", "NAME.py"), ("law_test.py.txt", "test_NAME.py")),
+    "study": (("study.toml.txt", "NAME.toml"), ("study_test.py.txt", "test_NAME.py")),
+}
+"""Kind -> (file that ships, file that is written)."""
+
+FIRST = {
+    "vehicle": "skyarm run NAME_hover.toml",
+    "scenario": "skyarm run NAME.toml",
+    "law": "skyarm run case3 --controller NAME.py:make",
+    "study": "skyarm sweep NAME.toml --out out/NAME",
+}
+"""Kind -> the command that flies the new files."""
+
+
+def new(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="vehicle, scenario, law or study",
+            autocompletion=lambda incomplete: [each for each in KINDS if each.startswith(incomplete)],
+        ),
+    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="of the files and of what they describe")],
+) -> None:
+    """Write a vehicle, scenario, law or study to begin with.
+
+    Commented files in the present folder, which fly as they are, with a test for pytest. Nothing is overwritten.
+    """
+    files = write_starter(kind, name, Path())
+    first = FIRST[kind].replace("NAME", name)
+    give(kind=kind, name=name, files=files, next=first)
+    tell(f"written: {', '.join(map(str, files))}", f"fly it: {first}")
+
+
+def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
+    """Write the files of a kind under a name into a folder; all of them, or none.
+
+    Raises:
+        ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.
+        OSError: the folder cannot be written.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of(tuple(KINDS), kind)}")
+    allowed = "must be a letter, then up to 59 letters, digits and _, no word of Python's and no device of Windows"
+    if not NAME.fullmatch(name) or keyword.iskeyword(name) or not is_result_name(name):
+        raise ValueError(f"name = {shown(name)}: {allowed}")
+    if kind == "law" and (name in sys.stdlib_module_names or name == "conftest" or find_spec(name) is not None):
+        raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")
+    files = [folder / written.replace("NAME", name) for _, written in KINDS[kind]]
+    for file in files:
+        if os.path.lexists(file):
+            raise ValueError(f"file = {shown(str(file))}: must not be there yet: nothing is overwritten")
+    require_writable(folder)
+    done: list[Path] = []
+    try:
+        for (ships, _), file in zip(KINDS[kind], files, strict=True):
+            text = (resources.files("skyarm.cli") / "starters" / ships).read_text("utf-8")
+            done.append(write_atomically(file, text.replace("NAME", name).encode()))
+    except BaseException:
+        for file in done:
+            file.unlink(missing_ok=True)
+        raise
+    return files

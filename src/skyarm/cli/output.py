@@ -1,0 +1,277 @@
+"""Output of every command: lines, tables and progress for people, or one JSON document (``--json``), or nothing.
+
+``--json`` and ``--quiet`` are options of every command (:func:`with_output_options`), which hands its result to
+:func:`give`. The document's first keys are the same for all commands; docs/command_line.md lists the others.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import inspect
+import io
+import json
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
+
+from skyarm.cli.lines import say
+from skyarm.files import printable, write_atomically
+
+SCHEMA = 1
+"""Of the document: keys are added under the same number; one that goes or means something else raises it."""
+
+OPTIONS: Mapping[str, Any] = {
+    "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
+    "quiet": Annotated[bool, typer.Option("--quiet", help="no output and no progress, only warnings and errors")],
+}
+"""Parameter -> the option that every command has."""
+
+PAUSE = 10.0
+"""s between two lines of progress at least, and before the first."""
+
+NOTHING = 1e-12
+"""Numbers below this are rounding and are shown as 0."""
+
+Advance = Callable[..., None]
+"""(done, total, last): counts so far, and words about the last step."""
+
+
+class Terminal(Console):
+    """A console on which names from files are text and nothing else.
+
+    Every text is printed with its control characters written out, at the last place before styles and the terminal's
+    own commands are added, so that no command can forget it.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render as a console does, with printable text."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment("\n".join(map(printable, segment.text.split("\n"))), segment.style)
+
+    def out(self, *objects: Any, **options: Any) -> None:
+        """Refuse a way past :meth:`render`."""
+        raise NotImplementedError("Terminal.out: print")
+
+
+PLAIN: Mapping[str, Any] = {"markup": False, "highlight": False, "emoji": False}
+
+console = Terminal(**PLAIN)
+
+
+def tell(*lines: RenderableType) -> None:
+    """Print lines, which never wrap, and tables on standard output."""
+    for line in lines:
+        console.print(line, soft_wrap=isinstance(line, (str, Text)))
+
+
+def heading(text: str) -> Text:
+    """A line in bold."""
+    return Text(printable(text), style="bold")
+
+
+def shown_number(value: float, digits: int = 3) -> str:
+    """Significant digits; rounding errors of zero as 0."""
+    return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
+
+
+def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, title: str = "") -> Group:
+    """An open table whose first ``left`` columns hold words and whose others hold numbers, behind its title."""
+    table = Table(box=None, pad_edge=False, show_header=any(columns), header_style="dim")
+    for i, column in enumerate(columns):
+        table.add_column(Text(column), justify="left" if i < left else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(printable(cell)) for cell in row))  # rich would read [s] in a cell as markup
+    return Group(*([heading(title)] if title else []), table)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows as lines that never wrap or lose digits, however narrow the terminal: first column left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " ".join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+
+
+@dataclass
+class _Asked:
+    """Options of the command that runs, and its result so far."""
+
+    as_json: bool = False
+    quiet: bool = False
+    result: dict[str, Any] = field(default_factory=dict)
+
+
+_asked: ContextVar[_Asked] = ContextVar("asked")
+"""Set while a command runs."""
+
+
+def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
+    """Add to the document of ``--json``: plain values, arrays, paths; what is not finite becomes null."""
+    _asked.get(_Asked()).result |= {**(result or {}), **more}
+
+
+def is_document_wanted() -> bool:
+    """Whether what is given will be printed, for results that take a while to find."""
+    return _asked.get(_Asked()).as_json
+
+
+def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function of a command with ``--json`` and ``--quiet`` beside its own options.
+
+    An option of its own that is called so, as a plugin may have one, stays its own.
+    """
+    signature = inspect.signature(function, eval_str=True)
+    own = list(signature.parameters.values())
+    taken = {word for each in own for word in _words(each)}
+    added = [
+        inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for parameter, option in OPTIONS.items()
+        if not taken & {parameter, *option.__metadata__[0].param_decls, option.__metadata__[0].default}
+    ]
+
+    @functools.wraps(function)
+    def perform(*arguments: Any, **options: Any) -> Any:
+        asked: dict[str, Any] = {each.name: bool(options.pop(each.name, False)) for each in added}
+        with _output(name, _Asked(**asked)):
+            return function(*arguments, **options)
+
+    perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
+    perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}
+    return perform
+
+
+def _words(parameter: inspect.Parameter) -> set[str]:
+    """Name of a parameter, and of the option that stands for it."""
+    found = {parameter.name}
+    for each in (*getattr(parameter.annotation, "__metadata__", ()), parameter.default):
+        if hasattr(each, "param_decls"):
+            found |= {word for word in (*(each.param_decls or ()), each.default) if isinstance(word, str)}
+    return found
+
+
+@contextmanager
+def _output(name: str, asked: _Asked) -> Iterator[None]:
+    """Run a command; its words go nowhere where a document or nothing is wanted."""
+    before = _asked.set(asked)
+    try:
+        if not (asked.as_json or asked.quiet):
+            yield
+            return
+        words = io.StringIO()
+        ended: typer.Exit | None = None
+        with contextlib.redirect_stdout(words):
+            try:
+                yield
+            except typer.Exit as stop:  # a flight that ended early is a result, too
+                ended = stop
+        if asked.as_json:
+            from skyarm import __version__
+
+            head = {"schema": SCHEMA, "command": name, "skyarm": __version__}
+            # ASCII: names from files stay text on whatever reads it
+            sys.stdout.write(json_text({**(asked.result or {"lines": words.getvalue().splitlines()}), **head}, head))
+            sys.stdout.flush()
+        if ended is not None:
+            raise ended
+    finally:
+        _asked.reset(before)
+
+
+def json_text(document: Mapping[str, Any], first: Iterable[str] = ()) -> str:
+    """Text of a document: strict JSON, with some keys before the others."""
+    return json.dumps(plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False) + "\n"
+
+
+def write_json(file: Path, document: Mapping[str, Any]) -> Path:
+    """Write a document as JSON, whole or not at all."""
+    return write_atomically(file, json_text(document).encode())
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: null for what is not finite, lists for tuples and arrays, text for paths."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(each) for each in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, PurePath) else value
+
+
+@contextmanager
+def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
+    """Progress of work over a second: yields the function (done, total, last) that moves it.
+
+    A bar where the console writes, or on standard error where only that is a terminal. Without a terminal a plain line
+    on standard error, at most one in ``pause`` s, so that a log file shows that something goes on. Nothing with
+    ``--quiet``.
+    """
+    if _asked.get(_Asked()).quiet:
+        yield lambda *_, **_more: None
+        return
+    errors = Terminal(stderr=True, **PLAIN)
+    screen = console if console.is_terminal else errors if sys.stderr.isatty() else None
+    if screen is None:
+        timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))
+        timer.daemon = True
+        timer.start()
+        told = [time.monotonic()]
+
+        def line(done: int = 0, total: int = 0, last: str = "") -> None:
+            timer.cancel()
+            now = time.monotonic()
+            if now - told[0] >= pause:
+                told[0] = now
+                say(f"{title}: {done} of {total} {last}" if total else f"{title}: {last}")
+
+        try:
+            yield line
+        finally:
+            timer.cancel()
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[last]}", style="dim", markup=False),
+    )
+    with Progress(*columns, console=screen, transient=True) as progress:
+        task = progress.add_task(title, total=None, last="")
+
+        def advance(done: int = 0, total: int = 0, last: str = "") -> None:
+            progress.update(task, completed=done, total=total or None, last=last)
+
+        yield advance
+
+
+@contextmanager
+def waiting(title: str, pause: float = PAUSE) -> Iterator[Callable[[str], None]]:
+    """Progress of work whose steps cannot be counted: yields the function that names the present one."""
+    with bar(title, pause) as advance:
+        yield lambda at: advance(last=at)

@@ -1,0 +1,288 @@
+"""``skyarm run``: fly a scenario, write its log, print a summary."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from skyarm.cli.arguments import completed, require_left_out, require_not_another
+from skyarm.cli.lines import NOT_COMPLETED, say, say_steps, say_suspicious
+from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell, waiting
+from skyarm.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
+from skyarm.files.names import picture_file
+from skyarm.log.formats import require_format, save_log
+from skyarm.log.journal import journal_beside, partial_file
+from skyarm.log.periods import timed_out
+from skyarm.metrics.path_distance import path_distance
+from skyarm.metrics.windows import Windows, windows_of
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate import Log
+from skyarm.simulate import run as fly
+
+
+def run(
+    context: typer.Context,
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="a scenario file (.toml), a log, or the name of a shipped one", autocompletion=completed("scenario")
+        ),
+    ],
+    out: Annotated[str, typer.Option("--out", help="folder for the results, made if missing")] = "out/run",
+    plant: Annotated[str | None, typer.Option(help="rigid_body, mujoco or mujoco_contacts for the file's")] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            help="a preset, a law, LAW_tuned or FILE.py:make, in place of the file's",
+            autocompletion=completed("controller"),
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
+    duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
+    force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
+    logs: Annotated[
+        list[str] | None,
+        typer.Option("--log", metavar="FILE", help="file of the log, its format by its suffix; repeat"),
+    ] = None,
+    picture: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
+    ] = None,
+    margin: Annotated[bool, typer.Option("--margin", help="print first the loop's delay margin in hover")] = False,
+) -> None:
+    """Fly a scenario; write its log (npz, CSV, MCAP).
+
+    The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap, .parquet, .bag); that of an
+    earlier flight is kept as NAME_1.npz, NAME_2.npz ... unless --force is given. While a flight goes on, what has been
+    flown stands in NAME.partial, which stays if the run is killed. The errors are summed up over the scenario's own
+    steady window, or where it says none over the flight after its first third.
+
+    Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
+    wrong, 130 after Ctrl-C.
+    """
+    if logs:
+        require_left_out(context, ["--out"], " beside --log, whose files say where")
+    require_not_another(scenario, "scenario")
+    planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
+    folder = Path(out)
+    files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    _require_kept_apart(files, scenario)
+    drawn = None if picture is None else picture_file(picture, "--plot")
+    with taken_back(*(() if logs else (folder,))):
+        if not logs:
+            require_writable(out)
+        require_replaceable(*files, partial_file(files[0]))
+        say_suspicious(planned)
+        say_steps(planned)
+        if margin:
+            from skyarm.cli.margins_commands import tell_margin
+
+            with waiting(f"{planned.name}: delay margin"):
+                tell_margin(planned, planned.controller.name)
+        with journal_beside(files[0], say) as journal:
+            with bar(planned.name) as advance:
+                log = fly(planned, advance, keep=journal)
+            with earlier_kept([] if force else files) as kept:
+                written = [save_log(log, file) for file in files]
+    found = facts(log)
+    tell(*summary(log, found), "log: " + ", ".join(str(path) for path in written))
+    if drawn is not None:
+        from skyarm.figures.flight_plot import plot
+
+        plot(log, drawn)
+        tell(f"picture: {drawn}")
+    give(found, logs=written, kept=[str(name) for name in kept], picture=drawn)
+    if kept:
+        tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
+    if log.status != "completed":
+        raise typer.Exit(NOT_COMPLETED)
+
+
+def log_files(names: Sequence[str] | None, usual: Sequence[Path], option: str = "--log") -> list[Path]:
+    """Paths of the log's files, checked before the flight; the usual ones where none are named.
+
+    Raises:
+        ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
+        OSError: one of them cannot be written.
+    """
+    found: dict[Path, str] = {}
+    for name in names or ():
+        require_format(name, option)
+        place = output_file(name, option).resolve()
+        if place in found:
+            raise ValueError(f"{option} = {shown(name)}: must be another file than {option} = {shown(found[place])}")
+        found[place] = name
+    return [Path(name) for name in names] if names else list(usual)
+
+
+def _require_kept_apart(logs: Sequence[Path], scenario: str) -> None:
+    """Refuse to read from or write into the flight's journal, which is removed behind it."""
+    partial = partial_file(logs[0])
+    words = f"must be another file than {partial.name}, in which the flight stands while it goes on"
+    for option, file in (("scenario", Path(scenario)), *(("--log", file) for file in logs)):
+        if file.resolve() == partial.resolve():
+            raise ValueError(f"{option} = {shown(str(file))}: {words}")
+
+
+@contextmanager
+def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
+    """Rename files that are there while new ones are written: NAME.npz to NAME_1.npz, or the first free number.
+
+    The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
+    written through. Where the writing fails, the files get their names back. Yields the numbered names.
+
+    Raises:
+        OSError: one cannot be renamed.
+    """
+    there = [file for file in files if file.is_file() and not file.is_symlink()]
+    number = next(k for k in count(1) if not any(os.path.lexists(_numbered(file, k)) for file in files))
+    renamed = {file: file.rename(_numbered(file, number)) for file in there}
+    try:
+        yield list(renamed.values())
+    except BaseException:
+        for file, name in renamed.items():
+            if not os.path.lexists(file):
+                name.rename(file)
+        raise
+
+
+def _numbered(file: Path, number: int) -> Path:
+    return file.with_name(f"{file.stem}_{number}{file.suffix}")
+
+
+LABELS = {
+    "position": "position, m",
+    "joints": "joints, rad or m",
+    "tip": "tip, m",
+    "lag": "governor's lag, s",
+    "base_to_path": "base to its path, m",
+    "tip_to_path": "tip to its path, m",
+}
+
+MOST_NAMED = 3
+"""Numbers changed in flight that are named; a record of many would fill the line."""
+
+
+def facts(log: Log) -> dict[str, Any]:
+    """Summary of a flight as plain data: how it ended, its errors, contacts, grasps and phases."""
+    info = log.info
+    named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
+    found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    if not log.time.size:
+        return found
+    steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
+    inside = steady.of(log)
+
+    def summed(error: Any) -> dict[str, float | None]:
+        mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
+        return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
+
+    errors = {what: summed(error) for what, error in error_norms(log).items()}
+    found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
+    found |= dataclasses.asdict(log.shortfall)
+    if log.lag_found.size:
+        found["lag_found_s"] = log.lag_found[-1]
+    if log.contact_force.size:
+        found["contacts"] = _contacts(log)
+    if log.gripper_taken.size:
+        found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+    if log.phase.size:
+        late = timed_out(log)
+        ends = enumerate(log.phase_ends)
+        found["phase_ends"] = [{"phase": name, "end": end, "timeout": number in late} for number, (name, end) in ends]
+    elif log.path_time.size:
+        distances = {
+            "lag": log.time - log.path_time,
+            "base_to_path": path_distance(log.position, log.position_reference),
+        }
+        if not np.array_equal(log.tool, log.position):
+            distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
+        found["governor"] = {what: summed(distance) for what, distance in distances.items()}
+    return found
+
+
+def error_norms(log: Log) -> dict[str, Any]:
+    """Position, joints and tip, as far as a vehicle has them -> (N,) norm of the error, continuous reference."""
+    pairs = {"position": (log.position, log.position_reference)}
+    if log.joints.shape[1]:
+        pairs["joints"] = log.joints, log.joints_reference
+    if not np.array_equal(log.tool, log.position):
+        pairs["tip"] = log.tool, log.tool_reference
+    return {what: np.linalg.norm(flown - desired, axis=1) for what, (flown, desired) in pairs.items()}
+
+
+def _contacts(log: Log) -> list[dict[str, Any]]:
+    """Each pair that touched: time of the first touch, s, how often contact was lost, largest normal force, N."""
+    pairs: dict[tuple[str, str], list[Any]] = {}
+    for period in log.contact_periods:
+        pairs.setdefault((period.surface, period.point), []).append(period)
+    return [
+        {
+            "surface": surface,
+            "point": point,
+            "first_touch": periods[0].start,
+            "losses": sum(each.end is not None for each in periods),
+            "peak": max(each.peak for each in periods),
+        }
+        for (surface, point), periods in pairs.items()
+    ]
+
+
+def summary(log: Log, found: dict[str, Any]) -> list[Any]:
+    """The facts as lines and a table."""
+    title = f"{found['scenario']}: {log.status} at {found['end_time']:g} s"
+    lines: list[Any] = [heading(title + (f": {found['cause']}" if found["cause"] else "")), printable(_flown(log))]
+    if "steady_window_s" not in found:
+        return lines
+    start, stop = found["steady_window_s"]
+    over = f"[{start:.4g}, {stop:.4g}) s"
+    rows = [
+        (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in sums.values()))
+        for what, sums in (found["errors_continuous"] | found.get("governor", {})).items()
+    ]
+    lines.append(table_of(("error (continuous)", f"mean, {over}", f"max, {over}", "max, whole flight"), rows))
+    return [*lines, *sentences(found), *log.shortfall.lines]
+
+
+def sentences(found: dict[str, Any]) -> list[str]:
+    """Facts that are not of every flight, in words: estimated lags, contacts, grasps, phases."""
+    lines = []
+    if "lag_found_s" in found:
+        rotors, joints = 1e3 * found["lag_found_s"]
+        late = f"rotors {rotors:.1f} ms, joints {joints:.1f} ms"
+        lines.append(f"lag found at the end, beyond what the law was told: {late}")
+    for each in found.get("contacts", ()):
+        touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
+        lines.append(f"{touch}: lost {each['losses']} times, largest force {each['peak']:.3g} N")
+    for each in found.get("grasps", ()):
+        ended = f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s" if each["end"] else ""
+        grasp = f"{each['gripper']} took {each['held']} at {each['start']:g} s: {ended or 'holds it to the end'}"
+        lines.append(f"{grasp}, largest force {each['peak']:.3g} N")
+    ends = [
+        f"{each['phase']} {'-' if each['end'] is None else '{:g} s'.format(each['end'])}"
+        + (" (timeout)" if each["timeout"] else "")
+        for each in found.get("phase_ends", ())
+    ]
+    lines += [f"phases done: {', '.join(ends)}"] if ends else []
+    return lines
+
+
+def _flown(log: Log) -> str:
+    """Law, plant, integrator, seed and plugins of a flight in words."""
+    info = log.info
+    line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
+    line += str(info["seed"])
+    changes = (info.get("scenario_record") or {}).get("changes", ())
+    paths = dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
+    if changes:
+        named = f" (of {', '.join(paths)})" if 0 < len(paths) <= MOST_NAMED else ""
+        line += f", {len(changes)} change{'s' if len(changes) > 1 else ''} in flight{named}"
+    plugins = info.get("plugins") or {}
+    return line + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")

@@ -1,0 +1,346 @@
+"""``skyarm show``: the library by name, or the numbers of a vehicle with their units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import typer
+from rich.console import RenderableType
+
+from skyarm.actuation import AllocationError
+from skyarm.actuation.hover import highest_thrust, hover_trim
+from skyarm.cli.arguments import completed, require_left_out, require_not_another
+from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.output import (
+    NOTHING,
+    give,
+    is_document_wanted,
+    shown_number,
+    table_of,
+    tell,
+    waiting,
+    write_json,
+)
+from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
+from skyarm.dynamics.array_front import center_of_mass
+from skyarm.dynamics.workspace import reach, search_of, static_torques
+from skyarm.files import number, output_file, read_toml
+from skyarm.records.leaves import field_names, walk
+from skyarm.records.units import units
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
+from skyarm.sweep.study_file import LIBRARY as STUDIES
+from skyarm.sweep.study_file import list_studies
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def show(
+    context: typer.Context,
+    vehicle: Annotated[
+        str | None,
+        typer.Argument(
+            help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one; the library if left out",
+            autocompletion=completed("vehicle"),
+        ),
+    ] = None,
+    gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
+    ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
+    drawing: Annotated[
+        str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
+    ] = None,
+    style: Annotated[str | None, typer.Option(help="of the drawing: paper or talk; paper if left out")] = None,
+    dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
+    file: Annotated[str | None, typer.Option("--out", help="of the library: write it there, as JSON")] = None,
+) -> None:
+    """List what ships, or show a vehicle.
+
+    Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
+    mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
+    inertias, motor constants, all with units; sources of the numbers. With --drawing its frames, joints with their
+    positive directions, rotors with the sense in which they turn, and lengths, as a picture.
+    """
+    if vehicle is None:
+        require_left_out(context, ["--gravity", "--ops", "--drawing", "--style", "--dark"], " without a vehicle")
+        return _show_library(file)
+    require_left_out(context, ["--out"], " beside a vehicle")
+    number(gravity, "--gravity", low=0.0, strict=True)
+    require_not_another(vehicle, "vehicle")
+    for option, given in (("--style", style is not None), ("--dark", dark)):
+        if given and drawing is None:
+            raise ValueError(f"{option}: must come with --drawing FILE")
+    if drawing is not None:
+        require_left_out(context, ["--gravity", "--ops"], " beside --drawing, which shows no numbers of it")
+        return _draw(vehicle, drawing, "paper" if style is None else style, dark=dark)
+    loaded = load_vehicle(vehicle)
+    if ops:
+        from skyarm.bench.counts import counts
+
+        require_left_out(context, ["--gravity"], " beside --ops, which counts operations")
+        say_if_many(loaded.name, loaded.n)
+        with waiting(f"{loaded.name}: counting operations"):
+            found = dict(counts(loaded))
+        give(vehicle=loaded.name, operations=found)
+        title = f"{loaded.name}: additions, products, comparisons ... of one evaluation in calm air"
+        rows = [(what, str(count)) for what, count in found.items()]
+        return tell(table_of(("", "operations"), rows, title=title))
+    try:
+        with waiting(f"{loaded.name}: reach and static efforts"):
+            known = vehicle_facts(loaded, gravity)
+    except AllocationError as error:
+        raise ValueError(f"{vehicle}: rotors = {error}") from None
+    say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
+    give(known)
+    for part in _sheet(loaded, known) if not is_document_wanted() else ():
+        tell(part, "")
+
+
+def _draw(name: str, file: str, style: str, *, dark: bool) -> None:
+    """Draw a vehicle, all labelled."""
+    from skyarm.figures.style import save_picture
+    from skyarm.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.files.names import picture_file
+
+    target = picture_file(file, "--drawing")
+    save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)
+    give(drawing=target)
+    tell(f"drawing: {target}")
+
+
+def contents() -> dict[str, Any]:
+    """Vehicles, scenarios, studies and controllers of the library, as plain data."""
+    vehicles = {name: load_vehicle(name) for name in list_vehicles()}
+    return {
+        "schema": 1,
+        "vehicles": [
+            {"name": name, "mass_kg": float(v.mass), "rotors": len(v.rotors), "joints": v.n, "flies": not v.planar}
+            for name, v in vehicles.items()
+        ],
+        "scenarios": [{"name": name, "title": load_scenario(name).title} for name in list_scenarios()],
+        # a study's title alone: reading the study would read its scenario, too
+        "studies": [
+            {"name": name, "title": str(read_toml((STUDIES / f"{name}.toml").read_bytes()).get("title", ""))}
+            for name in list_studies()
+        ],
+        "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
+        "laws": [
+            {
+                "name": name,
+                "title": each.title,
+                "options": list(each.options()),
+                "tuned": name in tuned_factors(),
+            }
+            for name, each in LAWS.items()
+        ],
+    }
+
+
+def _show_library(file: str | None) -> None:
+    written = None if file is None else output_file(file, "--out")
+    found = contents()
+    give(found)
+    rows = [
+        (
+            each["name"] + ("" if each["flies"] else " (model only)"),
+            *(f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])),
+        )
+        for each in found["vehicles"]
+    ]
+    tell(table_of(("vehicle", "mass, kg", "rotors", "joints"), rows))
+    for head, kind in (
+        ("scenario", "scenarios"),
+        ("study (skyarm sweep NAME)", "studies"),
+        ("controller preset", "presets"),
+        ("control law (+: LAW_tuned, too)", "laws"),
+    ):
+        named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in found[kind]]
+        tell("", table_of((head, "what"), named, left=2))
+    if written is not None:
+        tell(f"written: {write_json(written, found)}")
+
+
+def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
+    """Mass, centre of mass, hover, reach and static efforts, and the vehicle's record.
+
+    Raises:
+        AllocationError: the rotors cannot be mixed.
+    """
+    zero = tuple(0.0 for _ in vehicle.links)
+    com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
+    found: dict[str, Any] = {
+        "vehicle": vehicle.name,
+        "gravity_m_s2": gravity,
+        "mass_kg": float(vehicle.mass),
+        "centre_of_mass_m": [float(each) for each in com],
+        "flies": not vehicle.planar,
+        "frames": [frame.name for frame in vehicle.frames],
+        "tip": vehicle.end_effector or None,
+        "rotors": [rotor.name for rotor in vehicle.rotors],
+        "tilts": {rotor.name: record_facts(rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None},
+        "joints": [record_facts(link.joint) for link in vehicle.links],
+        "drives": [
+            {"joint": each.name, "drive": type(each.drive).__name__, **record_facts(each.drive)}
+            for each in vehicle.drives
+        ],
+        "battery": None if vehicle.battery is None else record_facts(vehicle.battery),
+        "bodies": [
+            {
+                "name": name,
+                "mass_kg": float(body.mass),
+                "centre_of_mass_m": _plain(body.com),
+                "inertia_kg_m2": record_facts(body.inertia),
+            }
+            for name, body in zip(("base", *(link.name for link in vehicle.moving)), vehicle.bodies, strict=True)
+        ],
+        "hover": _hover(vehicle, gravity) if vehicle.rotors else None,
+        "reach_m": None,
+        "static_efforts": {},
+        "sources": dict(vehicle.sources),
+        "notes": list(vehicle.notes),
+    }
+    if vehicle.links:
+        names = [link.joint.name for link in vehicle.links]
+        efforts = map(float, static_torques(vehicle, gravity))
+        found["static_efforts"] = dict(zip(names, efforts, strict=True))
+        found["static_efforts_over_all_joint_values"] = search_of(vehicle.n, vehicle.n).whole
+        if vehicle.end_effector and vehicle.frame().link != BASE:
+            found["reach_m"] = float(reach(vehicle))
+    return found
+
+
+def record_facts(record: Any) -> dict[str, Any]:
+    """Fields of a record of numbers, vectors, words and such records, as plain data."""
+    return {name: _plain(getattr(record, name)) for name in field_names(record) or ()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple) or hasattr(value, "dot"):
+        return [float(each) for each in value]
+    if field_names(value):
+        return record_facts(value)
+    return value if isinstance(value, str | int | float) else float(value)
+
+
+def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
+    trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
+    level = all(float(square) >= 0.0 for square in trim.squared)
+    return {
+        "possible": level and all(w <= r.max_speed for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
+        "rotor_speeds_rad_s": [float(speed) for speed in trim.speeds] if level else None,
+        "thrust_N": float(trim.thrust),
+        "highest_thrust_N": float(highest_thrust(vehicle)),
+    }
+
+
+def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
+    """The vehicle as a whole, its parts with their declared units, notes on its file, sources."""
+    title = f"{vehicle.name}, g = {known['gravity_m_s2']:g} m/s^2, arm at zero"
+    sheet: list[RenderableType] = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
+    sheet += _tables("joints", {link.joint.name: link.joint for link in vehicle.links})
+    sheet += _tables("drives: what the joints take in place of a torque", {d.name: d.drive for d in vehicle.drives})
+    names = ("base", *(link.name for link in vehicle.moving))
+    sheet += _tables("bodies, inertia about the centre of mass", dict(zip(names, vehicle.bodies, strict=True)))
+    sheet += _tables("rotors", {rotor.name: rotor for rotor in vehicle.rotors})
+    tilts = {rotor.name: rotor.tilt for rotor in vehicle.rotors if rotor.tilt is not None}
+    sheet += _tables("servos that turn rotors, at rest at 0 rad", tilts)
+    sheet += _tables("battery", {} if vehicle.battery is None else {"": vehicle.battery})
+    if vehicle.notes:
+        title = "notes: what its file says that was left out, or taken in another way"
+        sheet.append(table_of(("",), [(note,) for note in vehicle.notes], title=title))
+    if vehicle.sources:
+        sheet.append(table_of(("", ""), vehicle.sources, left=2, title="sources"))
+    return sheet
+
+
+APART = ("name", "tilt")
+"""Fields that head a row, or have a table of their own."""
+
+
+def _tables(title: str, records: Mapping[str, Any]) -> list[RenderableType]:
+    """Records of a class as rows, a column for each field in which they differ; then the fields that all share."""
+    tables: list[RenderableType] = []
+    kinds: list[type] = list(dict.fromkeys(type(each) for each in records.values()))
+    for kind in kinds:
+        chosen = {name: each for name, each in records.items() if type(each) is kind}
+        differ: dict[str, list[str]] = {}
+        shared = []
+        for field in field_names(kind) or ():
+            unit = units(kind)[field].unit if field in units(kind) else ""
+            cells = [_cell(getattr(each, field)) for each in chosen.values()]
+            if field in APART or not any(cells):
+                continue
+            words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
+            if len(chosen) > 1 and len(set(cells)) == 1:
+                shared.append((words, cells[0]))
+            else:
+                differ[words] = cells
+        heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
+        tables.append(table_of(("", *differ), zip(chosen, *differ.values(), strict=True), title=heading))
+        if shared:
+            tables.append(table_of(("", ""), shared, left=2, title="all of them"))
+    return tables
+
+
+def _cell(value: Any) -> str:
+    """Numbers of a field; a limit that there is not is "none"."""
+    if isinstance(value, str):
+        return value
+    numbers = [float(each) for _, each in walk(value) if each is not None and not isinstance(each, str)]
+    return " ".join("none" if math.isinf(each) else shown_number(each, 6) for each in numbers)
+
+
+def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows about the vehicle as a whole."""
+    com = ", ".join(shown_number(1e3 * c) if abs(c) >= NOTHING else "0" for c in known["centre_of_mass_m"])
+    rows = [("mass", f"{shown_number(known['mass_kg'], 5)} kg"), ("centre of mass from base origin", f"{com} mm")]
+    if vehicle.planar:
+        rows.append(("inertia", "planar model: may be believed by a controller, not flown"))
+    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in known["frames"]]
+    rows += [("frames", ", ".join(frames) or "none"), ("rotors", ", ".join(known["rotors"]) or "none")]
+    rows += _hover_rows(known["hover"]) if known["hover"] else []
+    if not vehicle.links:
+        return rows
+    rows.append(("arm reach from its first joint", _reach(vehicle, known["reach_m"])))
+    for each in known["joints"]:
+        torque, limit = known["static_efforts"][each["name"]], each["effort_limit"]
+        unit = "N m" if each["kind"] == "revolute" else "N"
+        margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
+        if margin and torque > NOTHING:
+            margin += f", margin {limit / torque:.3g}"
+        rows.append((f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"))
+    return [*rows, ("static efforts", f"for a level base, over {_tried(vehicle.n, vehicle.n)}")]
+
+
+def _hover_rows(hover: Mapping[str, Any]) -> list[tuple[str, str]]:
+    if hover["rotor_speeds_rad_s"] is None:
+        return [("hover", "not possible level: a rotor would have to pull down")]
+    speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
+    shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
+    rows = [("hover rotor speed", f"{shown} rad/s")]
+    if not hover["possible"]:
+        rows.append(("hover", "not possible: a rotor would have to turn faster than its limit"))
+    top = hover["highest_thrust_N"]
+    if top < math.inf:
+        ratio = shown_number(top / hover["thrust_N"])
+        rows.append(("thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"))
+    return rows
+
+
+def _reach(vehicle: Vehicle, found: float | None) -> str:
+    """Reach of an arm in words."""
+    if found is None:
+        return "none: the end effector is fixed to the base" if vehicle.end_effector else "unknown: no end effector"
+    least = "" if search_of(vehicle.n, 1).whole else f", the largest over {_tried(vehicle.n, 1)}"
+    return f"{shown_number(found, 4)} m{least}"
+
+
+def _tried(joints: int, quantities: int) -> str:
+    """Joint values over which a largest value was searched for, in words."""
+    search = search_of(joints, quantities)
+    if search.whole:
+        return "all joint values"
+    near = f", and {search.rounds} rounds of {search.around} near the best" if search.rounds else ""
+    return f"{search.samples} random joint values{near} (shortened: {joints} joints)"

@@ -1,0 +1,180 @@
+"""``skyarm sweep`` and ``skyarm stats``: a study's episodes, and statistics of them."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skyarm.cli.arguments import (
+    Flying,
+    completed,
+    require_left_out,
+    require_not_another,
+    require_within,
+    words_of,
+    workers,
+)
+from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.output import bar, give, json_text, tell, waiting
+from skyarm.files import file_names, require_no_link, require_writable, taken_back, write_inside
+
+DPI = 160
+
+
+def sweep(
+    context: typer.Context,
+    study: Annotated[
+        str,
+        typer.Argument(help="a study file (.toml) or the name of a shipped one", autocompletion=completed("study")),
+    ],
+    controller: Annotated[
+        list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")
+    ] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
+    flying: Flying = 0,
+    ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
+) -> None:
+    """Fly a study's episodes; rows as Parquet.
+
+    The same command continues what was interrupted.
+    """
+    from skyarm.scenario.unlikely_numbers import unlikely_numbers
+    from skyarm.sweep import load_study, run_sweep
+
+    if ray is not None:
+        require_left_out(context, ["--workers"], " beside --ray, whose cluster says how many fly")
+    threads = workers(flying)
+    require_not_another(study, "study")
+    loaded = load_study(study, words_of(controller))
+    folder = Path("out") / loaded.name if out is None else Path(out)
+    say_if_many(loaded.name, max(each.world.vehicle.n for each in loaded.scenarios.values()))
+    say_unlikely(loaded.name, unlikely_numbers(next(iter(loaded.scenarios.values()))))
+    begin = time.perf_counter()
+    before: list[int] = []
+    with taken_back(folder), bar(loaded.name) as advance:
+        require_writable(folder if out is None else out)
+
+        def progress(done: int, total: int) -> None:
+            if not before:
+                before.append(done)
+            rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
+            advance(done, total, f"{rate:.0f} flights/s")
+
+        summary = run_sweep(loaded, folder, threads=threads, ray=ray, progress=progress)
+    flights = summary.flown * len(loaded.scenarios)
+    known = f", {summary.found} episodes were there" if summary.found else ""
+    tell(
+        f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
+        f"{flights} flights in {summary.seconds:.1f} s{known}",
+        f"next: skyarm stats {folder}",
+    )
+    give(
+        study=loaded.name,
+        folder=folder,
+        rows=summary.rows,
+        episodes=loaded.episodes,
+        controllers=list(loaded.scenarios),
+        flights=flights,
+        seconds=summary.seconds,
+        episodes_there_before=summary.found,
+    )
+
+
+def stats(
+    folder: Annotated[str, typer.Argument(help="folder that 'skyarm sweep' wrote")],
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
+    success: Annotated[
+        list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a success, in place of the study's; repeat")
+    ] = None,
+    paths: Annotated[
+        tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
+) -> None:
+    """Success, quantiles, curves, maps of a sweep.
+
+    Written as stats.json, report.html, and a PNG for each map and for each metric's curves.
+    """
+    from skyarm.figures.share_maps import robustness_figure
+    from skyarm.figures.style import image_bytes
+    from skyarm.sweep.maps import robustness_maps
+    from skyarm.sweep.stats import Rows, parse_limits, statistics
+    from skyarm.sweep.study_page import Pictures, page
+
+    require_within("--seed", seed, 0)
+    if not folder:
+        raise ValueError("folder = '': must be one that 'skyarm sweep' wrote")
+    rows = Rows(Path(folder), parse_limits(success) if success else None)
+    with waiting(f"statistics of {folder}") as at:
+        at("maps")
+        maps = robustness_maps(rows, paths)
+        target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
+        at("quantiles and differences")
+        found = statistics(rows, seed=seed)
+        at("pictures of maps")
+        drawn = {
+            each.controller: image_bytes(robustness_figure(each), dpi=DPI) for each in maps if each.constant is None
+        }
+        constant = {each.controller: each.constant for each in maps if each.constant is not None}
+        curves = _curves(rows, at)
+    files = [*_write_images(target, drawn, "map_"), *_write_images(target, curves, "curve_")]
+    pictures = Pictures(
+        maps=drawn, constant=constant, curves=curves, labels={p: rows.label(p) for p in rows.parameters}
+    )
+    write_inside(target / "stats.json", json_text(found).encode())
+    write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
+    give(found, folder=target, files=["report.html", "stats.json", *files])
+    kinds = [f"{kind}_*.png" for kind, there in (("map", drawn), ("curve", curves)) if there]
+    tell(*_lines(found), f"statistics in {target}: {', '.join(['report.html', 'stats.json', *kinds])}")
+
+
+def _curves(rows: Any, at: Any) -> dict[str, bytes]:
+    """Metric -> PNG of its curves over each varied number."""
+    from skyarm.figures.metric_figure import curves_figure
+    from skyarm.figures.style import image_bytes
+    from skyarm.metrics.metric_catalogue import metric_words
+    from skyarm.scenario.numbers import labelled
+    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
+
+    found: dict[str, bytes] = {}
+    for metric in drawn_metrics(rows) if varying(rows) else ():
+        at(f"curves of {metric}")
+        figure = curves_figure(metric_curves(rows, metric), labelled(*metric_words(metric)))
+        found[metric] = image_bytes(figure, dpi=DPI)
+    return found
+
+
+def _write_images(target: Path, images: dict[str, bytes], before: str) -> list[str]:
+    """Write pictures; returns the names of their files."""
+    names = file_names(images, before, ".png")
+    for name, file in names.items():
+        write_inside(target / file, images[name])
+    return list(names.values())
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    from skyarm.sweep.study_folder import not_counted
+
+    def interval(pair: Any, form: str) -> str:
+        return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
+
+    lines = []
+    for name, each in found["controllers"].items():
+        ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
+        lines.append(f"{name}: success {each['success_rate']:.2%}{interval(each['success_interval'], '.2%')}; {ends}")
+    for pair, each in found["paired"].items():
+        within = interval(each["success_difference_interval"], "+.2%")
+        lines.append(f"{pair}: success {each['success_difference']:+.2%}{within} on the same draws")
+    if found["deterministic"]:
+        lines.append("no intervals: a grid of given numbers, flown without noise")
+    if not found["complete"]:
+        lines.append(
+            f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
+        )
+    lines += not_counted(found["files_not_counted"])
+    if found["manifest_rebuilt"]:
+        lines.append("no manifest, so the study's limits of success are not known: --success gives them")
+    return lines

@@ -1,0 +1,163 @@
+"""The contact suite's report: successes of every law in every task, what the others lacked, and numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skyarm.compare.contact_laws import TITLES
+from skyarm.compare.contact_record import HANDLE, HELD, MOST, NEAR, SHOWN, SOON
+from skyarm.files import versions
+from skyarm.metrics.contact_totals import BAND
+from skyarm.pages import DASH, Report, Section, Table, image, number
+
+CONDITIONS = {"perfect": "perfect state", "noisy": "noisy measurements"}
+"""Both in the same perturbed worlds, with a delay of up to 10 ms that no law knows of."""
+
+MEANING = (
+    "A success is a flight that is not lost (it came to its end, tilted by at most 80 degrees, the tip within 0.5 m of "
+    "its reference in the mean of the last seconds), with all phases done in time; where a force is held it is within "
+    f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
+    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a valve by 80, a button has clicked, a peg is "
+    "90 % deep, a vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks "
+    "several counts under the first of them; names of endings are those of lost flights."
+)
+
+HOW = (
+    "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
+    "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half "
+    "to twice the friction, damping and closer behind a handle, half to twice the mass, thrust up to 10 % less, "
+    "wind of up to 2 N and never more than half the push, commands up to 10 ms late. No law is told of any of it. "
+    "A law that follows positions is led 1 cm behind the believed surface."
+)
+
+SHOWN_NOTE = (
+    "The first of the wrong worlds: forces over time, and the path of the tip with what is touched as it is at first, "
+    "dashed where that is at last. The flights are in the folder flights beside this page."
+)
+
+NUMBERS: Mapping[str, tuple[str, float]] = {
+    "force_error": ("force error, N", 1.0),
+    "ripple": ("ripple, N", 1.0),
+    "peak": ("peak, N", 1.0),
+    "tip": ("tip, mm", 1e3),
+    "losses": ("losses", 1.0),
+    "time": ("time, s", 1.0),
+}
+"""Number of a cell -> head, factor from SI to the unit of the head: medians over flights that came to their end."""
+
+HANDLES: Mapping[str, tuple[str, float]] = {
+    "radial": ("radial force, mean, N", 1.0),
+    "radial_most": (f"largest, in {MOST:g} %, N", 1.0),
+    "lag_most": (f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
+}
+"""Number of a cell -> head, factor: of a handle that is held."""
+
+MEDIANS = "Medians over the flights that came to their end; the force error by its size."
+
+HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
+
+
+def contact_report(found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    """The report.
+
+    Args:
+        found: results of the suite.
+        pictures: path in the folder -> PNG, as ``shown`` names them.
+    """
+    drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
+    discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
+    refused = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    flown = [Section(name="What flew", notes=[MEANING, discarded, *refused], remark=HOW)]
+    numbers, handles = [], []
+    for name, title in CONDITIONS.items():
+        laws = laws_of(found, name)
+        if not laws:
+            continue
+        successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
+        flown.append(Section(title=f"Successes, {title}", tables=[successes]))
+        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for h, _ in NUMBERS.values()))
+        table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
+        numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
+        rows = handle_rows(found, name)
+        if rows:
+            table = Table(head=("task", "law", *(f">{head}" for head, _ in HANDLES.values())), rows=rows)
+            handles.append(Section(title=f"Handles, {title}", remark=HANDLE_NOTE, tables=[table]))
+    titles = [(law, TITLES[law]) for law in found["laws"] if law in TITLES]
+    only = [Section(title="Laws", tables=[Table(head=("law", "what"), rows=titles)])]
+    if pictures:
+        only.append(Section(title="One flight of each", remark=SHOWN_NOTE, pictures=_pictures(found, pictures)))
+    return Report(
+        title=f"Tasks in contact, {found['worlds']} wrong worlds each, on {found['plant']}",
+        facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
+        sections=[*flown, *numbers, *handles],
+        page_only=only,
+    )
+
+
+def _pictures(found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
+    drawn = []
+    for name, facts in found["shown"].items():
+        ending = "" if facts["status"] == "completed" else f", {facts['status']}"
+        caption = f"{found['tasks'][name]['title']}: {facts['law']}, first world, {facts['condition']}{ending}"
+        png = pictures[facts["picture"]]
+        drawn.append(image(caption, caption, png, small=True, link=facts.get("film", "")))
+    return "".join(drawn)
+
+
+def laws_of(found: Mapping[str, Any], condition: str) -> list[str]:
+    """Laws that flew any task under a condition, in order."""
+    flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
+    return [law for law in found["laws"] if law in flown]
+
+
+def success_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task: successes of each law."""
+    return [
+        [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
+        for task in found["tasks"].values()
+    ]
+
+
+def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task and law: medians, and what was lacked."""
+    return [
+        [
+            task["title"], law, _successes(cell), _successes(cell["soon"]),
+            *(number(cell[name], factor) for name, (_, factor) in NUMBERS.items()), _causes(cell) or DASH,
+        ]
+        for task in found["tasks"].values()
+        for law, cell in task["conditions"][condition].items()
+    ]  # fmt: skip
+
+
+def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task with a handle and law; the first number is a median."""
+    return [
+        [task["title"], law, *(number(cell[name], factor) for name, (_, factor) in HANDLES.items())]
+        for task in found["tasks"].values()
+        for law, cell in task["conditions"][condition].items()
+        if cell["radial"] is not None
+    ]
+
+
+def csv_rows(found: Mapping[str, Any]) -> list[Sequence[Any]]:
+    """Head, and a row for each task, condition and law, SI units."""
+    numbers = ("flights", "successes", *SHOWN, *HANDLE)
+    rows: list[Sequence[Any]] = [("task", "condition", "law", *numbers, "soon_flights", "soon_successes", "lacked")]
+    for name, task in found["tasks"].items():
+        for condition, laws in task["conditions"].items():
+            for law, cell in laws.items():
+                values = ["" if cell[key] is None else cell[key] for key in numbers]
+                soon = [cell["soon"][key] for key in ("flights", "successes")]
+                rows.append((name, condition, law, *values, *soon, _causes(cell) or DASH))
+    return rows
+
+
+def _successes(cell: Mapping[str, Any] | None) -> str:
+    return DASH if cell is None else f"{cell['successes']} of {cell['flights']}"
+
+
+def _causes(cell: Mapping[str, Any]) -> str:
+    return ", ".join(f"{word} {count}" for word, count in cell["causes"].items())

@@ -1,0 +1,399 @@
+"""Controllers by name: laws with their options, presets with published gains, and laws with tuned gains.
+
+:data:`LAWS` lists the laws, :data:`PRESETS` the presets, :func:`tuned_factors` the laws with tuned gains, whose names
+end in :data:`TUNED`. :func:`make_named` makes a controller from any of these names, :func:`make_controller` from a law
+and its options.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.law_checks import check_made, check_maker, made_by
+from skyarm.control.model import GeometricGains, JointGains, Model
+from skyarm.files import did_you_mean, must_be_one_of, nearest, shown
+from skyarm.records.leaves import Place, parts, replaced
+from skyarm.registry.plugins import law_of_file_key
+from skyarm.registry.registrations import Registration, registrations
+from skyarm.registry.shipped import TUNED
+from skyarm.scalars import mul
+
+__all__ = [
+    "ACCELERATION",
+    "HUMMINGBIRD",
+    "KNOBS",
+    "LAWS",
+    "PRESETS",
+    "TORQUE",
+    "TUNED",
+    "Controller",
+    "ControllerError",
+    "Entry",
+    "Preset",
+    "choices",
+    "is_named",
+    "make_controller",
+    "make_named",
+    "make_tuned",
+    "meant",
+    "present_name",
+    "preset",
+    "require_different",
+    "rescale",
+    "suitable_options",
+    "tuned_factors",
+]
+
+BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
+"""Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
+whose joints nothing drives (``tests/assess/test_hanging_joints.py`` flies them)."""
+
+GONE: Mapping[str, str] = {
+    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_coupled_thrust", "ct_consistent"), 1)},
+    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_observer", "ct_feedforward"), 3)},
+    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_extrapolation", "ct_lag_inversion"), 5)},
+    "ct_level_gravity": "law 'hybrid_computed_torque' with without = ['full_gravity']",
+    "l1_adaptive_lateral": "law 'l1_adaptive' with lateral = true",
+    "hybrid_computed_torque_euler": "law 'hybrid_computed_torque', which is equal away from a pitch of 90 degrees",
+    "paper_ct_euler": "preset 'paper_ct', which is equal away from a pitch of 90 degrees",
+    "exact": "law 'centroidal'",
+    "exact_joint": "preset 'centroidal_joint'",
+    "exact_joint_stiff": "preset 'centroidal_joint_stiff'",
+    "exact_ee": "preset 'centroidal_tip'",
+    "exact_ee_stiff": "preset 'centroidal_tip_stiff'",
+    "rotors_hummingbird": "preset 'rotors_sim_hummingbird'",
+    "rotors_position": "law 'rotors_sim_position'",
+}
+"""Names of version 0.2 that are no more, and the present names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A registered law; its module is imported when its maker is needed."""
+
+    row: Registration
+
+    @property
+    def title(self) -> str:
+        """The law in one line."""
+        return self.row.title
+
+    def function(self) -> Callable[..., Controller]:
+        """The maker (model, **options) -> Controller; its keyword arguments are the law's options."""
+        found: Callable[..., Controller] = self.row.load()
+        return found
+
+    def options(self) -> tuple[str, ...]:
+        """Names of the options; a maker that takes ``**changes`` lists theirs as ``ENTRIES`` of its module."""
+        maker = self.function()
+        parameters = inspect.signature(maker).parameters.values()
+        named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+        more = any(p.kind is p.VAR_KEYWORD for p in parameters)
+        return (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ())) if more else named
+
+
+class _Laws(Mapping[str, Entry]):
+    """The law registry, read when it is used."""
+
+    def __getitem__(self, name: str) -> Entry:
+        return Entry(registrations("law")[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(registrations("law"))
+
+    def __len__(self) -> int:
+        return len(registrations("law"))
+
+
+LAWS: Mapping[str, Entry] = _Laws()
+"""Laws by name: those that ship, and those that were registered."""
+
+
+def make_controller(name: str, model: Model, **options: Any) -> Controller:
+    """Make a controller by its law's name.
+
+    Args:
+        name: a key of ``LAWS``.
+        model: of the controller.
+        options: of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's laws
+            (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
+
+    Raises:
+        ControllerError: unknown law, an option the law does not have, or one with a wrong value.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    if not isinstance(name, str) or name not in LAWS:
+        allowed = must_be_one_of(LAWS, name, "skyarm show")
+        raise ControllerError(f"controller.law = {shown(name)}: {present_name(name)}{allowed}")
+    if not isinstance(model, Model):
+        raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
+    entry = LAWS[name]
+    for option, value in options.items():
+        if option not in entry.options():
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
+    maker = entry.function()
+    check_maker(maker, name, options)
+    made: Controller = made_by(maker, name, model, options)
+    check_made(maker, name, made)
+    # a maker may return another law's controller
+    return dataclasses.replace(made, name=name) if made.name in LAWS else made
+
+
+def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """The subset of some options that a law has."""
+    options = LAWS[law].options()
+    return {name: value for name, value in known.items() if name in options}
+
+
+HUMMINGBIRD = GeometricGains(
+    position=Vec3(4.0, 4.0, 4.0),
+    velocity=Vec3(2.2, 2.2, 2.2),
+    attitude=Vec3(0.7, 0.7, 0.035),
+    rate=Vec3(0.1, 0.1, 0.025),
+)
+"""RotorS, lee_controller_hummingbird.yaml; the paper's Tables A1 and A2 repeat it."""
+
+ACCELERATION = JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0))
+"""Barakou et al. 2026, Table A1: 1/s^2 and 1/s."""
+
+TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
+"""Barakou et al. 2026, Table A2: N m/rad and N m s/rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A law with its published gains or other options.
+
+    Attributes:
+        title: one line for people. law: a key of ``LAWS``. options: of the law.
+    """
+
+    title: str
+    law: str
+    options: Mapping[str, Any]
+
+
+_KINDS: Mapping[str, tuple[str, str]] = {
+    "": ("adaptive", "the centroidal law"),
+    "_robust": ("robust", "the centroidal law of constant gains, which estimates no lag"),
+    "_gusts": ("gusts", "the centroidal law for gusts, which needs an accelerometer"),
+    "_stiff": ("stiff", "the centroidal law of higher gains for perfect state"),
+}
+"""Ending of a preset's name: gains of the centroidal law, and what it is for."""
+
+PRESETS: Mapping[str, Preset] = {
+    "paper_ct": Preset(
+        "the paper's computed torque, gains of its Table A1",
+        "hybrid_computed_torque",
+        {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION},
+    ),
+    "paper_pd": Preset(
+        "the paper's baseline, gains of its Table A2",
+        "decoupled_pd",
+        {"gains": HUMMINGBIRD, "joint_gains": TORQUE},
+    ),
+    "rotors_sim_hummingbird": Preset(
+        "RotorS's controller with its Hummingbird's gains, joints free", "rotors_sim_position", {"gains": HUMMINGBIRD}
+    ),
+    **{
+        f"centroidal_{mode}{ending}": Preset(f"{title}, {led}", "centroidal", {"mode": mode, "preset": gains})
+        for mode, led in (("joint", "base and joints on their references"), ("tip", "the tip on its reference"))
+        for ending, (gains, title) in _KINDS.items()
+    },
+}
+"""The paper's controllers with its gains, and the centroidal law with its own."""
+
+
+def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+    """Make a controller by the name of a preset.
+
+    Args:
+        name: a key of ``PRESETS``.
+        model: of the controller.
+        known: properties of the loop, as far as the law has such options: ``delay``, ``control_period``,
+            ``reference_period``, s.
+
+    Raises:
+        ControllerError: unknown name, or gains for another number of joints.
+    """
+    if not isinstance(name, str) or name not in PRESETS:
+        allowed = must_be_one_of(PRESETS, name, "skyarm show")
+        raise ControllerError(f"controller.preset = {shown(name)}: {present_name(name)}{allowed}")
+    law, options = PRESETS[name].law, PRESETS[name].options
+    try:
+        return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
+    except ControllerError as error:
+        raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None
+
+
+COMMON = (
+    "gains.position",
+    "gains.velocity",
+    "gains.attitude",
+    "gains.rate",
+    "joint_gains.stiffness",
+    "joint_gains.damping",
+)
+"""Constants that every law with gains has; each path stands for all numbers below it, which keep their ratios."""
+
+KNOBS: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("decoupled_pd", "hybrid_computed_torque", "bulut2019", "guo2023", "li2024"), COMMON),
+    **dict.fromkeys(("hybrid_ct", "admittance_pd"), COMMON),
+    "ct_ladder": (*COMMON, "observer.force", "observer.torque", "observer.joints", "lag_share"),
+    "kim2013": (*COMMON, "switching", "adaptation.0", "adaptation.1", "adaptation.2"),
+    "l1_adaptive": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter"),
+    "indi": (*COMMON, "cutoff"),
+    "learned_compensator": (*COMMON, "answer"),
+    "nmpc": (
+        *("weights.velocity", "weights.heading", "weights.rate", "weights.joints", "weights.joint_rates"),
+        *("weights.joint_accelerations", "weights.rotor_accelerations"),
+        *("bandwidths.linear", "bandwidths.angular", "bandwidths.joints"),
+    ),
+}
+"""Constants of each law that are tuned."""
+
+
+def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
+    """The controller with the numbers below some paths of its constants multiplied; factors may be traced.
+
+    Raises:
+        ControllerError: a path that its constants do not have.
+    """
+    par = controller.par
+    for path, factor in factors.items():
+        place = tuple(path.split("."))
+        numbers = _part(par, place)
+        par = replaced(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
+    return dataclasses.replace(controller, par=par)
+
+
+def _part(record: Any, place: Place) -> Any:
+    """The value at a place of a law's constants."""
+    for name in place:
+        below = parts(record)
+        if name not in below:
+            raise ControllerError(f"controller.{'.'.join(place)}: the law has no such constant")
+        record = below[name]
+    return record
+
+
+@lru_cache(maxsize=1)
+def tuned_factors() -> Mapping[str, Mapping[str, float]]:
+    """Tuned gains as factors on a law's default gains, which fit any vehicle, by law and path.
+
+    How the factors in the file next to this one were found is described in docs/control_laws.md, Tuned gains.
+    """
+    text = resources.files("skyarm.control").joinpath("tuned.toml").read_text(encoding="utf-8")
+    laws: Mapping[str, Mapping[str, float]] = tomllib.loads(text)["law"]
+    return laws
+
+
+def make_tuned(name: str, model: Model, **options: Any) -> Controller:
+    """A law with its tuned gains.
+
+    Raises:
+        ControllerError: a law that has not been tuned.
+    """
+    factors = tuned_factors()
+    if not isinstance(name, str) or name not in factors:
+        raise ControllerError(f"controller.law = {shown(name)}: has no tuned gains; there are {sorted(factors)}")
+    return rescale(make_controller(name, model, **options), factors[name])
+
+
+def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+    """A controller by one name, with default options.
+
+    Args:
+        name: a key of ``PRESETS`` or ``LAWS``, or that of a tuned law and ``TUNED``.
+        model: of the controller.
+        known: properties of the loop (:func:`preset`).
+
+    Raises:
+        ControllerError: unknown name, or a controller that does not fit the model.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    if not is_named(name):
+        raise ControllerError(f"controller = {shown(name)}: {meant(name)}must be {choices(name)}")
+    if name in PRESETS:
+        return preset(name, model, known)
+    law = name if name in LAWS else name.removesuffix(TUNED)
+    make = make_controller if name in LAWS else make_tuned
+    return make(law, model, **suitable_options(law, known or {}))
+
+
+def is_named(name: Any) -> bool:
+    """True if there is a controller of this name."""
+    if not isinstance(name, str):
+        return False
+    return name in PRESETS or name in LAWS or (name.endswith(TUNED) and name.removesuffix(TUNED) in tuned_factors())
+
+
+def require_different(names: Sequence[str], field: str) -> None:
+    """Refuse two names of one controller: the same twice, or two paths of one FILE.py:make.
+
+    Raises:
+        ControllerError: one line with the field and the two names.
+    """
+    seen: dict[str, str] = {}
+    for name in names:
+        key = law_of_file_key(name)
+        if key in seen:
+            alike = f"{shown(seen[key])} and {shown(name)} are one"
+            raise ControllerError(
+                f"{field} = {shown(list(names))}: must be a list of different presets or laws; {alike}"
+            )
+        seen[key] = name
+
+
+SEE = "skyarm show"
+"""Shows the names of all presets and laws."""
+
+FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
+"""Texts that were probably meant as FILE.py:make and are not of that form."""
+
+
+def choices(name: Any) -> str:
+    """Allowed names in place of an unknown one, in words: the nearest, and where all are shown."""
+    near = ", ".join(nearest(name, _every_name()))
+    return f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or FILE.py:make on the command line"
+
+
+def _every_name() -> tuple[str, ...]:
+    return (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
+
+
+def meant(name: Any) -> str:
+    """A hint to what an unknown name may have meant, as a message begins; empty where nothing is alike."""
+    if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
+        return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
+    return present_name(name) or did_you_mean(name, _every_name())
+
+
+GONE_OPTIONS: Mapping[tuple[str, str], str] = {
+    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
+}
+"""Options of earlier versions, and what stands in their place."""
+
+
+def no_option(law: str, option: str, there: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have, or has no more."""
+    instead = GONE_OPTIONS.get((law, option))
+    return f"is gone; {instead}" if instead else f"law {law!r} has no such option; it has {', '.join(there)}"
+
+
+def present_name(name: Any) -> str:
+    """The present name of one that is no more, as a message begins."""
+    present = GONE.get(name.removesuffix(TUNED)) if isinstance(name, str) else None
+    return f"is {present} now; " if present else ""

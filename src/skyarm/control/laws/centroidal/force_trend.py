@@ -1,0 +1,165 @@
+"""The trend of an observed force: its rate, trusted as far as it foretold the force so far.
+
+A steady turn of the wind can be foretold, turbulence and noise cannot. The rate comes from a second-order tracker,
+    level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
+d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
+seconds: what the force has changed by since, d - late(d), is what late(rate) foretold to be horizon late(rate). The
+slope of the one against the other in the least squares of the last seconds says how far to trust the rate: not at all
+up to a half, in full at 1. Steps leave no evidence, and a rate as steep as a step's is not believed.
+Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul
+
+STAGES = 3
+"""Of the chain that delays."""
+
+HORIZON, FORGET = 0.25, 0.7
+"""s and 1/s, as in :class:`TrendGains`."""
+
+CHANCE = 0.5
+"""Slope up to which a rate is not believed: turbulence reaches it by chance."""
+
+AHEAD = 1.0
+"""rad/s; no force is predicted further ahead than filters of this bandwidth are late."""
+
+SLOWEST, STEEPEST = 0.1, 5.0
+"""m/s^3: changes of the force per mass that are too slow to tell, and too quick to go on."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrendGains(Part):
+    """Constants.
+
+    Attributes:
+        bandwidth: rad/s, of the tracker. horizon: s, over which the force is foretold to find the trust.
+        forget: 1/s, rate at which what was found is forgotten. noise: (N/s)^2, mean square of rates too small to tell.
+        steep: N/s; a rate well beyond it is a step, which goes on no further.
+    """
+
+    bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
+    horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
+    forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
+    noise: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
+    steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
+
+    def start(self, joints: int) -> ForceTrend:
+        """Memory before the first measurement."""
+        return first_trend(self)
+
+    def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
+        """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
+        trend = followed(self, memory, step.observed.force, step.dt)
+        rate, free = trusted_rate(self, trend), 1.0
+        if type(step.external) is not int:
+            free = 1.0 - step.external
+            rate = rate * free
+        step.rate, step.trend = rate, (trend.level, mul(believed_share(self, trend), free))
+        step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
+        return trend
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceTrend:
+    """Memory.
+
+    Attributes:
+        level, rate: of the tracker, N and N/s, world axes. forces, rates: stages of the two chains.
+        agreement, size: mean of late(rate) . change / horizon and of late(rate)^2, (N/s)^2.
+    """
+
+    level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
+    rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
+    forces: Annotated[tuple[Vec3, ...], Unit("N", "the force, later with each stage")]
+    rates: Annotated[tuple[Vec3, ...], Unit("N/s", "the rate, later with each stage")]
+    agreement: Annotated[Scalar, Unit("(N/s)^2", "mean product of the foretold and the real rate")]
+    size: Annotated[Scalar, Unit("(N/s)^2", "mean square of the foretold rate")]
+
+
+def trend_gains(bandwidth: float, mass: float) -> TrendGains:
+    """Constants for a tracker's bandwidth (rad/s) and a vehicle's mass (kg)."""
+    return TrendGains(
+        bandwidth=bandwidth,
+        horizon=HORIZON,
+        forget=FORGET,
+        noise=(SLOWEST * mass) * (SLOWEST * mass),
+        steep=STEEPEST * mass,
+    )
+
+
+def first_trend(gains: TrendGains) -> ForceTrend:
+    """Memory before the first measurement: as if rates of half a step's had foretold nothing."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    chain = (zero,) * STAGES
+    return ForceTrend(
+        level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=0.25 * gains.steep * gains.steep
+    )
+
+
+def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
+    """The memory one period later; ``force`` is the observer's, N, world axes."""
+    b = exp(-(gains.bandwidth * dt))
+    ahead = memory.level + memory.rate * dt
+    miss = force - ahead
+    level, rate = ahead + miss * (1.0 - b * b), memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
+    share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
+    forces, rates = _delayed(memory.forces, force, share), _delayed(memory.rates, rate, share)
+    change = (force - forces[-1]) * divide(1.0, gains.horizon)
+    told = rates[-1] * _no_step(gains, change)
+    slow = low_pass_share(gains.forget, dt)
+    return ForceTrend(
+        level=vector_data(level),
+        rate=vector_data(rate),
+        forces=forces,
+        rates=rates,
+        agreement=data(memory.agreement + slow * (told.dot(change) - memory.agreement)),
+        size=data(memory.size + slow * (told.dot(rates[-1]) - memory.size)),
+    )
+
+
+def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ...]:
+    """The stages one period later."""
+    found = []
+    for each in chain:
+        value = vector_data(each + (value - each) * share)
+        found.append(value)
+    return tuple(found)
+
+
+def believed_share(gains: TrendGains, memory: ForceTrend) -> Any:
+    """The share of the rate that is believed, 0 to 1."""
+    slope = divide(memory.agreement, memory.size + gains.noise)
+    believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
+    return believed * _no_step(gains, memory.rate)
+
+
+def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
+    """N/s, world axes: what is believed of the rate."""
+    rate: Vec3 = memory.rate * believed_share(gains, memory)
+    return rate
+
+
+def lateness(par: CentroidalParameters) -> Any:
+    """By how long the observed force is late where it changes steadily, s."""
+    accelerometer = par.observation.accelerometer
+    if accelerometer is None:
+        return divide(2.0, maximum(par.observer.force, AHEAD))
+    return divide(1.0, maximum(accelerometer.force, AHEAD))
+
+
+def _no_step(gains: TrendGains, rate: Vec3) -> Any:
+    """1 for a rate well below that of a step, 0 far beyond."""
+    square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
+    return divide(1.0, square * square + 1.0)

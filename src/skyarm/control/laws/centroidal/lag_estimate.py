@@ -1,0 +1,276 @@
+"""Lag of the loop beyond what the law believes, found while flying, and what it leaves of the bandwidth.
+
+The model says which accelerations the sent commands give: a(t), without what the observer believes to disturb. What
+is measured is y(t) = a(t - L) + the rest, L the lag that nobody told: commands that arrive late, motors or joint drives
+slower than believed. For a bank of lags L_j, whole control periods, the mean M_j of |y(t) - a(t - L_j)|^2 is followed
+in a band of frequencies in which the loop is active and wind is not; the lag is the mean of L_j weighted by
+exp(-sharpness (M_j - min M) / min M), the likelihood of residuals with normal noise. A lag must be paid for
+(``prior``), so that without evidence it is zero. Large residuals count little (``robust``; Geman, McClure 1985): a
+gust is one event, an oscillation many.
+
+A lag may begin at any time: no lag falls further behind the likeliest one than ``lead``, so that what was ruled out for
+minutes is found as quickly as what was never looked for (the bounded evidence of a cumulative sum test, Page 1954).
+The acceleration a(t) follows from the commands within the actuators' limits, so that it is known there, too. Periods
+with a rotor at its limit count less (``at_limit``): a jump of the reference takes it there once, a loop that swings
+again and again.
+
+Where it ends: lags beyond the bank's longest count as that one; a lag of the sensors of position and attitude alone is
+not seen. Residuals of sliding and turning joints are added as they are, in m/s^2 and rad/s^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.control.blocks.disturbance_observer import Told
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.select import data
+from skyarm.control.controller import part_of
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.sensors.measurement import Measurement
+
+CANDIDATES = 9
+"""Lags in the bank: none, and eight steps."""
+
+STEP = 0.005
+"""Least distance of two of them, s."""
+
+LOW, HIGH = 20.0, 60.0
+"""Edges of the band, rad/s."""
+
+FORGETTING, FIRST = 0.5, 20.0
+"""1/s, rate at which the means follow; periods that count as seen before the first one."""
+
+ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
+"""Of the scale, the residual that counts half; least scale, (rad/s^2)^2; most that one period adds, of the scale."""
+
+PRIOR, SHARPNESS = 0.005, 100.0
+"""Price of each step of lag, of a mean that lies between 0 and 1; weight of the means' relative differences."""
+
+LEAD = PRIOR * (CANDIDATES - 1)
+"""Most that a mean and its price lie above the least: what prices alone come to, of a bank without evidence."""
+
+AT_LIMIT = 0.2
+"""Weight of a period in which a rotor was at its limit."""
+
+IGNORED = 0.002
+"""Lag that changes nothing, s: what the middle of a control period and rounding leave."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LagGains(Part):
+    """Bandwidth by the estimated actuator lag.
+
+    Attributes:
+        base, joints: s; lags beyond 2 ms at which half of the bandwidth is left, of position, attitude and their
+            observer, and of joints, tip and theirs.
+        stride: control periods between two lags of the bank.
+    """
+
+    base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
+    joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
+    stride: int
+
+    def start(self, joints: int) -> LagMemory:
+        """Memory before the first measurement."""
+        return first_lag(joints, self.stride)
+
+    def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+        """Gains at the shares of the bandwidth that the lags leave."""
+        return at_shares(par, *shares(self, memory, dt))
+
+    def learn(self, memory: LagMemory, step: Step) -> LagMemory:
+        """The estimate one period later."""
+        before = step.memory
+        return learn(self, memory, step.told, step.measurement, before.started, before.free, step.isolated, step.dt)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bank:
+    """Means of one group of residuals, by lag, and their scale."""
+
+    means: Annotated[tuple[Scalar, ...], Unit("", "0 to 1, residual of each lag of the bank")]
+    scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LagMemory:
+    """State of the estimate: of roll, pitch, yaw and the joints.
+
+    Attributes:
+        count: periods seen.
+        rates: measured one period ago.
+        disturbing: accelerations that the observer's disturbance stands for.
+        believed, measured: of three filters in a row, accelerations by the model and by differences.
+        past: believed accelerations in the band, newest first.
+        base, arm: banks.
+        found: lag of the rotors' loops and of the joints', by which the bandwidth of the period was chosen.
+    """
+
+    count: Annotated[Scalar, Unit("", "periods seen")]
+    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
+    disturbing: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "of the observer's disturbance")]
+    believed: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model, filtered thrice")]
+    measured: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by differences, filtered thrice")]
+    past: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model in the band, newest first")]
+    base: Bank
+    arm: Bank
+    found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
+
+
+def first_lag(joints: int, stride: int) -> LagMemory:
+    """Memory before the first measurement."""
+    none = (0.0,) * (3 + joints)
+    bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
+    return LagMemory(
+        count=0.0,
+        rates=none,
+        disturbing=none,
+        believed=(none,) * 3,
+        measured=(none,) * 3,
+        past=(none,) * (stride * (CANDIDATES - 1)),
+        base=bank,
+        arm=bank,
+        found=(0.0, 0.0),
+    )
+
+
+def lags_found(memory: Any) -> tuple[Any, ...]:
+    """Lags of the rotors' and the joints' loops in the memory of a law, also of one under layers; () without them."""
+    lag = part_of(memory, "lag")
+    return lag.found if isinstance(lag, LagMemory) else ()
+
+
+def stride_of(control_period: float) -> int:
+    """Control periods between two lags of the bank."""
+    return max(1, round(STEP / control_period))
+
+
+def shares(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
+    """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
+    base, joints = _lags(gains, memory, dt)
+
+    def share(half: Any, lag: Any) -> Any:
+        return divide(half, half + maximum(lag - IGNORED, 0.0))
+
+    return share(gains.base, base), share(gains.joints, joints)
+
+
+def _lags(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
+    """Lags of the rotors' loops and of the joints', s."""
+    step = dt * gains.stride
+    return estimate(memory.base, step), estimate(memory.arm, step)
+
+
+def estimate(bank: Bank, step: Any) -> Any:
+    """Lag in seconds, the bank's lags being ``step`` apart."""
+    paid, least = _paid(bank.means)
+    total: Any = 0.0
+    weighted: Any = 0.0
+    for j, each in enumerate(paid):
+        weight = exp(-(SHARPNESS * divide(each - least, least + PRIOR)))
+        total, weighted = total + weight, weighted + weight * float(j)
+    return step * divide(weighted, total)
+
+
+def _paid(means: Sequence[Any]) -> tuple[list[Any], Any]:
+    """Means with the prices of their lags, and the least of them."""
+    paid = [mean + PRIOR * j for j, mean in enumerate(means)]
+    least = paid[0]
+    for each in paid[1:]:
+        least = minimum(least, each)
+    return paid, least
+
+
+def learn(
+    gains: LagGains,
+    memory: LagMemory,
+    told: Told,
+    measurement: Measurement,
+    started: Any,
+    free: Sequence[Any],
+    isolated: Any,
+    dt: Any,
+) -> LagMemory:
+    """The memory one period later.
+
+    Args:
+        gains: constants.
+        memory: before.
+        told: accelerations of the model and corrections of the observer in the period that ended.
+        measurement: at its end.
+        started: 0 at the first measurement, of which nothing is learned.
+        free: 1 while no actuator was at its limit, of the base and each joint; 0 stops the observer's disturbance.
+        isolated: 1 in free motion, 0 in contact, of which no lag is learned.
+        dt: s.
+    """
+    running = where(started > 0.5, 1.0, 0.0)
+    rates = (*measurement.rate, *measurement.joint_rates)
+    by_model = (*told.angular, *told.joints)
+    learning = (free[0], free[0], free[0], *free[1:])
+    corrections = (*told.angular_correction, *told.joint_corrections)
+    own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
+    seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
+    believed = _in_row(memory.believed, own, running, dt)
+    measured = _in_row(memory.measured, seen, running, dt)
+    band = _banded(believed)
+    delayed = [band, *(memory.past[k - 1] for k in range(gains.stride, len(memory.past) + 1, gains.stride))]
+    weight = isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
+    keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
+    here = _banded(measured)
+    groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
+    base, arm = (_bank(bank, here[part], [each[part] for each in delayed], keep, running * dt) for bank, part in groups)
+    return LagMemory(
+        count=memory.count + running,
+        rates=tuple(data(each) for each in rates),
+        disturbing=tuple(
+            d + mul(running, mul(c, f)) for d, c, f in zip(memory.disturbing, corrections, learning, strict=True)
+        ),
+        believed=believed,
+        measured=measured,
+        past=(band, *memory.past[:-1]),
+        base=base,
+        arm=arm,
+        found=_lags(gains, memory, dt),
+    )
+
+
+def _in_row(before: Sequence[Sequence[Any]], new: Sequence[Any], running: Any, dt: Any) -> tuple[tuple[Any, ...], ...]:
+    """Two low passes at the band's upper edge and one at its lower edge, each fed by the one before."""
+    found = []
+    for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
+        share = running * low_pass_share(edge, dt)
+        new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
+        found.append(new)
+    return tuple(found)
+
+
+def _banded(filtered: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+    """The part in the band: below its upper edge without what is below its lower one."""
+    return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
+
+
+def _bank(bank: Bank, seen: Sequence[Any], delayed: Sequence[Sequence[Any]], keep: Any, passed: Any) -> Bank:
+    """Means and scale with one more residual of each lag."""
+    if not seen:
+        return bank
+    squares = []
+    for each in delayed:
+        total: Any = 0.0
+        for y, a in zip(seen, each, strict=True):
+            total = total + (y - a) * (y - a)
+        squares.append(total)
+    mean = squares[0]
+    for square in squares[1:]:
+        mean = mean + square
+    size = minimum(mean * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
+    half = ROBUST * bank.scale + FLOOR
+    means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
+    _, least = _paid(means)
+    bounded = (minimum(mean, least + (LEAD - PRIOR * j)) for j, mean in enumerate(means))
+    return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))

@@ -1,0 +1,283 @@
+"""A load at the tip, learned from the observed disturbance while something is held, and a part of the law's model.
+
+A mass dm that the model lacks hangs in the observed disturbance as its weight -dm g e_z at the tip; one that lies
+elsewhere than the model has it, as a horizontal torque t about the tip. Both are the weighted least squares (lengths as
+in :mod:`skyarm.control.laws.centroidal.tip_force`) of
+
+    joints J_v^T f + J_w^T t,  turning r x f + t,  vertical force f_z,      f = -dm g e_z
+
+in what is observed beside its bias b, which is learned while nothing is held: wind, wrong masses, wrong thrust. Then
+
+    m' = rate dm,      c' = place_rate (-e_z x t / g) m / (m^2 + light^2),
+
+m from 0 to a limit, and c the place of its centre of mass in axes that turn with the tip: while the hand rests it is
+known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a radius of
+gyration that is told (or moments, :mod:`skyarm.control.laws.centroidal.load_inertia`), is the model: of inverse
+dynamics, thrust, prediction and observer alike, so that what is learned is not observed again, and the law's gains are
+accelerations of the loaded arm. The period that is told that nothing is held any more forgets the load, and the next
+one flies without it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.blocks.select import data
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.interaction import rested
+from skyarm.control.laws.centroidal.load_inertia import (
+    InertiaGains,
+    InertiaMemory,
+    first_inertia,
+    learn_inertia,
+    stout,
+    unit_torques,
+)
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, NormalEquations
+from skyarm.control.model import Model
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, clip, divide, logical_or, maximum, minimum, mul, where
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Vehicle
+
+UP = Vec3(0, 0, 1)
+
+VAGUE = 1e6
+"""kg, of a mass about which nothing is known beforehand: without gravity nothing tells of it, and none is found."""
+
+
+def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
+    """The model with the load that its tip holds."""
+    tip = model.vehicle.frame()
+    about = memory.mass * (gains.size * gains.size)
+    inertia = Sym3(about, about, about)
+    if isinstance(memory.inertia, InertiaMemory):
+        inertia = Sym3(*memory.inertia.moments).rotated(tip.rotation)
+    load = Body(mass=memory.mass, com=tip.position + tip.rotation.apply(memory.place), inertia=inertia)
+    return dataclasses.replace(model, vehicle=model.vehicle.with_body(tip.link, load))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Hang:
+    """How a weight at the tip, and a horizontal torque about it, reach base and joints.
+
+    Attributes:
+        lift: N on the base, world z, of 1 kg more. turning: N m on the base, base axes, of 1 kg more and of 1 N m about
+            world x and y. efforts: of the joints, likewise, a row each. tip: R_WT, axes of the tip.
+    """
+
+    lift: Any
+    turning: tuple[Vec3, Vec3, Vec3]
+    efforts: tuple[tuple[Any, Any, Any], ...]
+    tip: Mat3
+
+
+def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Any], gravity: Any) -> Hang:
+    """Rows of the regression at an attitude and joint positions."""
+    frame = vehicle.frame()
+    pose = frame_pose(vehicle, frame, joints)
+    weight, about_x, about_y = (R.apply_T(each) for each in (Vec3(0, 0, -gravity), Vec3(1, 0, 0), Vec3(0, 1, 0)))
+    return Hang(
+        lift=-gravity,
+        turning=(pose.p.cross(weight), about_x, about_y),
+        efforts=tuple(
+            (column.linear.dot(weight), column.angular.dot(about_x), column.angular.dot(about_y))
+            for column in jacobian_columns(vehicle, frame, joints)
+        ),
+        tip=R @ pose.R,
+    )
+
+
+def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> list[Any]:
+    """Mass (kg) and horizontal torque about the tip (N m, world x and y) in ``rest``: weighted least squares."""
+    A: list[list[Any]] = [[0.0 for _ in range(3)] for _ in range(3)]
+    squares = NormalEquations(A, [0.0, 0.0, 0.0])
+    squares.require((at.lift, 0, 0), rest.force.z, 1.0)
+    for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
+        squares.require(turned, torque, gains.errors.base)
+    for link, row, effort in zip(vehicle.links, at.efforts, rest.efforts, strict=True):
+        squares.require(row, effort, gains.errors.turning if link.joint.kind == "revolute" else gains.errors.sliding)
+    A[0][0] = add(A[0][0], 1.0 / VAGUE**2)
+    for k in (1, 2):
+        A[k][k] = add(A[k][k], divide(1.0, gains.twist * gains.twist))
+    return squares.solve()
+
+
+def learn_load(
+    gains: LoadGains,
+    memory: LoadMemory,
+    model: Model,
+    R: Mat3,
+    joints: Sequence[Any],
+    observed: Disturbance,
+    holds: Any,
+    learns: Any,
+    bandwidth: Any,
+    dt: Any,
+    turned: tuple[Sequence[Vec3], Any] | None = None,
+) -> tuple[LoadMemory, Disturbance]:
+    """The load one period later, and what the law shall not push against.
+
+    A load that is held and lies on something pushes the tip up as soon as the reference is a little low, and a law that
+    answered this would push down ever harder and leave its support late. So an upward force beyond the load's weight
+    is taken out of the disturbance that the law answers.
+
+    Args:
+        gains: constants.
+        memory: one period earlier.
+        model: belief, whose vehicle's tip holds the load.
+        R: R_WB at the measurement's time.
+        joints: then, rad or m.
+        observed: what the observer holds.
+        holds: whether something is held.
+        learns: 1 where the observed disturbance tells of the load, 0 on a surface and at limits of actuators.
+        bandwidth: of the observer, rad/s.
+        dt: s.
+        turned: torques of 1 kg m^2 about each axis of the tip, as the reference turns it (world axes), and the lag of
+            each of two stages of the observer, s; None of a law that learns no inertia.
+    """
+    at = hang(model.vehicle, R, joints, model.gravity)
+    mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)
+    least = gains.light * gains.limit
+    small = gains.noise_share * (memory.mass + least)
+    large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
+    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
+    m = clip(memory.mass + step * mass, 0.0, gains.limit)
+    slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
+    known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
+    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * known)
+    far = gains.furthest
+    place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
+    share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
+    inertia = memory.inertia
+    if gains.inertia is not None and isinstance(inertia, InertiaMemory) and turned is not None:
+        unit, late = turned
+        left, calm = (observed - memory.bias).efforts, learns * (1.0 - large)
+        inertia = learn_inertia(
+            gains.inertia, inertia, m, gains.size, model.vehicle, R, joints, unit, left, holds, calm, late, dt
+        )
+    after = LoadMemory(
+        mass=where(holds, m, 0.0),
+        place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
+        bias=memory.bias.filtered(observed, share, share),
+        inertia=inertia,
+    )
+    rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
+    return after, Disturbance(
+        force=Vec3(0, 0, rests * at.lift),
+        torque=at.turning[0] * rests,
+        efforts=tuple(row[0] * rests for row in at.efforts),
+    )
+
+
+def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:
+    """The share of an error that is learned in one period."""
+    return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadGains(Part):
+    """Constants of the learned load; ``limit`` is the law's option, the others are in no unit of the vehicle's size.
+
+    Attributes:
+        twist: N m, of a torque at the tip that counts as much against it as 1 N of the base's force does: a load's
+            weight times how far its centre of mass lies from the tip.
+        pace, place_pace: rates over the bandwidth of the slower of the observers of the base's force and of the joints.
+            The mass and the observer find the same weight at once, and from 2 on they would swing.
+        size: small, because a load that has less inertia than is believed of it makes the joints that turn it too
+            stiff, and one that has ten times as much does not.
+    """
+
+    limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
+    errors: ForceErrors = ForceErrors()
+    twist: Annotated[Scalar, Unit("N m", "at the tip, as much as 1 N of the base's force")] = 0.03
+    pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
+    noise_share: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
+    settled_rate: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
+    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.1
+    light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
+    furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
+    size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
+    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
+    inertia: InertiaGains | None = None
+
+    def start(self, joints: int) -> LoadMemory:
+        """Nothing is held and nothing is known."""
+        return first_load(joints, self.inertia is not None)
+
+    def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+        """The load belongs to the model of all that follows."""
+        return dataclasses.replace(par, model=with_learned(par.model, self, memory))
+
+    def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
+        """Learn the load; what holds it up from below is not answered."""
+        if not step.reference.load:
+            return memory
+        par, before, dt, observed = step.par, step.memory, step.dt, step.observed
+        holds = step.reference.load[0] > 0.5
+        learns: Any = where(all_follow(before.applied), 1.0, 0.0)
+        for each in before.free:
+            learns = mul(learns, each)
+        if step.pressing is not None:
+            contact: Any = par.parts.interaction
+            learns = where(logical_or(step.pressing.engaged > 0.5, step.pressing.asked), 0.0, learns)
+            # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
+            learns = mul(learns, where(holds, 1.0, rested(contact, before.parts.interaction)))
+        R, turned = observed.quaternion.rotation(), None
+        if self.inertia is not None:
+            late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
+            turned = (unit_torques(par.model.vehicle, step.signals), late)
+        bandwidth = minimum(par.observer.force, par.observer.joints)
+        load, resting = learn_load(
+            self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt, turned
+        )
+        step.unknown, step.force = step.unknown + resting, step.force + resting.force
+        return load
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadMemory:
+    """Memory of the learned load.
+
+    Attributes:
+        bias: observed without a load.
+    """
+
+    mass: Annotated[Scalar, Unit("kg", "learned")]
+    place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
+    bias: Disturbance
+    inertia: InertiaMemory | tuple[()] = ()
+
+
+def load_gains(limit: float, vehicle: Vehicle, mode: str, inertia: bool) -> LoadGains | None:
+    """Constants of the learned load for its largest mass, kg; None where it is left out.
+
+    Raises:
+        ControllerError: a vehicle without a tip that joints move; ``inertia`` without a mass or a tip that is kept.
+    """
+    if inertia and (limit == 0.0 or mode != "tip"):
+        raise ControllerError("controller.load_inertia = true: must be false without load, and but in mode 'tip'")
+    if limit == 0.0:
+        return None
+    if not vehicle.end_effector or not vehicle.n:
+        raise ControllerError(
+            f"controller.load = {shown(limit)}: must be 0: {vehicle.name!r} has no joints that move an end_effector"
+        )
+    return LoadGains(limit=limit, inertia=InertiaGains(stout=stout(vehicle)) if inertia else None)
+
+
+def first_load(joints: int, inertia: bool) -> LoadMemory:
+    """Nothing is held and nothing is known."""
+    found = first_inertia(joints) if inertia else ()
+    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints), inertia=found)

@@ -1,0 +1,92 @@
+"""Protocol of the parts of the centroidal law, and the control step that they see.
+
+A part is a record of constants with any of the functions below. What it remembers between two steps is its own record,
+which the law keeps beside those of the other parts. A part that is left out is not in the law's program at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance_observer import Observed, Told
+from skyarm.dynamics import State
+from skyarm.reference import Reference
+from skyarm.scalars import mul
+from skyarm.scalars.taylor import Taylor
+from skyarm.sensors.measurement import Measurement
+
+if TYPE_CHECKING:
+    from skyarm.control.laws.centroidal.demands import Demand
+    from skyarm.control.laws.centroidal.interaction import Pressing
+    from skyarm.control.laws.centroidal.memory import CentroidalMemory
+    from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+
+
+@dataclass(kw_only=True, slots=True)
+class Step:
+    """One control step as far as it is known; parts change it in the order of :class:`Parts`.
+
+    Attributes:
+        par: constants of this step. memory: of the law, one period earlier. dt: s.
+        signals: x, y, z, yaw and the joints of the reference, series in time.
+        observed: of the observer, at the measurement's time. told: accelerations of the model on the way to it.
+        alone: disturbance that the observer holds, with the adapted feed-forward.
+        unknown: disturbance that the demand compensates. force: N, world axes, that the posture follows.
+        state: now.
+        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and in contact.
+        external: 1 while a force on the tip is part of what is observed.
+        pressing: contact; None without one.
+        rate: N/s, world axes, of the observed force as far as it is trusted.
+        trend: level of the tracked force (N, world axes) and the share of it that is trusted; None without one.
+        demand: of the step, once it is known.
+    """
+
+    par: CentroidalParameters
+    memory: CentroidalMemory
+    measurement: Measurement
+    reference: Reference
+    dt: Any
+    signals: Sequence[Taylor]
+    observed: Observed
+    told: Told
+    alone: Disturbance
+    unknown: Disturbance
+    force: Vec3
+    free: tuple[Any, ...]
+    state: State = field(init=False)
+    isolated: Any = 1.0
+    external: Any = 0
+    pressing: Pressing | None = None
+    rate: Vec3 = ZERO3
+    trend: tuple[Vec3, Any] | None = None
+    demand: Demand | None = None
+
+    def isolate(self, share: Any) -> None:
+        """Let nothing be adapted where ``share`` is 0: something from outside is in what is observed."""
+        self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
+
+
+class Part:
+    """One part of the law; by default each function leaves things as they are."""
+
+    __slots__ = ()
+
+    def start(self, joints: int) -> Any:
+        """Memory before the first measurement, of a model with so many joints."""
+        return ()
+
+    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+        """Constants of the step: gains by what was found in flight, the model with a load."""
+        return par
+
+    def adjust_reference(self, memory: Any, step: Step) -> Any:
+        """Change the reference and the disturbance of the step; the part's memory one period later."""
+        return memory
+
+    def learn(self, memory: Any, step: Step) -> Any:
+        """The part's memory one period later, with the demand of the step."""
+        return memory

@@ -1,0 +1,321 @@
+"""The paper's computed torque with any of the steps that lead from it to the centroidal law.
+
+    a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
+    f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
+    alpha* = -I_b^-1 (KR e_R + Kw e_w) [+ R^T R_d wd_d - w x R^T R_d w_d]  as (85); w_d, wd_d from f, f', f''
+    a  = a*  or  [(f_real - F_0) / m]                                  the base's acceleration in the inverse dynamics
+    [T, tau] = M [a; alpha*; qdd*] + products  [- d]
+
+Terms in brackets are the steps. The base's angular acceleration stays out of the thrust direction: with it the attitude
+would chase its own control torque.
+
+Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, friction, mix
+from skyarm.actuation.hover import hover_trim
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.blocks.attitude import attitude, reachable
+from skyarm.control.blocks.center_of_mass import arm_reaction
+from skyarm.control.blocks.common import make_parameters, turn_towards, wanted_specific_force
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
+from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
+from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
+from skyarm.control.blocks.motor_lag import command_for
+from skyarm.control.blocks.prediction import with_side
+from skyarm.control.blocks.saturation import joints_follow, limit_efforts, rotors_follow
+from skyarm.control.blocks.select import data
+from skyarm.control.blocks.underactuated import forces_under_thrust
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.paper import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.options import positive, three, whole
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, divide, minimum, where
+from skyarm.scalars.taylor import Taylor
+from skyarm.sensors.measurement import Measurement
+
+COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION = range(1, 7)
+"""Steps on top of the paper's law; each has those before it.
+
+1. The thrust points along the force that the coupled dynamics need, with the arm's reaction.
+2. The inverse dynamics takes the base's acceleration that the real thrust gives, not the desired one.
+3. Force, torque and joint torques that the model lacks are estimated and compensated.
+4. Desired body rate and angular acceleration follow from the derivatives of the desired force.
+5. Held reference samples are continued to the present.
+6. Rotor commands undo the motors' lag.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepParameters(Parameters):
+    """Constants in addition to the paper's.
+
+    Attributes:
+        steps: how many are taken, 1 to 6.
+        observer: bandwidths, rad/s. reference_period: between published samples, s.
+        lag_share: of the motors' lag that rotor commands undo; above 1 counts as 1.
+        delay_periods: age of the measurement in control periods, for the observer's inputs.
+    """
+
+    steps: int
+    observer: ObserverGains
+    reference_period: Annotated[Scalar, Unit("s", "between published reference samples")]
+    lag_share: Annotated[Scalar, Unit("", "1: rotor commands undo the motors' lag, 0: they do not")]
+    delay_periods: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepMemory:
+    """Memory of the law; parts of steps that are not taken are empty.
+
+    Attributes:
+        started: 0 before the first measurement.
+        observed: of the observer, or none. sent: the last commands, oldest first.
+        free: 1 while no actuator was at its limit, for the base and each joint.
+        age, channels: of the held reference sample.
+    """
+
+    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    observed: Observed | tuple[()]
+    sent: tuple[Command, ...]
+    free: Annotated[tuple[Scalar, ...], Unit("", "1 while no actuator is at its limit: base, then joints")]
+    age: Annotated[Scalar, Unit("s", "since the held reference sample appeared")]
+    channels: tuple[Channel, ...]
+
+
+TILT, FLOOR = 1.2, 0.15
+"""Largest tangent of the wanted tilt and smallest vertical force, of the weight, where the force is differentiated."""
+
+
+def stepped_computed_torque(
+    memory: StepMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: StepParameters
+) -> tuple[StepMemory, Command]:
+    """One control step."""
+    steps, R = par.steps, measurement.quaternion.rotation()
+    goal, channels, age = _present(memory, reference, dt, par)
+    observed, unknown = _unknown(memory, measurement, dt, par)
+    qdd = joint_accelerations(par, measurement, goal)
+    wanted = wanted_specific_force(par, measurement, goal)
+    force = _force(wanted, measurement, R, qdd, unknown, par)
+    alpha = _turn(force, measurement, goal, R, unknown, par)
+    torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
+    speeds, squares = mix(par.mixer, torque, thrust)
+    if steps >= LAG_INVERSION:
+        turning = observed.rotor_speeds if isinstance(observed, Observed) else measurement.rotor_speeds
+        speeds = tuple(
+            command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
+            for rotor, now, target in zip(par.model.vehicle.rotors, turning, speeds, strict=True)
+        )
+    command = Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
+    inside = [rotors_follow(par.mixer, squares), *joints_follow(par.model.vehicle, efforts)]
+    following = StepMemory(
+        started=1.0,
+        observed=observed,
+        sent=(*memory.sent[1:], command) if steps >= OBSERVER else (),
+        free=tuple(where(each, 1.0, 0.0) for each in inside) if steps >= OBSERVER else (),
+        age=age,
+        channels=channels,
+    )
+    return following, command
+
+
+def _present(
+    memory: StepMemory, reference: Reference, dt: Any, par: StepParameters
+) -> tuple[Reference, tuple[Any, ...], Any]:
+    """The reference at the present instant, and what to remember of its samples."""
+    if par.steps < EXTRAPOLATION:
+        return reference, (), memory.age
+    series, channels, age = extrapolate(
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
+    )
+
+    def of(k: int) -> tuple[Any, ...]:
+        return tuple(signal.derivative(k) for signal in series)
+
+    p, v, a, j, s = (of(k) for k in range(5))
+    now = Reference(
+        position=Vec3(*p[:3]),
+        velocity=Vec3(*v[:3]),
+        acceleration=Vec3(*a[:3]),
+        jerk=Vec3(*j[:3]),
+        snap=Vec3(*s[:3]),
+        yaw=p[3],
+        yaw_rate=v[3],
+        yaw_acceleration=a[3],
+        joints=p[4:],
+        joint_rates=v[4:],
+        joint_accelerations=a[4:],
+    )
+    return now, channels, age
+
+
+def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters) -> tuple[Any, Disturbance]:
+    """The observer's memory and its estimate; nothing without it."""
+    if not isinstance(memory.observed, Observed):
+        return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
+    # the modelled rotors begin where the real ones are, whatever the arm's angles made them turn with
+    speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
+    before = dataclasses.replace(
+        memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
+    )
+    pushed, acted = disturbance(before), memory.sent[0]
+    observed, _ = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
+    # the observer's model has the rotors' drag in still air: what the base feels is that and what is left to learn
+    R = observed.quaternion.rotation()
+    felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)
+    return observed, felt
+
+
+def _force(
+    wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
+) -> Vec3:
+    """Desired force of the rotors, world axes, N: its direction is the desired thrust direction."""
+    vehicle = par.model.vehicle
+    force: Vec3 = wanted * vehicle.mass - unknown.force
+    if par.steps < COUPLED_THRUST:
+        return force
+    arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)
+    coupled: Vec3 = force + R.apply(arm.force)
+    return coupled
+
+
+def _turn(
+    force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
+) -> Vec3:
+    """Angular acceleration towards the force, base axes, rad/s^2."""
+    if par.steps < FEEDFORWARD:
+        return turn_towards(par, measurement, goal, R, force)
+    model = par.model
+    moving = _force_series(force, measurement, goal, R, unknown, par)
+    # near no force its direction turns without bound
+    moving = reachable(moving, TILT, FLOOR * model.vehicle.mass * model.gravity)
+    yaw = Taylor.of_derivatives((goal.yaw, goal.yaw_rate, goal.yaw_acceleration))
+    desired = attitude(moving, yaw)
+    relative = R.T @ desired.R
+    w_d = relative.apply(desired.rate)
+    pull = angular_acceleration(
+        par.gains, par.model.vehicle.base.inertia, attitude_error(R, desired.R), measurement.rate - w_d
+    )
+    turned: Vec3 = pull + relative.apply(desired.acceleration) - measurement.rate.cross(w_d)
+    return turned
+
+
+def _force_series(
+    force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
+) -> Vec3:
+    """The force with two derivatives: of the reference and of the PD, by the acceleration that the thrust gives."""
+    mass, b3 = par.model.vehicle.mass, R.column(2)
+    per_mass = divide(1.0, mass)
+    b3d = R.apply(measurement.rate.cross(E_Z))
+    along = force.dot(b3)
+    drift = measurement.velocity - goal.velocity
+    pull = (b3 * along + unknown.force) * per_mass - E_Z * par.model.gravity - goal.acceleration
+    first = goal.jerk * mass - par.gains.position.scaled(drift) - par.gains.velocity.scaled(pull)
+    change = (b3 * first.dot(b3) + b3 * force.dot(b3d) + b3d * along) * per_mass - goal.jerk
+    second = goal.snap * mass - par.gains.position.scaled(pull) - par.gains.velocity.scaled(change)
+    return Vec3(*(Taylor.of_derivatives(each) for each in zip(force, first, second, strict=True)))
+
+
+def _forces(
+    wanted: Vec3,
+    force: Vec3,
+    alpha: Vec3,
+    measurement: Measurement,
+    goal: Reference,
+    R: Mat3,
+    qdd: Any,
+    unknown: Disturbance,
+    par: StepParameters,
+) -> tuple[Vec3, Any, list[Any]]:
+    """Body torque, thrust and joint efforts of the inverse dynamics, less what the disturbance does already."""
+    vehicle, q = par.model.vehicle, measurement.joints
+    rate, rates, weight = measurement.rate, measurement.joint_rates, R.apply_T(unknown.force)
+    if par.steps >= CONSISTENT:
+        thrust = force.dot(R.column(2))
+        needed, efforts, _ = forces_under_thrust(
+            vehicle, q, rate, rates, applied=E_Z * thrust + weight, angular=alpha, joint_accelerations=qdd
+        )
+    else:
+        base = Motion(alpha, R.apply_T(wanted))
+        needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
+        thrust = needed.force.z - weight.z
+    found = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    if par.steps >= OBSERVER:
+        # the observer's model has the friction, so that no disturbance stands for it
+        given = zip(found, vehicle.links, rates, goal.joint_rates, strict=True)
+        found = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
+    return needed.torque - unknown.torque, thrust, found
+
+
+UNFILTERED = 1e6
+"""rad/s: the observer takes the pose as measured."""
+
+
+def make_stepped(
+    model: Model,
+    *,
+    steps: int = LAG_INVERSION,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
+    reference_period: float = 0.02,
+    lag_share: float = 1.0,
+    delay_periods: int = 0,
+) -> Controller:
+    """The law for any vehicle.
+
+    Args:
+        model: what it believes.
+        steps: how many of the six are taken.
+        gains: of the base, as the paper's.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        observer: bandwidths of force, torque and joint torques, rad/s.
+        reference_period: between published samples, s.
+        lag_share: of the motors' lag that rotor commands undo, 0 to 1.
+        delay_periods: known age of the measurement in control periods.
+    """
+    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= LAG_INVERSION:
+        raise ControllerError(f"controller.steps = {shown(steps)}: must be a whole number from 1 to {LAG_INVERSION}")
+    force, torque, joints = three("observer", observer)
+    par = make_parameters(
+        StepParameters,
+        model,
+        gains=gains,
+        joint_gains=joint_gains,
+        mixer_policy=mixer_policy,
+        steps=steps,
+        observer=ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
+        reference_period=positive("reference_period", reference_period),
+        lag_share=positive("lag_share", lag_share, zero=True),
+        delay_periods=whole("delay_periods", delay_periods),
+    )
+    return Controller(name="ct_ladder", law=stepped_computed_torque, par=par, memory=_first(model, par))
+
+
+def _first(model: Model, par: StepParameters) -> StepMemory:
+    """Memory before the first measurement: a level hover with the joints at zero."""
+    vehicle, steps = model.vehicle, par.steps
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
+    standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
+    return StepMemory(
+        started=0.0,
+        observed=first_observed(vehicle.n, speeds) if steps >= OBSERVER else (),
+        sent=(standing,) * (par.delay_periods + 1) if steps >= OBSERVER else (),
+        free=(1.0,) * (1 + vehicle.n) if steps >= OBSERVER else (),
+        age=0.0,
+        channels=(Channel(),) * (4 + vehicle.n) if steps >= EXTRAPOLATION else (),
+    )

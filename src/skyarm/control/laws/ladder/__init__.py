@@ -1,1 +1,0 @@
-"""The paper's computed torque made better one step at a time."""

@@ -1,1 +1,0 @@
-"""The paper's law, its baseline and the controller that RotorS ships."""

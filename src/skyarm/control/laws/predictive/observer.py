@@ -1,0 +1,229 @@
+"""State estimate of the predictive law: extended state observer, command delay, frozen sensors.
+
+Velocity and disturbance come from a second-order extended state observer.
+
+Command delay, from the measured rotor speeds: a rotor that follows its commands k periods late turns, at every instant,
+as its model did k periods before. The speeds of the model are stored for the longest delay; the delay whose speeds were
+nearest to the measured ones lately is taken once it is clearly nearer than the present one. It makes no difference
+whether commands are late on their way out or measurements on their way in.
+
+Frozen sensors: a reading whose numbers are those of the one before, to the last bit, is no new one (a sensor that
+hangs, a link that repeats itself, a sensor slower than the control). It is replaced by the prediction and the observer
+does not learn from it: taken for new it would say that the vehicle has stopped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation import Command, limited_effort
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.filters import double_pole
+from skyarm.control.blocks.prediction import motor_speeds
+from skyarm.control.laws.predictive.prediction import Inputs, advance
+from skyarm.control.model import Model
+from skyarm.dynamics import State, mass_matrix
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, mul
+from skyarm.sensors.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate:
+    """Estimate at the instant of the last measurement: state, and disturbance that the model lacks."""
+
+    state: State
+    disturbance: Disturbance
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bandwidths:
+    """How fast the observer follows, rad/s: linear, angular and joint motion."""
+
+    linear: Annotated[Scalar, Unit("rad/s")]
+    angular: Annotated[Scalar, Unit("rad/s")]
+    joints: Annotated[Scalar, Unit("rad/s")]
+
+
+def predict(model: Model, estimate: Estimate, command: Command, dt: Any) -> State:
+    """State ``dt`` seconds later under a held command, whose rotors lag."""
+    state = estimate.state
+    after = motor_speeds(model, state.rotor_speeds, command, dt)
+    rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
+    given = zip(model.vehicle.links, command.efforts, strict=True)
+    efforts = tuple(limited_effort(link.joint, effort) for link, effort in given)
+    return advance(model, state, Inputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
+
+
+def observe(
+    model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Any
+) -> Estimate:
+    """Estimate at a measurement from the one a period earlier and the command that acted in between.
+
+    The correction is that of :mod:`skyarm.control.blocks.disturbance_observer`, of velocities foreseen over a whole
+    period. Pose and joints are the measured ones.
+
+    Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our own.
+    """
+    foreseen, n = predict(model, before, command, dt), model.vehicle.n
+    R = measurement.quaternion.rotation()
+    measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
+    expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
+    speeds = (*(bandwidths.linear,) * 3, *(bandwidths.angular,) * 3, *(bandwidths.joints,) * n)
+    shares = [double_pole(w, dt) for w in speeds]
+    e = [a - b for a, b in zip(measured, expected, strict=True)]
+    v = [x + L1 * error for x, (L1, _), error in zip(expected, shares, e, strict=True)]
+    push = [divide(L2 * error, dt) for (_, L2), error in zip(shares, e, strict=True)]
+    M = mass_matrix(model.vehicle, R, measurement.joints)
+    d = before.disturbance
+    known = (*d.force, *d.torque, *d.efforts)
+    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(known, M, strict=True)]
+    state = State(
+        position=measurement.position,
+        quaternion=measurement.quaternion,
+        velocity=Vec3(*v[:3]),
+        rate=Vec3(*v[3:6]),
+        joints=measurement.joints,
+        joint_rates=tuple(v[6:]),
+        rotor_speeds=foreseen.rotor_speeds,
+    )
+    return Estimate(
+        state=state,
+        disturbance=Disturbance(force=Vec3(*force[:3]), torque=Vec3(*force[3:6]), efforts=tuple(force[6:])),
+    )
+
+
+Array = npt.NDArray[np.float64]
+
+LONGEST = 12
+"""Control periods: no longer delay is looked for."""
+
+MEMORY = 0.5
+"""s: time over which differences count."""
+
+LEAST = 10
+"""Measurements before anything is believed."""
+
+CLEAR = 0.25
+"""Share of the believed delay's mean square at which another one is believed instead."""
+
+NOTICED = 0.5
+"""rad/s: root mean square below which the believed delay is good enough."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lateness:
+    """History of commands and rotors for the delay estimate.
+
+    Attributes:
+        modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
+        squares: (LONGEST + 1,) forgotten sums of squared differences from the measured speeds, one a delay.
+        weight: the same sum of ones. count: measurements. periods: delay that is believed.
+    """
+
+    modelled: Array
+    squares: Array
+    weight: float = 0.0
+    count: int = 0
+    periods: int = 0
+
+
+def first_lateness(speeds: Array) -> Lateness:
+    """Initial delay estimate at the first measurement: none."""
+    return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
+
+
+def compared(before: Lateness, modelled: Array, measured: Array | None, dt: float) -> Lateness:
+    """The same after ``dt`` s.
+
+    Args:
+        before: one period earlier.
+        modelled: (rotors,) speeds now of rotors that obeyed the commands so far at once.
+        measured: (rotors,) speeds; None if they are those of the measurement before, which tell nothing.
+        dt: s.
+    """
+    rows = np.vstack([modelled, before.modelled[:-1]])
+    if measured is None:
+        return dataclasses.replace(before, modelled=rows)
+    kept = np.exp(-dt / MEMORY)
+    squares = kept * before.squares + np.mean((rows - measured) ** 2, axis=1)
+    found = Lateness(rows, squares, kept * before.weight + 1.0, before.count + 1, before.periods)
+    now = squares[found.periods]
+    best = int(np.argmin(squares))
+    if found.count < LEAST or not now > NOTICED**2 * found.weight or not squares[best] < CLEAR * now:
+        return found
+    return dataclasses.replace(found, periods=best)
+
+
+PARTS = {"position": (1, 4), "quaternion": (4, 8), "velocity": (8, 11), "rate": (11, 14)}
+"""Numbers of a measurement that one sensor says: first and end, in the order of its leaves."""
+
+FIRST_JOINT = 17
+"""Number of the first joint among a measurement's leaves."""
+
+LONG = 3
+"""Periods without news of a velocity after which the next news is taken over at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fresh:
+    """The last measurement, its leaves as they came, and periods since velocity and rate were both new."""
+
+    reading: Array
+    silent: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck:
+    """Repeated parts of a measurement.
+
+    Attributes:
+        parts: keys of :data:`PARTS`, and "arm" where everything is the same.
+        silent: periods since velocity and rate were both new. spoke_again: whether they are now, after long silence.
+    """
+
+    parts: tuple[str, ...]
+    silent: int
+    spoke_again: bool
+
+
+def frozen(last: Fresh | None, reading: Array, joints: int) -> Stuck:
+    """Compare a measurement with the one before.
+
+    An arm at rest says the same for long, so that its readings count as old only where every other one is.
+    """
+    if last is None:
+        return Stuck((), 0, False)
+    same = [name for name, (a, b) in PARTS.items() if np.array_equal(reading[a:b], last.reading[a:b])]
+    arm = slice(FIRST_JOINT, FIRST_JOINT + 2 * joints)
+    if len(same) == len(PARTS) and np.array_equal(reading[arm], last.reading[arm]):
+        same.append("arm")
+    if "velocity" in same or "rate" in same:
+        return Stuck(tuple(same), last.silent + 1, False)
+    return Stuck(tuple(same), 0, last.silent >= LONG)
+
+
+def filled(reading: Array, foreseen: Array, parts: tuple[str, ...], joints: int) -> Array:
+    """A measurement with its repeated parts replaced by those of a predicted state (the leaves of an estimate)."""
+    found = reading.copy()
+    for name in parts:
+        # a state lists the same parts without the time before them and the specific force before the joints
+        a, b, earlier = (*PARTS[name], 1) if name in PARTS else (FIRST_JOINT, FIRST_JOINT + 2 * joints, 4)
+        found[a:b] = foreseen[a - earlier : b - earlier]
+    return found
+
+
+def taken_over(estimate: Array, before: Array, reading: Array, joints: int) -> Array:
+    """An estimate with the measured velocities, and the disturbance as it was before they were missed."""
+    found = estimate.copy()
+    found[7:13] = reading[8:14]
+    rates = 13 + joints
+    found[rates : rates + joints] = reading[FIRST_JOINT + joints : FIRST_JOINT + 2 * joints]
+    found[-6 - joints :] = before[-6 - joints :]
+    return found

@@ -1,0 +1,203 @@
+"""Prediction of the motion: the model of the vehicle under held inputs.
+
+An input of a rotor is the rate of its speed: constant over a stage, so that the prediction is smooth although real
+motors speed up faster than they slow down. The command that makes a rotor turn so is found afterwards.
+Limits of joint torques are bounds of the inputs and no part of the motion: a clip would halve its slope at the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm import dynamics
+from skyarm.actuation import rotor_force
+from skyarm.algebra import Force, Mat3, Motion, Vec3, ldl_solve
+from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import acceleration_under
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.scalars import Scalar, divide, exp, maximum, minimum, where
+from skyarm.vehicle.vehicle_records import Rotor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Inputs:
+    """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
+
+    rotor_accelerations: tuple[Scalar, ...]
+    efforts: tuple[Scalar, ...]
+
+
+def accelerations(
+    model: Model,
+    state: State,
+    efforts: tuple[Any, ...],
+    disturbance: Disturbance,
+    dry_rates: tuple[Any, ...] | None = None,
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a disturbance.
+
+    Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
+    """
+    R = state.quaternion.rotation()
+    return acceleration_under(
+        model,
+        R,
+        state.rate,
+        state.joints,
+        state.joint_rates,
+        _on_base(model, state, R, disturbance),
+        efforts,
+        disturbance.efforts,
+        state.joint_rates if dry_rates is None else dry_rates,
+    )
+
+
+def base_accelerations(
+    model: Model, state: State, joint_accelerations: tuple[Any, ...], disturbance: Disturbance
+) -> tuple[Vec3, Vec3]:
+    """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
+    vehicle, R = model.vehicle, state.quaternion.rotation()
+    applied = _on_base(model, state, R, disturbance)
+    still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
+    moving = state.joints, state.rate, state.joint_rates
+    needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
+    pushed = applied - needed
+    whole = [row[:6] for row in dynamics.mass_matrix(vehicle, Mat3.identity(), state.joints)[:6]]
+    x = ldl_solve(whole, [*pushed.force, *pushed.torque])
+    return coordinate_acceleration(R, Motion(Vec3(*x[3:]), Vec3(*x[:3])), model.gravity)
+
+
+def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> Force:
+    """Torque and force of rotors and disturbance at the base origin, base axes."""
+    v_B = R.apply_T(state.velocity)
+    applied = Force(disturbance.torque, R.apply_T(disturbance.force))
+    for rotor, speed in zip(model.vehicle.rotors, state.rotor_speeds, strict=True):
+        applied = applied + rotor_force(rotor, speed, v_B + state.rate.cross(rotor.position))
+    return applied
+
+
+def derivative(
+    model: Model,
+    state: State,
+    inputs: Inputs,
+    disturbance: Disturbance,
+    dry_rates: tuple[Any, ...] | None = None,
+) -> State:
+    """Time derivative of the state, part by part."""
+    linear, angular, joints = accelerations(model, state, inputs.efforts, disturbance, dry_rates)
+    return State(
+        position=state.velocity,
+        quaternion=state.quaternion.derivative(state.rate),
+        velocity=linear,
+        rate=angular,
+        joints=state.joint_rates,
+        joint_rates=joints,
+        rotor_speeds=inputs.rotor_accelerations,
+    )
+
+
+def advance(
+    model: Model,
+    state: State,
+    inputs: Inputs,
+    disturbance: Disturbance,
+    dt: Any,
+    dry_rates: tuple[Any, ...] | None = None,
+) -> State:
+    """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
+
+    Source: Kutta 1901.
+    """
+
+    def slope(at: State) -> State:
+        return derivative(model, at, inputs, disturbance, dry_rates)
+
+    k1 = slope(state)
+    return _stepped(state, k1, slope, dt)
+
+
+def carried(
+    model: Model,
+    state: State,
+    inputs: Inputs,
+    disturbance: Disturbance,
+    dt: Any,
+    dry_rates: tuple[Any, ...] | None = None,
+) -> State:
+    """State after a stage of ``dt`` seconds: efforts at its beginning, from there on the joint accelerations they give.
+
+    A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
+    light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
+    A plan takes dry friction at the reference's joint rates: of the state's own it is as stiff as tanh is steep.
+    """
+    first = derivative(model, state, inputs, disturbance, dry_rates)
+
+    def slope(at: State) -> State:
+        linear, angular = base_accelerations(model, at, first.joint_rates, disturbance)
+        return State(
+            position=at.velocity,
+            quaternion=at.quaternion.derivative(at.rate),
+            velocity=linear,
+            rate=angular,
+            joints=at.joint_rates,
+            joint_rates=first.joint_rates,
+            rotor_speeds=inputs.rotor_accelerations,
+        )
+
+    return _stepped(state, first, slope, dt)
+
+
+def _stepped(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:
+    """One step of the classical Runge-Kutta method, its first slope known."""
+    k2 = slope(moved(state, k1, 0.5 * dt))
+    k3 = slope(moved(state, k2, 0.5 * dt))
+    k4 = slope(moved(state, k3, dt))
+    mean = (
+        (a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*(leaves(k) for k in (k1, k2, k3, k4)), strict=True)
+    )
+    end = moved(state, rebuild(k1, mean), dt)
+    values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
+    return rebuild(state, iter(values))
+
+
+def moved(state: State, rate: State, dt: Any) -> State:
+    """Return state + dt * rate, number by number."""
+    return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
+
+
+@dataclass(frozen=True, slots=True)
+class Motors:
+    """Rotors as commands see them, an array each: shares of a change made in a period upward and downward, rad/s."""
+
+    up: Any
+    down: Any
+    most: Any
+
+
+def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
+    """The motors of rotors at a control period of ``dt`` s."""
+    up, down = (
+        np.array([1.0 - exp(divide(-dt, getattr(rotor, name))) for rotor in rotors])
+        for name in ("time_constant_up", "time_constant_down")
+    )
+    return Motors(up, down, np.array([float(rotor.max_speed) for rotor in rotors]))
+
+
+def command_for(lags: Motors, speed: Any, acceleration: Any, dt: Any) -> Any:
+    """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
+    change = acceleration * dt
+    wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
+    return maximum(0.0, minimum(wanted, lags.most))
+
+
+def speeds_under(lags: Motors, speed: Any, command: Any) -> Any:
+    """Speeds (rad/s) of lagging rotors after the period of the lags under commanded speeds."""
+    change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
+    return speed + change * np.where(change > 0.0, lags.up, lags.down)

@@ -1,0 +1,331 @@
+"""Two laws that press a surface with the paper's laws: hybrid force and motion control, and admittance control.
+
+Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
+bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
+what is done with them differs.
+
+``hybrid_ct``, the paper's computed torque with a force along the believed outward normal n. Across n the law is the
+paper's. Along n, from the first touch on, the tip has no position, only damping: of the joints' desired accelerations
+that part which moves the tip along n is replaced by -d v_n, by the pseudo-inverse of the row n'J. The order
+
+    o = g (f_d + i),   i' = k (f_d - f . n)
+
+stands as a known force n o of the surface on the tip: its joint torques J^T n o, its torque about the base and its
+force are taken off the inverse dynamics, and the attitude turns for the rest. Touch, loss, ramp g, integral, damping
+and the shift of the reference with which the base comes to the surface and follows it are the centroidal law's.
+
+``admittance_pd``, the paper's baseline on a reference that a virtual mass shifts by s along n:
+
+    M s'' + D s' = f . n - f_d,     D = f_d / v,     M = D / rate,
+
+with f the observed force of the surface on the tip, f_d the desired one and v the speed with which the tip comes: in
+free flight f_d drives the virtual mass towards the surface at v, on it s rests where the desired force acts. Without
+contact s returns. The base's soft position loop presses; the joints carry the desired force by J^T n f_d, ramped as the
+centroidal law does, and keep the arm's posture by PD.
+
+Source: Raibert, Craig 1981, "Hybrid position/force control of manipulators"; Khatib 1987 (force feed-forward J^T f);
+Hogan 1985; admittance around a position-controlled aerial robot as in Augugliaro, D'Andrea 2013, "Admittance control
+for physical human-quadrocopter interaction", ECC; the laws: Barakou et al. 2026, eq. (86)-(96).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.actuation import Command, mix
+from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
+from skyarm.control.blocks.common import make_parameters, no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.default_gains import default_joint_gains
+from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.laws.centroidal.interaction import (
+    InteractionGains,
+    InteractionMemory,
+    Pressing,
+    first_interaction,
+    interact,
+    interaction_gains,
+    wanted_of,
+)
+from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
+from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.options import three, two
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+UNFILTERED = 1e6
+"""rad/s: the observer takes the pose as measured."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PressingParameters(Parameters):
+    """Constants in addition to the paper's."""
+
+    observer: ObserverGains
+    interaction: InteractionGains
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PressingMemory:
+    """Memory of a rival that presses.
+
+    Attributes:
+        started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
+            touch and loss.
+    """
+
+    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    observed: Observed
+    sent: Command
+    interaction: InteractionMemory
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """State of the contact in a period.
+
+    Attributes:
+        at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
+            surface along its normal, 0 where the tip does not touch. speed: m/s, with which the tip comes. into: m/s,
+            of the tip into the surface.
+    """
+
+    at: TipLevers
+    pressing: Pressing
+    force: Any
+    along: Any
+    speed: Any
+    into: Any
+
+
+def listen(
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, par: PressingParameters
+) -> tuple[PressingMemory, Touch | None]:
+    """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
+    vehicle = par.model.vehicle
+    # the modelled rotors begin where the real ones are
+    speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
+    before = dataclasses.replace(
+        memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
+    )
+    free = (1.0,) * (1 + vehicle.n)
+    pushed = disturbance(before)
+    observed, _ = observe(par.model, par.observer, before, measurement, memory.sent, pushed, memory.started, free, dt)
+    after = dataclasses.replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
+    if not reference.push:
+        return after, None
+    at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
+    wanted = wanted_of(reference.push[:5])
+    moving = measurement.rate.cross(at.tip)
+    for column, rate in zip(at.columns, measurement.joint_rates, strict=True):
+        moving = moving + column * rate
+    into = -wanted.normal.dot(measurement.velocity + at.R.apply(moving))
+    held, pressing = interact(
+        par.interaction, memory.interaction, wanted, vehicle, disturbance(observed), at, into, 0.0, dt
+    )
+    along = where(held.touching > 0.5, wanted.normal.dot(pressing.force), 0.0)
+    touch = Touch(at=at, pressing=pressing, force=wanted.force, along=along, speed=wanted.speed, into=into)
+    return dataclasses.replace(after, interaction=held), touch
+
+
+def moved(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Reference:
+    """The reference with the base's path moved along a normal (m, m/s, m/s^2)."""
+    s, rate, acceleration = shift
+    return dataclasses.replace(
+        reference,
+        position=reference.position + n * s,
+        velocity=reference.velocity + n * rate,
+        acceleration=reference.acceleration + n * acceleration,
+    )
+
+
+def pressing_controller(name: str, law: Law, model: Model, observer: Any, thresholds: Any, **gains: Any) -> Controller:
+    """A law with the paper's constants, those of the observer, and those of touch and loss.
+
+    Args:
+        name: of the law.
+        law: itself.
+        model: what it believes.
+        observer: bandwidths of force, torque and joint torques, rad/s.
+        thresholds: N along the normal, above which the tip touches and below which it is lost.
+        **gains: those of :func:`skyarm.control.blocks.common.make_parameters`.
+
+    Raises:
+        ControllerError: bandwidths or thresholds that are none, or a vehicle whose joints move no tip.
+    """
+    vehicle = model.vehicle
+    if not vehicle.end_effector or not vehicle.n:
+        raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
+    force, torque, joints = three("observer", observer)
+    interaction = interaction_gains(two("interaction", thresholds, zero=True), "tip", vehicle)
+    if interaction is None:
+        raise ControllerError(f"controller.interaction = {shown(thresholds)}: must be two forces above 0")
+    heard = ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)
+    par = make_parameters(PressingParameters, model, observer=heard, interaction=interaction, **gains)
+    return Controller(name=name, law=law, par=par, memory=first_pressing(model))
+
+
+def first_pressing(model: Model) -> PressingMemory:
+    """Nothing was sent and nothing is known."""
+    vehicle = model.vehicle
+    still = (0.0,) * len(vehicle.rotors)
+    return PressingMemory(
+        started=0.0,
+        observed=first_observed(vehicle.n, still),
+        sent=no_command(vehicle),
+        interaction=first_interaction(vehicle.n),
+    )
+
+
+VAGUE = 0.01
+"""m/rad: joints that move the tip along the normal by less are left as they are."""
+
+
+def hybrid_ct(
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
+) -> tuple[PressingMemory, Command]:
+    """The paper's computed torque across the normal, force along it."""
+    after, touch = listen(memory, measurement, reference, dt, par)
+    if touch is None:
+        _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
+        return dataclasses.replace(after, sent=command), command
+    reference = moved(reference, touch.pressing.n, touch.pressing.shift)
+    wanted = level_tip(par.model.vehicle, reference)
+    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - wanted)
+    command = pressed(par, measurement, reference, touch)
+    held = dataclasses.replace(after.interaction, gap=gap)
+    return dataclasses.replace(after, sent=command, interaction=held), command
+
+
+def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
+    """Tip position of a level base at its reference, m, world axes."""
+    arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
+    return reference.position + arm
+
+
+def pressed(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
+    """The command with the order along the normal; with no order and no touch the paper's law."""
+    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    up = wanted_specific_force(par, measurement, reference)
+    known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
+    alpha = turn_towards(par, measurement, reference, R, up - known.force * divide(1.0, vehicle.mass))
+    qdd = freed(touch, joint_accelerations(par, measurement, reference))
+    force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
+    efforts = [sub(torque, effort) for torque, effort in zip(torques, known.efforts, strict=True)]
+    thrust = force.force.z - R.apply_T(known.force).z
+    speeds, _ = mix(par.mixer, force.torque - known.torque, thrust)
+    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
+
+
+def freed(touch: Touch, wanted: Sequence[Any]) -> tuple[Any, ...]:
+    """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
+    own = touch.at.R.apply_T(touch.pressing.n)
+    row = [own.dot(column) for column in touch.at.columns]
+    length, along = VAGUE * VAGUE, touch.pressing.damping * -touch.into
+    for each, acceleration in zip(row, wanted, strict=True):
+        length, along = add(length, mul(each, each)), add(along, mul(each, acceleration))
+    step = mul(touch.pressing.share, divide(along, length))
+    return tuple(sub(acceleration, mul(each, step)) for each, acceleration in zip(row, wanted, strict=True))
+
+
+def make_hybrid_ct(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
+    interaction: tuple[float, float] = (0.3, 0.1),
+) -> Controller:
+    """The law for any vehicle whose joints move a tip.
+
+    Args:
+        model: what it believes.
+        gains: of the base, as the paper's.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        observer: bandwidths of force, torque and joint torques, rad/s.
+        interaction: N along the normal, above which the tip touches and below which it is lost.
+    """
+    given = {"gains": gains, "joint_gains": joint_gains, "mixer_policy": mixer_policy}
+    return pressing_controller("hybrid_ct", hybrid_ct, model, observer, interaction, **given)
+
+
+RATE = 4.0
+"""1/s, D / M: the virtual mass takes the speed of coming in a quarter of a second."""
+
+BACK = 4.0
+"""rad/s, critically damped, with which the shift returns."""
+
+LEAST = 0.01
+"""N and m/s, below which a wanted force or speed sets no damping."""
+
+
+def admittance_pd(
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
+) -> tuple[PressingMemory, Command]:
+    """The paper's baseline, its reference shifted by the virtual mass."""
+    after, touch = listen(memory, measurement, reference, dt, par)
+    if touch is not None:
+        shift = yielded(par, memory, touch, dt)
+        held = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
+        after, reference = dataclasses.replace(after, interaction=held), moved(reference, touch.pressing.n, shift)
+    _, command = decoupled_pd((), measurement, reference, dt, par=par)
+    if touch is not None:
+        borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
+        efforts = [sub(effort, each) for effort, each in zip(command.efforts, borne, strict=True)]
+        command = dataclasses.replace(command, efforts=limit_efforts(par, efforts))
+    return dataclasses.replace(after, sent=command), command
+
+
+def yielded(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Any) -> tuple[Any, Any, Any]:
+    """Place, velocity and acceleration of the virtual mass one period later, m along the normal."""
+    s, rate = memory.interaction.shift, memory.interaction.shift_rate
+    damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
+    driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle
+    # a hard surface pushes no faster back than the tip came
+    driven = minimum(driven, touch.speed)
+    after = where(touch.pressing.asked, (rate + RATE * dt * driven) / (1.0 + RATE * dt), 0.0)
+    back = (rate - BACK * BACK * dt * s) / (1.0 + 2.0 * BACK * dt + BACK * BACK * dt * dt)
+    velocity = where(touch.pressing.asked, after, back)
+    far = par.interaction.furthest
+    place = clip(s + dt * velocity, -far, far)
+    velocity = divide(place - s, dt)  # none at the end of its way
+    return place, velocity, divide(velocity - rate, dt)
+
+
+def make_admittance_pd(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
+    interaction: tuple[float, float] = (0.3, 0.1),
+) -> Controller:
+    """The law for any vehicle whose joints move a tip.
+
+    Args:
+        model: what it believes.
+        gains: of the base, as the paper's.
+        joint_gains: on torque, as the paper's baseline has them.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        observer: bandwidths of force, torque and joint torques, rad/s.
+        interaction: N along the normal, above which the tip touches and below which it is lost.
+    """
+    given = {
+        "gains": gains,
+        "joint_gains": joint_gains or default_joint_gains("decoupled_pd", model),
+        "mixer_policy": mixer_policy,
+    }
+    return pressing_controller("admittance_pd", admittance_pd, model, observer, interaction, **given)

@@ -1,0 +1,92 @@
+"""Text of messages: on one line of bounded length, printable, with what was perhaps meant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+LONGEST = 100
+"""Characters of a value that a message shows."""
+
+LONGEST_LIST = 400
+"""Characters of a list of names."""
+
+LONGEST_LINE = 1000
+"""Characters of a message."""
+
+
+def printable(text: str) -> str:
+    r"""Text whose control characters are written out, so that a name in a file is no command of a terminal.
+
+    Written out, as ``\x1b`` or ``\u202e``, is what Unicode counts as control, format (the reversal of what is read from
+    right to left among them), line separator, surrogate or unassigned; blanks other than the usual one, too.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def one_line(text: str) -> str:
+    """A message on one line, its middle left out where it is too long."""
+    line = printable(" ".join(text.split()))
+    if len(line) <= LONGEST_LINE:
+        return line
+    return f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 + 5 :]}"
+
+
+def listed(names: Iterable[Any]) -> str:
+    """Names as messages list them: parted by commas, on one line of bounded length."""
+    text = printable(", ".join(map(str, names)))
+    return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: on one line, not for pages."""
+    try:
+        text = " ".join(repr(value).split())  # an array's text has several lines
+    except (ValueError, RecursionError):  # a whole number of over 4300 digits; lists in lists
+        text = f"({type(value).__name__} too large to show)"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+LIKE = 0.6
+"""Likeness from which a name counts as meant, of difflib's ratio from 0 to 1."""
+
+
+NEAREST = 4
+"""Names of a long list that a message shows."""
+
+
+def did_you_mean(word: Any, known: Iterable[str]) -> str:
+    """Words that begin a message, such as ``did you mean 'case3'? ``; empty where nothing is alike."""
+    if not isinstance(word, str):
+        return ""
+    names = [name for name in known if name != word]
+    near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
+    if not near:
+        lower = {name.lower(): name for name in names}
+        near = [lower[each] for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)]
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def nearest(word: Any, known: Iterable[str]) -> list[str]:
+    """``NEAREST`` names: those that are like a word, the most alike first, then the first others."""
+    names = list(known)
+    near = difflib.get_close_matches(str(word), names, n=NEAREST, cutoff=LIKE)
+    return list(dict.fromkeys((*near, *names)))[:NEAREST]
+
+
+def must_be_one_of(known: Iterable[str], word: Any, see: str = "") -> str:
+    """Allowed names in words, after what was perhaps meant.
+
+    Args:
+        known: names.
+        word: that is none of them.
+        see: command that lists all of them: more than ``NEAREST`` are then named no further than the nearest.
+    """
+    names = list(known)
+    if see and len(names) > NEAREST:
+        near = ", ".join(nearest(word, names))
+        return f"{did_you_mean(word, names)}must be one of {near} ...; {see!r} shows all {len(names)}"
+    return f"{did_you_mean(word, names)}must be one of {', '.join(names) or 'none'}"

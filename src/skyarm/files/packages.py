@@ -1,0 +1,140 @@
+"""Installed packages: their versions, the lowest that are known to work, and how extras are installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import sys
+from collections.abc import Iterable
+from functools import lru_cache
+from importlib import metadata
+
+FLOORS = {
+    "jinja2": "3.1",
+    "llvmlite": "0.45",
+    "numpy": "1.26",
+    "mujoco-core": "4.0",
+    "typer": "0.20",
+    "rich": "13",
+    "pydantic": "2.7",
+    "matplotlib": "3.8",
+}
+"""Package -> the lowest version that the tests have passed on."""
+
+UNSPLIT = "mujoco"
+"""Before its version 4.0 this package held the files that are mujoco-core's since then: each overwrites the other's."""
+
+METADATA = ".dist-info"
+NUMBERS = re.compile(r"\d+(?:\.\d+)*")
+
+
+def installed(packages: Iterable[str], path: Iterable[str] | None = None) -> dict[str, str]:
+    """Versions of those packages that are installed, from the names of their metadata folders.
+
+    Half a millisecond for all; ``importlib.metadata`` reads and parses a file for each and takes twenty.
+
+    Args:
+        packages: names in lower case, with hyphens.
+        path: folders in the order of import; ``sys.path`` if left out.
+    """
+    wanted, found = set(packages), dict[str, str]()
+    for folder in sys.path if path is None else path:
+        here: dict[str, str] = {}
+        for entry in _entries(folder):
+            if entry.endswith(METADATA):
+                name, _, version = entry.removesuffix(METADATA).partition("-")
+                name = name.lower().replace("_", "-")
+                # an update that was cut off leaves the folder of the old version beside that of the new
+                if name in wanted and (name not in here or _order(version) > _order(here[name])):
+                    here[name] = version
+        found = here | found
+    return found
+
+
+def below_floor(versions: dict[str, str]) -> str | None:
+    """One line that names the first package whose version is too low, what is needed, and what to do."""
+    for package, floor in FLOORS.items():
+        version = versions.get(package)
+        if version is not None and _order(version) < _order(floor):
+            return (
+                f"{package} {version} is installed: must be at least {floor}; "
+                f"python -m pip install --upgrade '{package}>={floor}'"
+            )
+    unsplit = versions.get(UNSPLIT)
+    if unsplit is not None and _order(unsplit) < _order(FLOORS["mujoco-core"]):
+        return (
+            f"{UNSPLIT} {unsplit} is installed, whose files are those of mujoco-core: must be absent or at least "
+            f"{FLOORS['mujoco-core']}; python -m pip uninstall --yes {UNSPLIT} && "
+            f"python -m pip install --force-reinstall --no-deps mujoco-core"
+        )
+    return None
+
+
+def _entries(folder: str) -> list[str]:
+    try:
+        return os.listdir(folder or os.curdir)
+    except OSError:  # no folder: a zip file, or nothing
+        return []
+
+
+def _order(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version, for comparison: without trailing zeros, which mean nothing."""
+    match = NUMBERS.match(version)
+    numbers = [int(part) for part in match[0].split(".")] if match else []
+    while numbers and numbers[-1] == 0:
+        numbers.pop()
+    return tuple(numbers)
+
+
+ABSENT = "not installed"
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of Python, of skyarm and of some packages."""
+    return {"python": platform.python_version(), **{name: _version(name) for name in ("skyarm", *packages)}}
+
+
+@lru_cache(maxsize=32)
+def _version(package: str) -> str:
+    if package == "skyarm":
+        # what an editable installation noted once is not the version of the source that runs; not imported, because
+        # the package's front reaches every room
+        return str(sys.modules["skyarm"].__version__)
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ABSENT
+
+
+PACKAGE = "skyarm"
+
+
+def from_index() -> bool:
+    """Whether this installation came from a package index: only then does an index know the package's name."""
+    try:
+        installed = metadata.distribution(PACKAGE)
+    except metadata.PackageNotFoundError:
+        return False
+    # pip writes this file for what it was given as a path or an address (PEP 610), and not for what an index gave it
+    told = installed.read_text("direct_url.json")
+    if told is None:
+        return True
+    try:
+        return not json.loads(told)
+    except ValueError:
+        return False
+
+
+def how_to_install(*extras: str) -> str:
+    """The command that installs extras of this package, as it works here."""
+    names = ",".join(extras)
+    if from_index():
+        return f'python -m pip install "{PACKAGE}[{names}]"'
+    return f'in the checkout: python -m pip install -e ".[{names}]"'
+
+
+def needs_extra(extra: str) -> str:
+    """What to say where an optional library is missing."""
+    return f"needs the extra {extra!r}; {how_to_install(extra)}"

@@ -1,0 +1,213 @@
+"""Code of users: the file and line of a function or an error, and the identity of a file."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import linecache
+import os
+import types
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+PACKAGE = f"{os.path.dirname(os.path.dirname(__file__))}{os.sep}"
+"""Where the library's own code stands."""
+
+PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
+"""Where Python's own library stands, and the folder within it that is not Python's."""
+
+LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "ray", "pyarrow", "typer", "click"])
+"""Installed libraries: an error that they raise is told at the line that called them."""
+
+DEPTH = 8
+"""How far functions within functions are followed."""
+
+
+def own_code(thing: Any, depth: int = DEPTH) -> types.CodeType | None:
+    """The code that is not the library's, of a function or of one that it is made of; None where all of it is ours.
+
+    Args:
+        thing: a function, a method, a partial one, an object that can be called, or a class.
+        depth: how far functions that it was closed over are followed.
+    """
+    if depth == 0:
+        return None
+    if isinstance(thing, functools.partial):
+        parts = (thing.func, *thing.args, *thing.keywords.values())
+        return next((code for part in parts if callable(part) and (code := own_code(part, depth - 1))), None)
+    thing = getattr(thing, "__func__", thing)
+    if not hasattr(thing, "__code__") and hasattr(thing, "__wrapped__"):
+        return own_code(thing.__wrapped__, depth - 1)
+    code = getattr(thing, "__code__", None)
+    if not isinstance(code, types.CodeType):
+        return _of_class(thing if isinstance(thing, type) else type(thing))
+    if is_own(code, str(getattr(thing, "__module__", ""))):
+        return code
+    for cell in getattr(thing, "__closure__", None) or ():
+        try:
+            held = cell.cell_contents
+        except ValueError:
+            continue  # not yet filled
+        if callable(held) and (found := own_code(held, depth - 1)) is not None:
+            return found
+    return None
+
+
+def _of_class(kind: type) -> types.CodeType | None:
+    """The first method of a class or of its ancestors that is not the library's."""
+    for each in kind.__mro__:
+        methods = vars(each)
+        for held in (methods.get("__call__"), *methods.values()):
+            method = getattr(held, "fget", None) or getattr(held, "__func__", held)
+            code = getattr(method, "__code__", None)
+            # of the methods that dataclasses write some have no file, others are Python's own
+            if isinstance(code, types.CodeType) and is_own(code, each.__module__):
+                return code
+    return None
+
+
+def is_own(code: types.CodeType, module: str) -> bool:
+    """Whether code is neither ours, nor Python's, nor a library's, nor written by a function."""
+    file = code.co_filename
+    if file.startswith("<string"):
+        # what python -c runs has no file, as the methods that dataclasses write
+        return module == "__main__" and not code.co_qualname.startswith("__create_fn__")
+    return is_own_file(file, module)
+
+
+def is_own_file(file: str, module: str) -> bool:
+    """Whether a module's file is neither ours, nor Python's, nor a library's."""
+    if file.startswith((PACKAGE, "<frozen")) or (file.startswith(PYTHON) and INSTALLED not in file):
+        return False
+    return module.partition(".")[0] not in LIBRARIES
+
+
+def is_beside(file: str, folder: str) -> bool:
+    """Whether a file stands in a folder or below it, and is neither ours, nor Python's, nor of what is installed."""
+    if not file.startswith(f"{folder.rstrip(os.sep)}{os.sep}"):
+        return False
+    return INSTALLED not in file and not file.startswith((PACKAGE, PYTHON))
+
+
+def place_of(thing: Any) -> str:
+    """File and line at which a function, or an object's or a class's first method, begins; else its name."""
+    code = own_code(thing) or getattr(thing, "__code__", None)
+    if code is None:
+        return str(getattr(thing, "__qualname__", type(thing).__qualname__))
+    return f"{code.co_filename}:{code.co_firstlineno}"
+
+
+class OwnCodeError(ValueError):
+    """Code of someone's own failed in another process; one line with its file and line."""
+
+
+def failure(error: BaseException) -> str:
+    """An error of someone's own code on one line: file, line, kind, words; empty for an error of ours."""
+    place = place_of_error(error)
+    return f"{place}: {type(error).__name__}: {error}" if place else ""
+
+
+def own_failure(error: BaseException) -> str:
+    """An error that someone's own code raised, on one line as :func:`failure` says it; empty where the library refuses.
+
+    A ValueError, an OSError or an exit is of the code that raises it: the library's refusals pass through code of
+    someone's own too. Of an error that the library tells on in words of its own, the first one counts; but what a
+    record's own check says of a file's number stays the file's. A command of someone's own may exit as it likes.
+    """
+    inner: BaseException | None = error
+    while inner is not None:
+        if not isinstance(inner, (ValueError, OSError, SystemExit)):
+            return failure(inner) if inner is error else ""
+        if inner is not error and str(inner) not in str(error):
+            return ""
+        frames = _frames(inner)
+        own = [k for k, (whose, _, _) in enumerate(frames) if whose == "own"]
+        if own and all(whose != "ours" for whose, _, _ in frames[own[-1] :]):
+            checks_record = inner is not error and frames[own[0]][1] == "__post_init__"
+            commanded = isinstance(inner, SystemExit) and frames[own[0] - 1][2].startswith(COMMAND_LINE)
+            return "" if checks_record or commanded else failure(inner)
+        inner = inner.__cause__ or inner.__context__
+    return ""
+
+
+COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
+"""The room whose modules call commands, one's own too."""
+
+
+def _frames(error: BaseException) -> list[tuple[str, str, str]]:
+    """Whose ("own", "ours"), function and module of each place that an error passed; a library's are left out."""
+    trace, found = error.__traceback__, []
+    while trace is not None:
+        code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
+        if code.co_filename.startswith(PACKAGE):
+            found.append(("ours", code.co_name, module))
+        elif is_own(code, module):
+            found.append(("own", code.co_name, module))
+        trace = trace.tb_next
+    return found
+
+
+def place_of_error(error: BaseException) -> str:
+    """File and line of the innermost code that is neither ours nor a library's; empty where there is none."""
+    trace, found = error.__traceback__, ""
+    while trace is not None:
+        frame = trace.tb_frame
+        if is_own(frame.f_code, str(frame.f_globals.get("__name__", ""))):
+            found = f"{frame.f_code.co_filename}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return found
+
+
+MISSING = "missing"
+"""Identity of a file that cannot be read any more."""
+
+
+def numbered(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Names and identities as a table in which another identity of the same name gets a number."""
+    found: dict[str, str] = {}
+    for plain, identity in pairs:
+        name = plain
+        while found.get(name, identity) != identity:
+            name = f"{plain} ({len(found) + 1})"
+        found[name] = identity
+    return found
+
+
+def file_of(module: types.ModuleType | None) -> str:
+    """Path of a module's file, without links; empty where it has none."""
+    file = getattr(module, "__file__", None)
+    return os.path.realpath(file) if isinstance(file, str) else ""
+
+
+def identity_of(content: bytes) -> str:
+    """What a file's content is told by: "sha256:..."."""
+    return f"sha256:{hashlib.sha256(content).hexdigest()}"
+
+
+def identity_of_file(file: str) -> str:
+    """What a file is told by as it is now."""
+    try:
+        return identity_of(Path(file).read_bytes())
+    except OSError:
+        return MISSING
+
+
+def source_of(code: types.CodeType) -> tuple[str, str]:
+    """Name and identity of the file that code comes from; what was typed in is told by its lines, else by itself."""
+    file = code.co_filename
+    identity = identity_of_file(file)
+    if identity != MISSING:
+        return Path(file).name, identity
+    lines = "".join(linecache.getlines(file))  # a notebook's cell
+    return "(typed in)", identity_of((lines or _told(code)).encode())
+
+
+def _told(code: types.CodeType) -> str:
+    """All that code does, as a text that is the same in each process."""
+    held = [_told(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
+    return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
+
+
+def _constant(value: object) -> str:
+    return repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)

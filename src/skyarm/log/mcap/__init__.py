@@ -1,1 +1,0 @@
-"""MCAP files of flights."""

@@ -1,0 +1,134 @@
+"""Periods of a log: from each touch to the loss of contact, from each grasp to its end; timed-out phases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyarm.log.log_columns import touched_surfaces
+from skyarm.reference.task_records import Guard
+
+if TYPE_CHECKING:
+    from skyarm.log.flight_log import Log
+
+SAME = 1e-6
+"""s of the reference within which it rests at one place."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContactPeriod:
+    """A contact period lasts from a touch to the loss of contact, as the control instants of a log show it.
+
+    Attributes:
+        surface, point: names of the pair.
+        start: s, the first instant with a force. end: s, the first one without; None where the log ends before.
+        peak: N, largest normal force. mean: N.
+    """
+
+    surface: str
+    point: str
+    start: float
+    end: float | None
+    peak: float
+    mean: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GraspPeriod:
+    """A grasp period lasts from taking hold to letting go, as the control instants of a log show it.
+
+    Attributes:
+        gripper, held: names of the gripper and of its load.
+        start: s, the first instant. end: s, the first one after it; None where the log ends before.
+        gave_way: whether it ended because the load was more than the gripper holds.
+        peak: N, largest force of the grasp.
+    """
+
+    gripper: str
+    held: str
+    start: float
+    end: float | None
+    gave_way: bool
+    peak: float
+
+
+def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
+    """All periods of contact in a log, by their beginnings; empty of a flight without a world."""
+    found: list[ContactPeriod] = []
+    for (surface, point), force in zip(contact_pairs(log), log.contact_force.T, strict=False):
+        for begin, end in _runs(force > 0.0):
+            inside = force[begin:end]
+            peak, mean = float(inside.max()), float(inside.mean())
+            start, stop = float(log.time[begin]), _time(log, end)
+            found.append(ContactPeriod(surface=surface, point=point, start=start, end=stop, peak=peak, mean=mean))
+    return tuple(sorted(found, key=lambda each: each.start))
+
+
+def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
+    """Surface and point of each column of ``contact_force``."""
+    world = _world(log)
+    return tuple((surface, point) for surface in touched_surfaces(world) for point in _names(world, "points"))
+
+
+def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
+    """All grasps in a log, by their beginnings; empty of a flight without grippers."""
+    world = _world(log)
+    bodies, found = _names(world, "objects"), list[GraspPeriod]()
+    for gripper, *columns in zip(
+        _names(world, "grippers"), log.gripper_taken.T, log.gripper_lost.T, log.gripper_force.T, strict=False
+    ):
+        taken, lost, force = columns
+        for number in np.unique(taken[taken > 0.0]):
+            for begin, end in _runs(taken == number):
+                found.append(
+                    GraspPeriod(
+                        gripper=gripper,
+                        held=bodies[int(number) - 1],
+                        start=float(log.time[begin]),
+                        end=_time(log, end),
+                        gave_way=end < len(taken) and bool(lost[end] > lost[begin]),
+                        peak=float(force[begin:end].max()),
+                    )
+                )
+    return tuple(sorted(found, key=lambda each: each.start))
+
+
+def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
+    """Guards as plain data for a log: phase, the place of rest on the reference (s), the longest rest (s)."""
+    return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
+
+
+def timed_out(log: Log) -> frozenset[int]:
+    """Numbers of the phases at whose guard the reference rested for the whole timeout.
+
+    A guard that is met in the very last period of its timeout counts among them.
+    """
+    found = set()
+    for wait in log.info.get("waits", ()) if log.path_time.size else ():
+        resting = log.time[np.abs(log.path_time - wait["at"]) < SAME]
+        if resting.size and resting[-1] - resting[0] > wait["timeout"] - SAME:
+            found.add(int(wait["phase"]))
+    return frozenset(found)
+
+
+def _runs(true: Any) -> list[tuple[int, int]]:
+    """First instant of each run of true values, and the first one after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+
+
+def _time(log: Log, instant: int) -> float | None:
+    return float(log.time[instant]) if instant < log.time.size else None
+
+
+def _world(log: Log) -> Mapping[str, Any]:
+    """Plain data of the scenario's contact."""
+    record = log.info.get("scenario_record")
+    return (record.get("contact") if isinstance(record, Mapping) else None) or {}
+
+
+def _names(world: Mapping[str, Any], of: str) -> list[str]:
+    return [str(each["name"]) for each in world.get(of) or ()]

@@ -1,0 +1,284 @@
+"""Frames and shapes of a flight for viewers of ROS: transforms, markers of the vehicle, markers of the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.contact import Contact
+from skyarm.drawing.shapes import Solid, turn_onto
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.drawing.world_shapes import logged_poses, without_holes, world_shapes
+from skyarm.dynamics.kinematics import every_joint, joint_placement
+from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import distinct
+from skyarm.log.ros.messages import NANO
+from skyarm.records.restore import restore
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+
+class Part:
+    """Some instants of a log, and what messages need of them."""
+
+    def __init__(self, log: Log, chosen: slice) -> None:
+        self.log, self._chosen = log, chosen
+        self.stamps = nanoseconds(log.time[chosen])
+
+    def __getitem__(self, array: str) -> Array:
+        """The instants' rows of one of the log's arrays."""
+        return self.log[array][self._chosen]
+
+    def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
+        """A std_msgs/Header; its stamps are ``time`` (s), or the instants of the log."""
+        stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
+        return {"stamp": stamps, "frame_id": frame}
+
+    def unit(self, array: str = "quaternion") -> Array:
+        """Attitudes wxyz of length 1."""
+        found: Array = self[array] / np.linalg.norm(self[array], axis=1, keepdims=True)
+        return found
+
+    def in_base(self, vectors: Array, array: str = "quaternion") -> Array:
+        """World vectors (N, 3) in base axes."""
+        R = Quaternion(*self.unit(array).T).rotation()
+        return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
+
+
+def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
+    """Times in s as the clock of messages, ns."""
+    return np.rint(np.asarray(time) * NANO).astype(np.int64)
+
+
+def distance_from_reference(array: str) -> Callable[[Part], dict[str, Any]]:
+    """The function that gives a std_msgs/Float64 of an array's distance from its continuous reference."""
+    return lambda part: {"data": np.linalg.norm(part[array] - part[f"{array}_reference"], axis=1)}
+
+
+def tilt(part: Part) -> dict[str, Any]:
+    """Angle between the body's z and the world's, rad."""
+    _, x, y, _ = part.unit().T
+    return {"data": 2.0 * np.arctan2(np.hypot(x, y), np.sqrt(np.maximum(0.0, 1.0 - x * x - y * y)))}
+
+
+METRICS: Mapping[str, Callable[[Part], dict[str, Any]]] = {
+    "position_error": distance_from_reference("position"),
+    "joint_error": distance_from_reference("joints"),
+    "tip_error": distance_from_reference("tool"),
+    "tilt": tilt,
+}
+"""Numbers of an instant: distances from the continuous reference, m and rad or m; tilt, rad."""
+
+
+WORLD, BASE_LINK, BASE_REFERENCE = "world", "base_link", "base_reference"
+
+
+class Frames:
+    """Names of a vehicle's frames: unique, those of the world and the base among them.
+
+    Attributes:
+        links: name of each link. named: name of each named frame. rotors: name of each rotor's frame.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        links = [link.name for link in vehicle.moving]
+        named = [frame.name for frame in vehicle.frames]
+        rotors = [f"rotor_{rotor.name.removeprefix('rotor').lstrip('_') or rotor.name}" for rotor in vehicle.rotors]
+        every = distinct([WORLD, BASE_LINK, BASE_REFERENCE, *links, *named, *rotors])[3:]
+        self._vehicle = vehicle
+        self.links = every[: len(links)]
+        self.named = every[len(links) : len(links) + len(named)]
+        self.rotors = every[len(links) + len(named) :]
+
+    def of_body(self, body: int) -> str:
+        """Frame of a link, or of the base."""
+        return BASE_LINK if body == BASE else self.links[body]
+
+    def moving(self, stamps: Any, joints: Array) -> list[dict[str, Any]]:
+        """Transform of each link against its parent."""
+        found = []
+        values = every_joint(self._vehicle, list(joints.T))
+        for i, link in enumerate(self._vehicle.moving):
+            pose = joint_placement(link.joint, values[i])
+            parent = self.of_body(link.parent)
+            found.append(transform(stamps, parent, self.links[i], pose.p, of_matrices(_turns(pose.R, len(joints)))))
+        return found
+
+    def fixed(self) -> list[dict[str, Any]]:
+        """Transforms of named frames and of the rotors' hubs, whose z is the axis of positive thrust."""
+        found = []
+        for name, frame in zip(self.named, self._vehicle.frames, strict=True):
+            turn = of_matrices(_turns(frame.rotation, 1))[0]
+            found.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
+        for name, rotor in zip(self.rotors, self._vehicle.rotors, strict=True):
+            found.append(transform(0, BASE_LINK, name, rotor.position, of_matrices(_upright(rotor.axis))[0]))
+        return found
+
+
+def transform(stamps: Any, parent: str, child: str, position: Iterable[Any], wxyz: Any) -> dict[str, Any]:
+    """A geometry_msgs/TransformStamped of many instants, or of none in particular."""
+    return {
+        "header": {"stamp": stamps, "frame_id": parent},
+        "child_frame_id": child,
+        "transform": {"translation": xyz(position), "rotation": quaternion(wxyz)},
+    }
+
+
+def xyz(vector: Any) -> dict[str, Any]:
+    """A vector, (3,) or (N, 3), or a record of three, as fields."""
+    parts = vector.T if isinstance(vector, np.ndarray) else list(vector)
+    return dict(zip("xyz", parts, strict=True))
+
+
+def quaternion(wxyz: Array) -> dict[str, Any]:
+    """A quaternion wxyz, (4,) or (N, 4), as fields of ROS, whose order is xyzw."""
+    return dict(zip("wxyz", wxyz.T, strict=True))
+
+
+def _turns(R: Mat3, count: int) -> Array:
+    """Matrices (N, 3, 3) of a rotation whose entries are numbers or arrays."""
+    return np.array([[np.broadcast_to(np.asarray(c, dtype=float), (count,)) for c in row] for row in R.rows]).transpose(
+        2, 0, 1
+    )
+
+
+def _upright(axis: Vec3) -> Array:
+    """A rotation (1, 3, 3) that turns z onto an axis."""
+    return np.array([turn_onto((float(axis.x), float(axis.y), float(axis.z)))])
+
+
+def of_matrices(R: Array) -> Array:
+    """Quaternions wxyz (N, 4) of rotation matrices, from the largest of their four components.
+
+    Source: Shepperd 1978, Quaternion from rotation matrix.
+    """
+    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
+    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
+    d, e, f = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
+    w, x, y, z = squares.T
+    products = np.array([[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]).transpose(2, 0, 1)
+    found: Array = products[np.arange(len(R)), squares.argmax(axis=1)]
+    unit: Array = found / np.linalg.norm(found, axis=1, keepdims=True)
+    return unit
+
+
+COLORS = {
+    "hull": (0.23, 0.27, 0.33, 1.0),
+    "boom": (0.23, 0.27, 0.33, 1.0),
+    "rotor": (0.35, 0.55, 0.80, 0.45),
+    "link": (0.80, 0.48, 0.16, 1.0),
+    "joint": (0.25, 0.25, 0.25, 1.0),
+    "tip": (0.75, 0.15, 0.20, 1.0),
+}
+"""Role of a vehicle's shape -> red, green, blue, opacity."""
+
+MARKER_TYPES = {"box": 1, "patch": 1, "sphere": 2, "ellipsoid": 2}
+"""Kind of a shape -> a marker's cube or sphere, by its lengths or diameters; all others are cylinders, 3."""
+
+
+def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
+    """A visualization_msgs/Marker for each shape, fixed to the frame of its body."""
+    return [
+        _marker(
+            i,
+            Solid(each, np.array(each.position), np.array([each.rotation]), COLORS.get(each.role, COLORS["hull"])),
+            frames.of_body(each.body),
+            0,
+            fixed=True,
+        )
+        for i, each in enumerate(vehicle_shapes(vehicle, meshes=False))
+    ]
+
+
+def _marker(number: int, solid: Solid, frame: str, stamps: Any, *, fixed: bool) -> dict[str, Any]:
+    """One marker at one instant, or at many: a capsule as its cylinder.
+
+    Args:
+        number: of the marker.
+        solid: its position (3,) at one instant, or (N, 3) at many; its rotations (1, 3, 3) or (N, 3, 3).
+        frame: in which it stands.
+        stamps: ns.
+        fixed: whether it moves with the frame.
+    """
+    shape, position, turns = solid.shape, solid.position, of_matrices(solid.rotation)
+    return {
+        "header": {"stamp": stamps, "frame_id": frame},
+        "ns": shape.name,
+        "id": number,
+        "type": MARKER_TYPES.get(shape.kind, 3),
+        "pose": {"position": xyz(position), "orientation": quaternion(turns if position.ndim > 1 else turns[0])},
+        "scale": xyz(_lengths(shape)),
+        "color": dict(zip("rgba", solid.rgba, strict=True)),
+        "frame_locked": fixed,
+    }
+
+
+def _lengths(shape: Any) -> tuple[float, float, float]:
+    """Extents along the shape's axes, m."""
+    if shape.kind in ("box", "ellipsoid", "patch"):
+        x, y, *z = shape.size
+        return (2.0 * x, 2.0 * y, THIN if shape.kind == "patch" else 2.0 * z[0])
+    across = 2.0 * shape.size[0]
+    return (across, across, across if shape.kind == "sphere" else shape.size[1])
+
+
+WORLD_TOPIC, MOVING_TOPIC = "/world", "/world/moving"
+
+THIN = 1e-3
+"""m: height of a plane's patch."""
+
+
+class WorldMarkers:
+    """Markers of a flight's world.
+
+    Args:
+        log: of the flight, or its first part: planes are drawn about where its tip is at first.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._contacts = contacts_of(log)
+        tips = log.tip[:1]
+        self._around = tuple(tips[0]) if len(tips) and np.isfinite(tips).all() else (0.0, 0.0, 0.0)
+        surfaces = [each for contact in self._contacts for each in contact.surfaces]
+        carriers = [each for contact in self._contacts for each in contact.carriers]
+        self._moving = {f"world/{each.name}" for each in surfaces if each.moves}
+        self._moving |= {f"world/{each.name}" for carrier in carriers for each in carrier.surfaces}
+
+    def still(self) -> list[dict[str, Any]]:
+        """A visualization_msgs/Marker for each surface that stays where it is."""
+        shapes = world_shapes(self._contacts, np.zeros(1), self._around)
+        still = without_holes(each for each in shapes if each.shape.name not in self._moving)
+        return [
+            _marker(i, replace(each, position=each.position[0], rotation=each.rotation[:1]), WORLD, 0, fixed=False)
+            for i, each in enumerate(still)
+        ]
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything of the world moves, by structure."""
+        return bool(self._moving)
+
+    def moving(self, part: Part) -> Mapping[str, Any]:
+        """A visualization_msgs/MarkerArray of what moves, at every instant of a part of the flight."""
+        arrays = [part[name] for name in ("object_position", "object_quaternion", "mechanism_position")]
+        carried = logged_poses(self._contacts, *arrays)
+        shapes = world_shapes(self._contacts, part["time"], self._around, carried=carried)
+        moving = without_holes(each for each in shapes if each.shape.name in self._moving)
+        return {"markers": [_marker(i, each, WORLD, part.stamps, fixed=False) for i, each in enumerate(moving)]}
+
+
+def contacts_of(log: Log) -> tuple[Contact, ...]:
+    """The world's contact; empty without a world, or of a log that needs code of someone's own that is not loaded."""
+    try:
+        found = restore(log.info["scenario_record"]["contact"], log.info.get("plugins"))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return ()
+    return (found,) if isinstance(found, Contact) else ()

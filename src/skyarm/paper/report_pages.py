@@ -1,0 +1,368 @@
+"""The report of the reproduction: a page with the verdict, and a page for each case; HTML that needs no network."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from skyarm.figures.interactive import (
+    PanelsFigure,
+    PathFigure,
+    damping_figure,
+    experiment_figure,
+    figure_json,
+    plot_script,
+    plot_style,
+    tool_path_figure,
+)
+from skyarm.figures.paper_figures import PAPER_CATALOGUE
+from skyarm.figures.style import image_bytes
+from skyarm.figures.vehicle_drawing import vehicle_drawing
+from skyarm.files import file_names
+from skyarm.film.film_settings import FilmSettings
+from skyarm.film.make_film import make_film
+from skyarm.film.offscreen import NoDisplayError
+from skyarm.log.flight_log import Log
+from skyarm.pages import bullets, details, image, page, paragraph, plot, table
+from skyarm.paper import report_text as prose
+from skyarm.paper.counted_cells import RULE, impossible, sentence
+from skyarm.paper.flights import WINDOWS, first_plant
+from skyarm.paper.inference_tables import (
+    choices_table,
+    ladder_table,
+    prediction_table,
+    profile_tables,
+    rivals_table,
+    settings_table,
+)
+from skyarm.paper.inferred_settings import is_of_this_study
+from skyarm.paper.published import known, tally
+from skyarm.paper.report_tables import (
+    counts_table,
+    definitions_table,
+    experiment_table,
+    headline_table,
+    main_numbers_table,
+    near_counts,
+    reversed_table,
+    sensitivity_tables,
+    summary_table,
+    title_of,
+)
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
+"""plant -> case -> law -> log."""
+
+MAIN, FILM = "report.html", "film.webp"
+"""The page that leads to all others; the film's file beside it."""
+
+MOST_FILM = 1_500_000
+"""Bytes of a film that is put into the page; a larger one stays a file beside it."""
+
+TITLE = "Computed torque for a flying arm: the paper and two simulations"
+
+DAMPING_PANELS = (
+    ("case2", "position_error_mean", "Case 2: position error, mean [m]"),
+    ("case2", "pitch_rms", "Case 2: pitch RMS [rad]"),
+    ("case2", "joint_error_mean", "Case 2: joint error, mean [rad]"),
+    ("case3", "ee_error_mean", "Case 3: tip error, mean [m]"),
+    ("case3", "pitch_rms", "Case 3: pitch RMS [rad]"),
+    ("case3", "tau1_rms", "Case 3: torque of joint 1, RMS [N m]"),
+)
+
+VEHICLE = "hummingbird_arm2_rotors"
+"""What flies in every case."""
+
+FILMED = "case3"
+"""The circle: the only case in which the base and both joints move all the time."""
+
+FILM_SETTINGS = FilmSettings(
+    layout="over", camera="fixed", width=640, height=360, fps=12, speed=2.5, start=0.0, stop=20.0,
+    title="Case 3: the baseline (PD) and the paper's law (CT)",
+)  # fmt: skip
+"""Eight seconds, small enough to stand in the page."""
+
+
+class Plots:
+    """Interactive plots of one page: holders in the text, data at its end."""
+
+    def __init__(self) -> None:
+        self.data: list[str] = []
+
+    def add(self, figure: PanelsFigure | PathFigure, caption: str) -> str:
+        """Place for a plot; its data are kept for the end of the page."""
+        name = f"plot-{len(self.data)}"
+        self.data.append(f'<script type="application/json" id="{name}">{figure_json(figure)}</script>')
+        return plot(name, caption)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """The first picture of the report.
+
+    Attributes:
+        picture: PNG. caption: what the picture shows.
+        film: WebP, or nothing. film_caption: what the film shows.
+    """
+
+    picture: bytes
+    caption: str
+    film: bytes = b""
+    film_caption: str = ""
+
+    def html(self) -> str:
+        """The film, and the picture for a printer and for readers who prefer pictures that do not move."""
+        still = image(self.caption, self.caption, self.picture, kind="single opening")
+        if not 0 < len(self.film) <= MOST_FILM:
+            return still
+        film = image(self.film_caption, self.film_caption, self.film, kind="film opening", form="webp")
+        return f'<div class="moves">{film}{still}</div>'
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Page:
+    """A page: title, lead and facts as text; opening and sections (name, title, HTML); its plots."""
+
+    title: str
+    lead: str
+    facts: str
+    opening: str = ""
+    sections: Sequence[tuple[str, str, str]]
+    plots: Plots = field(default_factory=Plots)
+
+
+def report_pages(
+    results: Mapping[str, Any],
+    sensitivity: Mapping[str, Any],
+    logs: Logs,
+    reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
+    figures: Mapping[int, Figure] | None = None,
+    further: Mapping[str, str] | None = None,
+    opening: Opening | None = None,
+) -> dict[str, str]:
+    """Write the report.
+
+    Args:
+        results: as in ``results.json``: "experiments" and "settings".
+        sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
+        logs: plant -> case -> law -> log, for the interactive plots.
+        reasons: case -> law -> metric -> why it differs from the paper, one line.
+        figures: the paper's number -> static figure, put into the pages as images.
+        further: title -> HTML of further sections.
+        opening: what the first page opens with.
+
+    Returns:
+        File -> a whole HTML document, all in one folder: ``report.html``, then a page for each case. Scripts, styles
+        and images are inside; no address is outside the folder.
+    """
+    experiments, plant, plots = results.get("experiments", {}), first_plant(results), Plots()
+    drawn = {number: image_bytes(figure) for number, figure in (figures or {}).items()}
+    files = case_files(experiments)
+    case_of = {number: PAPER_CATALOGUE[number].case if number in PAPER_CATALOGUE else "" for number in drawn}
+    left = {number: png for number, png in drawn.items() if case_of[number] not in files}
+    words, reversed_ones = reversed_table(experiments, plant)
+    verdict = [
+        summary_table(experiments, files),
+        details(words, reversed_ones) if reversed_ones else paragraph(words),
+        details("Headline numbers against accepted ranges", headline_table(experiments)),
+        details("Counts by law and plant", paragraph(RULE, "note") + counts_table(results)),
+    ]
+    sections = [
+        ("verdict", "Verdict", "".join(verdict)),
+        *((f"further-{i}", title, content) for i, (title, content) in enumerate((further or {}).items(), 1)),
+        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
+        *([("figures", "Figures", _paper_figures(left, plant))] if left else []),
+        ("assumptions", "Assumptions", _assumptions()),
+        ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
+    ]
+    facts = f"{sentence(results)} {_facts(experiments)}{'' if drawn else ' No static figures were drawn.'}"
+    start = opening.html() if opening else ""
+    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=facts, opening=start, sections=sections, plots=plots)}
+    for case, file in files.items():
+        own = {number: png for number, png in drawn.items() if case_of[number] == case}
+        pages[file] = _case_page(case, experiments[case], reasons.get(case, {}), logs, own, plant)
+    titles = {MAIN: "Overview", **{file: title_of(case).split(":")[0] for case, file in files.items()}}
+    style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
+    footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
+    return {
+        file: page(
+            each.title, each.facts, style={"": style, "plot-style": plot_style()}, script=page_script(), pages=titles,
+            sections=each.sections, name=file, lead=each.lead, footer=footer, opening=each.opening,
+            data="\n".join(each.plots.data),
+        )
+        for file, each in pages.items()
+    }  # fmt: skip
+
+
+def page_script() -> str:
+    """The script of a page: it draws the interactive plots, and unfolds everything for the printer."""
+    return plot_script() + (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
+
+
+def case_files(cases: Iterable[str]) -> dict[str, str]:
+    """Case -> the file of its page, beside :data:`MAIN`."""
+    named = file_names([MAIN.removesuffix(".html"), *cases], "", ".html")
+    return {case: file for case, file in named.items() if file != MAIN}
+
+
+def _case_page(
+    case: str,
+    laws: Mapping[str, Any],
+    reasons: Mapping[str, Mapping[str, str]],
+    logs: Logs,
+    figures: Mapping[int, bytes],
+    plant: str,
+) -> _Page:
+    """The page of a case: its flights as curves, its main numbers, the paper's figures, every number folded."""
+    plots = Plots()
+    flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
+    sections = [("flights", "Flights", _flights(case, flown, plots))] if flown else []
+    numbers = main_numbers_table(case, laws, plant) + details("Every number", experiment_table(case, laws, reasons))
+    sections.append(("numbers", "Numbers", paragraph(prose.LEGEND, "note") + numbers))
+    if figures:
+        sections.append(("figures", "The paper's figures", _paper_figures(figures, plant)))
+    near = {each: near_counts(laws, each) for each in PLANTS}
+    facts = " ".join(
+        f"{each}: of {compared} published numbers {within} are within 5 % and {fair} within 20 %."
+        for each, (within, fair, compared) in near.items()
+        if compared
+    )
+    lead = prose.CASES.get(case, "")
+    return _Page(title=title_of(case), lead=lead, facts=facts, sections=sections, plots=plots)
+
+
+def _flights(case: str, flown: Mapping[str, Mapping[str, Log]], plots: Plots) -> str:
+    shown, *others = flown
+    drawn = f"{shown}; {', '.join(others)} can be chosen in the legend" if others else shown
+    caption = f"{title_of(case)}: errors of base, joints and tip, roll and pitch over time, on {drawn}. {prose.HOLDS}"
+    found = plots.add(experiment_figure(flown, WINDOWS.get(case)), caption)
+    if case == "case3":
+        caption = f"{title_of(case)}: path of the tip, desired and flown, on {drawn}; the vertical axis is stretched."
+        found += plots.add(tool_path_figure(flown), caption)
+    return found
+
+
+def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
+    """The paper's figures as drawn from our flights."""
+    parts = []
+    for number, png in sorted(figures.items()):
+        spec = PAPER_CATALOGUE.get(number)
+        caption = f"Figure {number}. {spec.caption}" if spec else f"Figure {number}."
+        parts.append(image(caption, caption, png, name=f"figure-{number}", kind="figure"))
+    note = paragraph(f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.BANDS}", "note")
+    return f'{note}<div class="paper">{"".join(parts)}</div>'
+
+
+def _facts(experiments: Mapping[str, Any]) -> str:
+    counted = {plant: tally(experiments, plant) for plant in PLANTS}
+    parts = [f"{plant}: {met} of {judged} headline claims met." for plant, (met, judged) in counted.items() if judged]
+    own = ["The accepted ranges are this project's own."] if parts else ["No headline number was measured."]
+    return " ".join([*parts, *own])
+
+
+def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plant: str, plots: Plots) -> str:
+    damping, drawn = sensitivity.get("joint_damping") or {}, ""
+    if damping:
+        paper = {
+            case: {law: {name: known(cell.get("paper")) for name, cell in cells.items()} for law, cells in laws.items()}
+            for case, laws in experiments.items()
+        }
+        caption = f"{len(DAMPING_PANELS)} numbers over the assumed joint damping, {plant}; dotted: the paper."
+        drawn = plots.add(damping_figure(damping, paper, DAMPING_PANELS), caption)
+    return drawn + sensitivity_tables(sensitivity, experiments, plant)
+
+
+def _assumptions() -> str:
+    folded = {
+        "Everything that is assumed": bullets(prose.ASSUMPTIONS),
+        "What is not modelled": bullets(prose.NOT_MODELLED),
+        "Definitions of the metrics": definitions_table(),
+    }
+    return paragraph(prose.READING) + "".join(details(title, content) for title, content in folded.items())
+
+
+def _episodes(logs: Logs) -> str:
+    flown = [
+        (f"{plant}, {title_of(case)}, {law}", log)
+        for plant, cases in logs.items()
+        for case, laws in cases.items()
+        for law, log in laws.items()
+    ]
+    if not flown:
+        return ""
+    ended = [(name, log) for name, log in flown if log.status != "completed"]
+    lines = [f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}" for name, log in ended]
+    found = paragraph(f"{len(ended)} of {len(flown)} episodes ended early:") + bullets(lines)
+    if not ended:
+        found = paragraph(f"All {len(flown)} episodes flew to their end.")
+    lacking = [f"{name}: {line}" for name, log in flown for line in log.shortfall.lines]
+    return found + (paragraph("They lacked:") + bullets(lacking) if lacking else "")
+
+
+def _settings(settings: Mapping[str, Any]) -> str:
+    return details(
+        "Everything the numbers depend on", table(("Name", "Value"), _flat(settings, ""), "Settings", "text")
+    )
+
+
+def _flat(settings: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]:
+    """Nested settings as dotted names."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", "none" if value is None or value in ([], {}) else str(value)
+
+
+def inferred_section(
+    results: Mapping[str, Any], predicted: Mapping[str, Any], evidence: Mapping[str, Any], plant: str
+) -> str:
+    """Settings and what they say of flights that were not seen; ladder, choices, profiles, rivals, open ends folded."""
+    opened = [settings_table(evidence), prediction_table(results, predicted, plant)]
+    folded = {
+        "Ladder: one setting after the other": [ladder_table(evidence)],
+        "Choices taken otherwise": [choices_table(evidence)],
+        "Loss over each number": profile_tables(evidence),
+        "Rivals": [rivals_table(evidence)],
+    }
+    parts = [paragraph(prose.INFERRED)]
+    parts += [] if is_of_this_study(evidence) else [paragraph(prose.OTHER_STUDY, "note")]
+    parts += [each.html() for each in opened]
+    parts += [details(title, "".join(each.html() for each in tables)) for title, tables in folded.items()]
+    return "".join([*parts, details("What stays open", bullets(impossible(results, plant)))])
+
+
+def vehicle_section() -> str:
+    """The paper's vehicle as it flies here: a drawing with frames, joints and rotors."""
+    name = "The vehicle from three sides"
+    words = f"{name}: frames, joints with their positive senses, and rotors of {VEHICLE}. Sizes of bodies are guesses."
+    return image(name, words, image_bytes(vehicle_drawing(load_vehicle(VEHICLE)), dpi=150.0), wide=True)
+
+
+def opening_film(flown: Mapping[str, Mapping[str, Log]]) -> tuple[bytes, str] | None:
+    """Film both controllers on the circle of Case 3.
+
+    Args:
+        flown: case -> controller -> log.
+
+    Returns:
+        Animated WebP and the sentence that says what it shows; None where this machine cannot draw one.
+    """
+    logs = flown[FILMED]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / FILM
+        try:
+            make_film(list(logs.values()), file, FILM_SETTINGS, labels=list(logs))
+        except NoDisplayError:
+            return None
+        words = f"Case 3 at {FILM_SETTINGS.speed:g} times its speed: {' and '.join(logs)}, and the ghost of where they"
+        return file.read_bytes(), f"{words} should be; below, the tip's error."

@@ -1,0 +1,1 @@
+"""The governor of a reference: its time along the path, pauses, and offsets that are taken back."""

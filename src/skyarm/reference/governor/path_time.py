@@ -1,0 +1,187 @@
+"""Time scaling of a reference: path time as a function of flight time; offsets that later phases take back.
+
+A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it is. The motion that a law is told
+at the flight's time t is the commanded one at s(t); its derivatives follow by the chain rule. The curve is one of
+uniform quintic B-splines: four continuous derivatives, and a rate within the hull of the steps between control points,
+so that points which do not fall make a time that never runs backwards.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Vec3
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Derivatives
+from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
+from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.scalars import Scalar, add, mul, where
+from skyarm.scalars.taylor import Taylor
+
+Array = npt.NDArray[Any]
+
+FEWEST = 6
+"""Control points of one polynomial of degree five."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PathTime:
+    """The time of a reference over the time of its flight.
+
+    Attributes:
+        points: s, control points, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
+        step: s between them.
+    """
+
+    points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the reference's time")]
+    step: Annotated[Scalar, Unit("s", "between control points", low=0.0, strict=True)]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "path_time")
+        if len(self.points) < FEWEST:
+            raise ValueError(f"path_time.points: {len(self.points)}, must be at least {FEWEST}")
+        if np.any(np.diff(np.asarray(self.points, dtype=float)) < 0.0):
+            raise ValueError("path_time.points: must not fall, the time of a reference never runs backwards")
+
+    @property
+    def duration(self) -> float:
+        """How long it was planned for, s."""
+        return float(self.step) * (len(self.points) - FEWEST + 1)
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """s and ds/dt to d4s/dt4 at times t (s), a number or an array; held before its beginning and after its end."""
+        points, step = np.asarray(self.points, dtype=float), float(self.step)
+        # sums and products alone, so that every machine finds the same bits
+        u = np.clip(np.asarray(t, dtype=float) / step, 0.0, float(len(points) - FEWEST + 1))
+        piece = np.minimum(u.astype(int), len(points) - FEWEST)
+        left = u - piece
+        window = [points[piece + i] for i in range(FEWEST)]
+        rows = [_row(weights, window) for weights in CARDINAL]
+        found = []
+        for order in range(ORDERS):
+            total: Any = 0.0
+            for power in range(len(rows) - 1, order - 1, -1):
+                total = total * left + rows[power] * float(_falling(power, order))
+            found.append(total / step**order)
+        d0, d1, d2, d3, d4 = found
+        return d0, d1, d2, d3, d4
+
+    def when(self, path_time: float) -> float:
+        """First time of the flight (s) at which the reference's time has come to ``path_time``; its end if never."""
+        low, high = 0.0, self.duration
+        if float(self.derivatives(high)[0]) < path_time:
+            return high
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if float(self.derivatives(middle)[0]) < path_time:
+                low = middle
+            else:
+                high = middle
+        return high
+
+
+def _row(weights: tuple[int, ...], window: list[Array]) -> Array:
+    total: Any = 0.0
+    for weight, point in zip(weights, window, strict=True):
+        total = total + weight * point
+    return np.asarray(total / 120.0)
+
+
+def _falling(power: int, order: int) -> int:
+    """power (power - 1) ... (power - order + 1)."""
+    found = 1
+    for k in range(order):
+        found *= power - k
+    return found
+
+
+def governed(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
+    """The time-scaled reference at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
+    s = path_time.derivatives(t)
+    return by_flight_time(trajectory.at(s[0]), s)
+
+
+def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
+    """A sample whose derivatives are by the reference's time, with those by the flight's time.
+
+    Source: chain rule of higher order, Faa di Bruno 1857.
+    """
+
+    def vectors(first: Vec3, second: Vec3, third: Vec3, fourth: Vec3) -> list[Vec3]:
+        rows = [_chained(d, s) for d in zip(first, second, third, fourth, strict=True)]
+        return [Vec3(*column) for column in zip(*rows, strict=True)]
+
+    r = reference
+    velocity, acceleration, jerk, snap = vectors(r.velocity, r.acceleration, r.jerk, r.snap)
+    yaw_rate, yaw_acceleration, _, _ = _chained((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
+    joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
+    moved = tuple(zip(*(_chained(d, s) for d in joints), strict=True)) or ((),) * 4
+    return Reference(
+        position=r.position,
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        snap=snap,
+        yaw=r.yaw,
+        yaw_rate=yaw_rate,
+        yaw_acceleration=yaw_acceleration,
+        joints=r.joints,
+        joint_rates=moved[0],
+        joint_accelerations=moved[1],
+        joint_jerks=moved[2],
+        joint_snaps=moved[3],
+        tip=r.tip,
+        push=r.push,
+        load=r.load,
+    )
+
+
+def _chained(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
+    """Derivatives one to four by t of x(s(t)), from those by s."""
+    (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
+    twice = s1 * s1
+    return (
+        mul(d1, s1),
+        add(mul(d2, twice), mul(d1, s2)),
+        add(add(mul(d3, twice * s1), mul(d2, 3.0 * s1 * s2)), mul(d1, s3)),
+        add(
+            add(mul(d4, twice * twice), mul(d3, 6.0 * twice * s2)),
+            add(mul(d2, 3.0 * s2 * s2 + 4.0 * s1 * s3), mul(d1, s4)),
+        ),
+    )
+
+
+VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
+
+
+def offset_reference(
+    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Any
+) -> Reference:
+    """The reference of base and tip, moved by what is left of an offset.
+
+    Args:
+        reference: as planned, at ``time`` (s).
+        offset: m, world axes.
+        returns: beginning and end (s) of the phases in which the reference comes back.
+        since: s, where the offset began: phases before count no more.
+        time: s, of the reference.
+    """
+    left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
+    for begin, end in returns:
+        gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
+        counts = begin >= since - 1e-9
+        left = left * Taylor.of_derivatives([one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)])
+    moved = {name: getattr(reference, name) + offset * left.derivative(order) for order, name in enumerate(VECTORS)}
+    tip = tuple(c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False))
+    return dataclasses.replace(reference, tip=tip, **moved)
+
+
+ONE = (1.0, 0.0, 0.0, 0.0, 0.0)
+"""The number one with its derivatives."""

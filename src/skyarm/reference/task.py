@@ -1,0 +1,301 @@
+"""A task while its phases are read: place, time and pieces of motion so far; guards of its phases.
+
+``until`` of a phase is what the flight must show before the reference advances::
+
+    until = { error = 0.005 }                      # m, of the tip, at most
+    until = { force = 0.5, timeout = 8 }           # N against the tip, at least; s of waiting, at most
+    until = { force_below = 0.2 }                  # N, at most
+    until = { distance = 0.02, direction = [0, 0, 1] }  # m, that the tip has moved against the direction
+    until = { force = 0.5, force_sensor = true }   # as the sensor at the tip reads it, not as the law observes it
+    until = { closed = "fingertip" }               # a tactile switch, or open
+    until = { force = 0.5, hold = 0.1, on_timeout = "fail", early = true }
+
+What is asked must hold together for ``hold`` s (0.5). A wrong table raises ValueError with one line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.files import Fields, shown
+from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
+from skyarm.reference.splines import minimum_snap
+from skyarm.reference.task_records import Guard, Phase, Setting
+from skyarm.reference.tip_motion import SPEED, TipPush
+from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.waypoints import CLOSEST, SHORTEST, FlightLimits, Points, allocate, positive, within
+
+NUMBERS = ("error", "force", "force_below", "distance")
+
+SWITCHES = ("closed", "open")
+
+ASKED = (*NUMBERS, *SWITCHES)
+
+Vector = tuple[float, float, float]
+
+NOWHERE = 1e-6
+"""Length of a vector below which it points nowhere."""
+
+
+def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
+    """Fields of the guard that a phase's ``until`` describes; None without one.
+
+    Args:
+        phase: its table.
+        normal: of the surface that the task touches, where it says one.
+        usual: what the phase asks for where its table says nothing.
+    """
+    if phase.take("until", None) is None:
+        return None if usual is None else dict(usual)
+    fields = Fields(phase.take("until"), phase.at("until"))
+    found = _asked(fields)
+    found["hold"] = within(fields.number("hold", 0.5, low=0.0), fields.at("hold"))
+    found["timeout"] = within(fields.number("timeout", 5.0), fields.at("timeout"), CLOSEST)
+    found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
+    found["early"] = _flag(fields, "early")
+    given = fields.take("direction", None)
+    if given is not None:
+        found["direction"] = unit_vector(fields, "direction")
+    fields.done()
+    if not any(name in found for name in ASKED):
+        raise ValueError(f"{phase.at('until')} = {shown(fields.table)}: must have one of {', '.join(ASKED)}")
+    if "direction" not in found and any(name in found for name in NUMBERS[1:]):
+        if normal is None:
+            allowed = "must be a vector out of the surface, since the task says no normal"
+            raise ValueError(f"{fields.at('direction')}: is missing; {allowed}")
+        found["direction"] = normal
+    return found
+
+
+def _asked(fields: Fields) -> dict[str, Any]:
+    """Conditions of a guard: numbers, and names of switches."""
+    found: dict[str, Any] = {}
+    for name in SWITCHES:
+        if fields.take(name, None) is not None:
+            found[name] = fields.take(name)
+            if not isinstance(found[name], str) or not found[name]:
+                raise ValueError(f"{fields.at(name)} = {shown(found[name])}: must be the name of a tactile switch")
+    for name in NUMBERS:
+        if fields.take(name, None) is not None:
+            found[name] = positive(fields, name)
+    if "force" in found and found.get("force_below", math.inf) <= found["force"]:
+        raise ValueError(f"{fields.at('force_below')} = {found['force_below']:g}: must be above force")
+    found["sensed"] = _flag(fields, "force_sensor")
+    if found["sensed"] and not ("force" in found or "force_below" in found):
+        raise ValueError(f"{fields.at('force_sensor')} = true: must be left out without force or force_below")
+    return found
+
+
+def _flag(fields: Fields, name: str) -> bool:
+    """True or false."""
+    found = fields.take(name, False)
+    if not isinstance(found, bool):
+        raise ValueError(f"{fields.at(name)} = {shown(found)}: must be true or false")
+    return found
+
+
+def unit_vector(fields: Fields, name: str) -> Vector:
+    """A vector of any length, as one of length 1."""
+    given = fields.vector(name)
+    length = math.hypot(*given)
+    if not NOWHERE < length < 1.0 / NOWHERE:
+        raise ValueError(f"{fields.at(name)} = {shown(list(given))}: must be a vector that points somewhere")
+    x, y, z = (c / length for c in given)
+    return x, y, z
+
+
+Place = tuple[float, float, float]
+
+EDGE = 1e-6
+"""s after which a force changes: at the planned end of a phase, where the reference may wait, that phase's force
+holds."""
+
+COMING_BACK = 1.0
+"""s in which the reference comes back to its plan where the next place is the one that it would be at."""
+
+
+def seconds(fields: Fields, name: str, *default: Any) -> float:
+    """How long something of a phase takes."""
+    return within(fields.number(name, *default), fields.at(name), CLOSEST)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Arc:
+    """Model of a handle's path.
+
+    Attributes:
+        center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
+        normal: unit vector out of the axis to where the tip takes hold. gripper: by which it is held.
+    """
+
+    center: Place
+    axis: Place
+    force: float
+    normal: Place
+    gripper: str
+
+
+class Task:
+    """Phases as they are read.
+
+    Args:
+        start: place at the beginning, m. limits: of motions. setting: of the flight.
+
+    Attributes:
+        at: place, m. time: s. begun: s, when the present phase began.
+        handled: beginning of the last dwell and the instant at which its payload is taken or left, s.
+        normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
+        arc: of the handle that is held. known_arc: of the last handle that was.
+    """
+
+    def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
+        self.start = self.at = start
+        self.time = self.begun = 0.0
+        self.handled = 0.0, 0.0
+        self.setting = setting
+        self.normal: Place | None = None
+        self.speed: float | None = None
+        self.force: float | None = None
+        self.arc: Arc | None = None
+        self.known_arc: Arc | None = None
+        self._grips: list[tuple[float, float | None, float]] = []
+        self._limits = limits
+        self._pieces: list[tuple[Points, tuple[float, ...]]] = []
+        self._turns: list[tuple[Turning, ...]] = []
+        self._forces: list[tuple[float, float, float]] = []
+        self._strays = self._back = False
+        self._window = 0.0, 0.0
+        self._pressed = -2  # number of the last phase that pressed
+
+    def begin(self, phase: Fields) -> None:
+        """Rest until the instant at which a phase is to begin, if it says one."""
+        if phase.take("start", None) is not None:
+            start = within(phase.number("start"), phase.at("start"), 0.0)
+            if start < self.time:
+                allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"
+                raise ValueError(f"{phase.at('start')} = {start:g}: {allowed}")
+            self.time = start
+        self.begun, self._back = self.time, False
+
+    def end(self, kind: str) -> None:
+        """Note a phase that has been read."""
+        self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
+
+    def rest(self, duration: float) -> None:
+        """Stay."""
+        self.time += duration
+
+    def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
+        """Add the motion of least snap through points; none where they are one place.
+
+        Args:
+            points: from where the task stands, m.
+            duration: s; as fast as the limits let if left out.
+            back: an offset of the reference is taken back on the way.
+        """
+        begun, here = self.time, len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
+        if not here:
+            times = allocate(points, self._limits, self.setting.gravity)
+            if duration is not None:
+                times = tuple(t * (duration / times[-1]) for t in times)
+            self._pieces.append((points, tuple(self.time + t for t in times)))
+            self.time, self.at = self.time + times[-1], points[-1]
+        if back and self._strays:
+            self.time = max(self.time, begun + COMING_BACK) if here else self.time
+            self._back, self._window, self._strays = True, (begun, self.time), False
+
+    def turn(self, turning: Sequence[Turning], to: Place, duration: float) -> None:
+        """Add a motion about an axis, one signal for each coordinate."""
+        self._turns.append(tuple(turning))
+        self.time, self.at = self.time + duration, to
+
+    def press(self, begin: float, end: float) -> None:
+        """Request the task's force from one instant of the plan to another.
+
+        The force of the phase before holds until then.
+        """
+        if self.force is None or self.normal is None:
+            raise AssertionError("a force needs its size and direction")
+        number = len(self.setting.phases)
+        if self._forces and self._pressed == number - 1:  # it holds on while the tip rests between two phases
+            self._forces[-1] = (self._forces[-1][0], begin, self._forces[-1][2])
+        self._forces.append((begin, end, self.force))
+        self._pressed = number
+
+    def grip(self, arc: Arc) -> None:
+        """Hold a handle from the instant on at which the phase closes its gripper."""
+        self.arc = self.known_arc = arc
+        self._grips.append((self.handled[1], None, arc.force))
+
+    def let_go(self, gripper: str) -> None:
+        """Hold the handle no longer, if it is this gripper that opens."""
+        if self.arc is not None and self.arc.gripper == gripper:
+            self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
+            self.arc = None
+
+    def wait_until(self, phase: Fields, usual: Mapping[str, Any] | None = None) -> None:
+        """Let the reference rest here until the flight meets the phase's guard, or the ``usual`` one."""
+        until = guard_from(phase, self.normal, usual)
+        if until is None:
+            return
+        number = len(self.setting.phases)
+        guard = Guard(at=self.time, begin=min(self.begun, self.time), phase=number, **until)
+        self.setting.guards.append(guard)
+        self._strays = self._strays or guard.early
+
+    def motion(self) -> Trajectory:
+        """The whole motion, each axis a sum of what every piece adds to where it begins; and the push."""
+        axes: list[Signal] = []
+        for axis in range(3):
+            parts: list[Any] = [Constant(self.start[axis])]
+            for points, times in self._pieces:
+                if any(p[axis] != points[0][axis] for p in points):
+                    parts.append(minimum_snap(times, [p[axis] - points[0][axis] for p in points]))
+            parts += [turning[axis] for turning in self._turns]
+            axes.append(Sum(tuple(parts)))
+        x, y, z = axes
+        self._tell_push()
+        return Trajectory(x=x, y=y, z=z)
+
+    def _tell_push(self) -> None:
+        """Add the push of the whole reference to the setting."""
+        if not self._forces and not self._grips:
+            return
+        if self.setting.pushes:
+            raise ValueError("reference: two tasks whose phases press or grip do not add")
+        pieces = [_during(f, a + EDGE, b + EDGE) for a, b, f in self._forces]
+        speed, arc = SPEED if self.speed is None else self.speed, self.known_arc
+        if arc is None:
+            if self.normal is None:
+                raise AssertionError("a force needs a direction")
+            self.setting.pushes.append(TipPush(force=Sum(tuple(pieces)), normal=self.normal, speed=speed))
+            return
+        pieces += [_during(f, a, b) for a, b, f in self._grips if f]
+        self.setting.pushes.append(
+            TipPush(
+                force=Sum(tuple(pieces)) if pieces else Constant(0.0),
+                normal=arc.normal if self.normal is None else self.normal,
+                speed=speed,
+                grip=Sum(tuple(_during(1.0, a, b) for a, b, _ in self._grips)),
+                pivot=arc.center,
+                axis=arc.axis,
+            )
+        )
+
+
+def _during(value: float, begin: float, end: float | None) -> Windowed:
+    """A value from one instant to another, or on."""
+    return Windowed(Constant(value), begin) if end is None else Windowed(Constant(value), begin, end)
+
+
+def _apart(a: Place, b: Place) -> float:
+    return max(abs(p - q) for p, q in zip(a, b, strict=True))
+
+
+def require_field(fields: Fields, name: str, value: Any, known: Any, words: str) -> None:
+    """Refuse a value that contradicts another phase."""
+    if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
+        raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -1,0 +1,144 @@
+"""Records of a task: phases, guards that hold the reference until the flight meets them, events, joint moves."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.reference.tip_motion import TipPush
+from skyarm.scalars import Scalar
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Phase:
+    """One phase of a task, at the reference's own time.
+
+    Attributes:
+        name: its kind. end: s, planned. back: s and s, from when to when the reference comes back to its plan in it, if
+            a phase before ended early.
+    """
+
+    name: str
+    end: Annotated[float, Unit("s", low=0.0)]
+    back: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "phase")
+
+    def later(self, seconds: float) -> Phase:
+        """The same phase so many seconds later."""
+        back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
+        return Phase(name=self.name, end=self.end + seconds, back=back)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Guard:
+    """Condition that the flight must meet before the reference advances: until then the whole reference rests.
+
+    All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
+    those that the law knows of: the measured tip, the force that the law observes, or that a sensor at the tip reads.
+
+    Attributes:
+        at: s, planned end of what it guards; there the reference rests.
+        begin: s, planned beginning: distances count from there.
+        phase: number of its phase.
+        error: m, of the tip across the normal while a push is asked for; of the base where the vehicle has no tip.
+        force, force_below: N along ``direction``, above and below which it holds.
+        sensed: the force is that of the force sensor at the tip. closed, open: names of tactile switches.
+        distance: m, that the tip has moved against ``direction``, at least.
+        direction: unit vector, world axes: out of the surface.
+        hold: s, for which all of it must hold. timeout: s of rest, after which the reference goes on all the same.
+        fails: after the timeout the flight ends in place of that.
+        early: what is left of the phase is skipped when the guard holds before its end.
+        loads: names of the payloads that the task takes and leaves, at the reference's time.
+    """
+
+    at: Annotated[Scalar, Unit("s", low=0.0)]
+    begin: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    phase: int = 0
+    error: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
+    force: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
+    force_below: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
+    distance: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
+    direction: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the surface, world axes")] = (0.0, 0.0, 1.0)
+    hold: Annotated[Scalar, Unit("s", low=0.0)] = 0.5
+    timeout: Annotated[Scalar, Unit("s", low=0.0, strict=True)] = 5.0
+    fails: bool = False
+    early: bool = False
+    loads: tuple[str, ...] = ()
+    sensed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    closed: str = field(default="", metadata=WRITTEN_IF_ANY)
+    open: str = field(default="", metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "guard")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskEvent:
+    """An instant at which a task takes or leaves a payload, or closes or opens a gripper.
+
+    Attributes:
+        kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for
+            messages. gripper: its name.
+    """
+
+    kind: str
+    payload: str
+    time: float
+    where: str
+    gripper: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointMove:
+    """A move of a joint from rest to rest.
+
+    Attributes:
+        joint: its name. value: rad or m, where it ends. start, end: s. where: the field, for messages.
+    """
+
+    joint: str
+    value: float
+    start: float
+    end: float
+    where: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setting:
+    """Facts of the flight that a reference's tables may need.
+
+    Attributes:
+        vehicle: the plant's; None where a reference is read on its own.
+        gravity: m/s^2. duration: s.
+        thrust_to_weight: highest thrust over weight; infinite where nobody knows.
+        events, guards, phases, pushes, joint_moves: filled while phases are read.
+    """
+
+    vehicle: Vehicle | None = None
+    gravity: float = 9.81
+    duration: float = 0.0
+    thrust_to_weight: float = math.inf
+    events: list[TaskEvent] = field(default_factory=list)
+    guards: list[Guard] = field(default_factory=list)
+    phases: list[Phase] = field(default_factory=list)
+    pushes: list[TipPush] = field(default_factory=list)
+    joint_moves: list[JointMove] = field(default_factory=list)
+
+    @property
+    def all_guards(self) -> tuple[Guard, ...]:
+        """The guards, each with the payloads that wait for it."""
+        loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
+        return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
+
+    @property
+    def all_phases(self) -> tuple[Phase, ...]:
+        """The phases of a task that waits for the flight; none of one that does not."""
+        return tuple(self.phases) if self.guards else ()

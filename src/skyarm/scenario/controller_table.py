@@ -1,0 +1,350 @@
+"""[controller]: a preset, a law and its options, or a file of gains; and a scenario under another law.
+
+A file of gains has a law by its words, and numbers in place of those of its constants. ``skyarm tune`` writes such
+files, and anyone may. A scenario names one by ``[controller] tuned = "FILE.toml"``, a command line by
+``--controller FILE.toml``::
+
+    schema = 1
+    [law]                 the words of a scenario's [controller]: preset, or law and its options
+    [gains]               "gains.position" = 4.2, or a list: all numbers below a path of the law's constants
+    [about]               where they come from; nothing of it is flown
+
+A user's law, FILE.py:make, must have been loaded: ``--plugin FILE.py`` does so; no file that is read runs code.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_parameters, plain_model, with_actuators
+from skyarm.control.catalogue import (
+    LAWS,
+    PRESETS,
+    make_controller,
+    make_named,
+    make_tuned,
+    no_option,
+    present_name,
+    preset,
+    suitable_options,
+    tuned_factors,
+)
+from skyarm.control.controller import Controller
+from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.vectored_layer import VectoredParameters, own_parameters
+from skyarm.files import Fields, all_wrong_words, did_you_mean, must_be_one_of, number, read_toml, shown, unreadable
+from skyarm.files.names import require_kind
+from skyarm.records.leaves import Place, is_leaf, is_record, parts, replaced, walk
+from skyarm.records.read_table import record_from
+from skyarm.registry.plugins import is_law_of_file, register_loaded_law
+from skyarm.registry.registrations import LOADED_BY
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario, without_law
+
+MEASURED = ("stiffness", "damping")
+"""Limits of the safety layer that are measured on the law it is around."""
+
+
+def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
+    """What a law may know of its loop: its clocks and the age of its measurements, s."""
+    return {
+        "control_period": 1.0 / rates.control,
+        "reference_period": 1.0 / rates.reference,
+        "delay": delays.measurement,
+        "delay_periods": round(delays.measurement * rates.control),
+    }
+
+
+def controller_by_name(scenario: Scenario, name: str) -> Controller:
+    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the layers of the law before it.
+
+    The safety layer stays, and so does that of the actuators: a law of torques takes the place of a law of torques.
+
+    Raises:
+        ControllerError: unknown name, or a controller that does not fit the model.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    before = scenario.controller.par
+    made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
+    if not isinstance(before, ActuatorParameters):
+        return _with_safety_of(before, made, scenario)
+    inner, servos = inner_parameters(before), bool(scenario.controller.memory.drives)
+    return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
+
+
+def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:
+    """The controller on the servos and thrust tables of the belief; as it is where the belief has none."""
+    return with_actuators(made, model, control_period, servos=servos) if servos or has_tables(model) else made
+
+
+def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
+    """The controller with the safety layer whose constants are these; as it is if they are a law's."""
+    if isinstance(before, VectoredParameters):
+        before = own_parameters(before)
+    from skyarm.control.safety.safety_layer import SafetyParameters
+
+    if not isinstance(before, SafetyParameters):
+        return made
+    from skyarm.control.safety import with_safety_layer
+    from skyarm.control.safety.limits import ERRORS, TIP_ERRORS
+
+    limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
+    errors = TIP_ERRORS if scenario.controller.keeps_tip else ERRORS
+    if limits["trusted_joint_error"] == tuple(errors[link.joint.kind] for link in before.model.vehicle.links):
+        # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
+        del limits["trusted_joint_error"]
+    stow: Any = before.recovery.stow
+    return with_safety_layer(made, limits, stow=stow)
+
+
+def under_law(scenario: Scenario, name: str) -> Scenario:
+    """The scenario as another law flies it, without what it changes of its own controller in flight.
+
+    Raises:
+        ControllerError, AllocationError: as :func:`controller_by_name`.
+    """
+    changes = without_law(scenario.changes)
+    return dataclasses.replace(scenario, controller=controller_by_name(scenario, name), changes=changes)
+
+
+WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}
+"""A file's words for options that are called otherwise."""
+
+RECORDS: Mapping[str, type] = {"gains": GeometricGains, "joint_gains": JointGains}
+"""Options that a table stands for."""
+
+PYTHON_ONLY = ("network",)
+"""Options that no file can hold."""
+
+
+def law_words(law: str) -> tuple[str, ...]:
+    """Words that a table may have beside a law: its options as a file calls them, and those of any law."""
+    options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
+    return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety", "servos")
+
+
+def by_words(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """A preset, or a law and its options, for a belief; ``known`` is what it may know of its loop."""
+    return preset_from(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+
+
+def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The preset of a table, which takes no options."""
+    name = fields.take("preset", None)
+    if name is None:
+        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
+    if isinstance(name, str) and name not in PRESETS and name in LAWS:
+        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
+    for word, value in fields.table.items():
+        if word not in ("preset", "safety", "servos"):
+            raise ValueError(
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
+                f"allowed, a law in its place takes options"
+            )
+    return preset(name, model, known)
+
+
+def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The law of a table; ``known`` is what it may know of its loop.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    law = fields.table.get("law")
+    if is_law_of_file(law):
+        raise ValueError(
+            f"{fields.at('law')} = {shown(law)}: must not be a file's; only --controller takes FILE.py:make"
+        )
+    return registered_law_from(fields, model, known)
+
+
+def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The same, where the law of a file is allowed that the command line has loaded."""
+    law, best = fields.take("law"), fields.flag("tuned", False)
+    if not isinstance(law, str) or law not in LAWS:
+        hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
+        raise ValueError(
+            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm show')}{hint}"
+        )
+    words = law_words(law)
+    for word, value in fields.table.items():
+        if word not in (*words, "law") and (word, value) != ("tuned", False):
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, word, words)}")
+    options = suitable_options(law, known)
+    for option in LAWS[law].options():
+        word = WORDS.get(option, option)
+        if word in fields.table:
+            options[option] = _read(fields, law, option, word)
+    _require_clock(fields, known)
+    return (make_tuned if best else make_controller)(law, model, **options)
+
+
+def _read(fields: Fields, law: str, option: str, word: str) -> Any:
+    """An option's value; tables become the records that they stand for."""
+    value, at = fields.take(word), fields.at(word)
+    if option in RECORDS:
+        return record_from(RECORDS[option], Fields(value, at))
+    if option == "terms":
+        return _terms(value, at)
+    default = inspect.signature(LAWS[law].function()).parameters.get(option)
+    if default is None or not is_record(default.default):
+        return value
+    table = Fields(value, at)
+    numbers = {name: table.number(name, usual, low=0.0) for name, usual in parts(default.default).items()}
+    table.done()
+    return dataclasses.replace(default.default, **numbers)
+
+
+def _terms(value: Any, at: str) -> Terms:
+    """Terms without those of a list."""
+    allowed = tuple(parts(Terms()))
+    if not isinstance(value, list) or any(name not in allowed for name in value):
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
+    return Terms(**dict.fromkeys(value, False))
+
+
+def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
+    """Refuse another control period than the loop's: constants hold the delay that was counted with it."""
+    if "control_period" not in fields.table:
+        return
+    at, ticking = fields.at("control_period"), known["control_period"]
+    value = number(fields.table["control_period"], at)
+    if abs(value / ticking - 1.0) > 1e-6:
+        raise ValueError(f"{at} = {value!r}: must be {ticking:g} s, as rates.control has it")
+
+
+SUFFIX = ".toml"
+
+
+def is_gains_file(name: Any) -> bool:
+    """Whether the name of a controller is that of a file of gains."""
+    return isinstance(name, str) and name.endswith(SUFFIX)
+
+
+def make_named_or_tuned(name: str, model: Model, known: Mapping[str, Any]) -> Controller:
+    """A controller by its name in the catalogue, or by the path of a file of gains.
+
+    Raises:
+        ValueError: one line.
+    """
+    if is_gains_file(name):
+        return controller_of_file(name, Path(), model, known, "controller")
+    return make_named(name, model, known)
+
+
+def load_controller(
+    file: str | Path,
+    model: Model,
+    *,
+    delay: float = 0.0,
+    control_period: float = 0.005,
+    reference_period: float = 0.02,
+) -> Controller:
+    """The law of a file of gains, as ``skyarm tune`` writes it, for a belief.
+
+    Args:
+        file: path, .toml.
+        model: what the law believes.
+        delay: known age of the measurement, s; for laws with such an option, as all that follow.
+        control_period: s.
+        reference_period: between published samples, s.
+
+    Raises:
+        ValueError: one line: file, field, value, what is allowed.
+    """
+    if not isinstance(model, Model):
+        raise ValueError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
+    late = number(delay, "delay", low=0.0)
+    ticking = number(control_period, "control_period", low=0.0, strict=True)
+    known = {
+        "control_period": ticking,
+        "reference_period": number(reference_period, "reference_period", low=0.0, strict=True),
+        "delay": late,
+        "delay_periods": round(late / ticking),
+    }
+    return controller_of_file(os.fspath(file), Path(), model, known, "file")
+
+
+def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
+    """The law of a file with its gains.
+
+    Args:
+        name: path of the file.
+        folder: where it starts.
+        model: what the law believes.
+        known: what it may know of its loop.
+        field: that names the file, for messages.
+
+    Raises:
+        ValueError: one line: file, field, value, what is allowed.
+    """
+    if not is_gains_file(name):
+        raise ValueError(f"{field} = {shown(name)}: must be true, false, or a file that 'skyarm tune' wrote (.toml)")
+    path = folder / name
+    reason = unreadable(path)
+    if reason:
+        raise ValueError(f"{field} = {shown(os.fspath(path))}: {reason}")
+    try:
+        document = read_toml(path.read_bytes())
+        require_kind(document, "gains")
+        with all_wrong_words():
+            return _controller(Fields(document, ""), model, known)
+    except OSError as error:
+        raise ValueError(f"{field} = {shown(os.fspath(path))}: must be readable ({error.strerror})") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    schema = top.take("schema", 1)
+    if schema != 1 or isinstance(schema, bool):
+        raise ValueError(f"schema = {shown(schema)}: must be 1")
+    words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
+    top.take("about", None)
+    top.done()
+    if "tuned" in words.table and isinstance(words.table["tuned"], str):
+        raise ValueError(f"law.tuned = {shown(words.table['tuned'])}: must be left out: one file does not name another")
+    law = words.table.get("law")
+    if isinstance(law, str) and is_law_of_file(law):
+        if not register_loaded_law(law):
+            raise ValueError(f"law.law = {shown(law)}: must be loaded: {LOADED_BY.format(law.rpartition(':')[0])}")
+        found = registered_law_from(words, model, known)
+    else:
+        found = by_words(words, model, known)
+    return with_gains(found, gains, "gains")
+
+
+def with_gains(controller: Controller, gains: Any, where: str) -> Controller:
+    """The controller with other numbers at some paths of its constants.
+
+    Raises:
+        ValueError: a path that they do not have, or numbers that do not fit it: one line.
+    """
+    if not isinstance(gains, Mapping):
+        raise ValueError(f"{where} = {shown(gains)}: must be a table of paths and numbers")
+    numbers: dict[Place, float] = {}
+    for path, value in gains.items():
+        numbers |= _numbers(controller, path, value, f"{where}.{path!r}")
+    return dataclasses.replace(controller, par=replaced(controller.par, numbers)) if numbers else controller
+
+
+def _numbers(controller: Controller, path: str, value: Any, field: str) -> dict[Place, float]:
+    record: Any = controller.par
+    place = tuple(path.split("."))
+    for i, name in enumerate(place):
+        below = parts(record) if is_record(record) or isinstance(record, tuple) else {}
+        if name not in below or name in ("model", "mixer"):
+            there = [each for each in below if each not in ("model", "mixer")]
+            at = ".".join(place[:i])
+            has = f"{at or 'the constants'} of {controller.name!r} " + (f"have {', '.join(there)}" if there else "end")
+            raise ValueError(f"{field}: {did_you_mean(name, there)}must be a path of the law's constants; {has}")
+        record = below[name]
+    leaves = [at for at, each in walk(record, place) if is_leaf(each)]
+    given = list(value) if isinstance(value, list) else [value] * len(leaves)
+    if not leaves or len(given) != len(leaves):
+        raise ValueError(f"{field} = {shown(value)}: must be one number, or a list of {len(leaves)}")
+    return {at: number(each, field, low=0.0) for at, each in zip(leaves, given, strict=True)}

@@ -1,0 +1,282 @@
+"""Paths of numbers: the words of a scenario file, and the places of the scenario's records that they lead to.
+
+One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
+file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.environment import Air, AirSignals, Force, ForceWind, Gust, MovingAir
+from skyarm.files import did_you_mean
+from skyarm.plant.interface import Truth
+from skyarm.records.leaves import Place, field_names, part, parts
+from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.reference.tip_motion import TipMotion
+from skyarm.registry.registrations import name_of
+from skyarm.scenario.endings import Ending
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_tables import PARTS
+from skyarm.vehicle.linkage import JOINT_NUMBERS
+from skyarm.vehicle.vehicle_records import Vehicle
+
+ROOTS: Mapping[str, Place] = {
+    "plant": ("world",),
+    "model": ("controller", "par", "model"),
+    "controller": ("controller", "par"),
+    **{path: (field,) for path, (field, _) in PARTS.items() if path != "environment.ground"},
+    "sensors": ("sensors",),
+    "initial": ("initial",),
+    "reference": ("trajectory",),
+    "changes": ("changes",),
+    "payloads": ("payloads",),
+    "world": ("contact",),
+}
+"""Beginning of a path -> its place in the scenario's record."""
+
+STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
+"""Fields of the file that shape an episode or key its noise; they are the same for all episodes of a batch."""
+
+LATE = "delays.command"
+LATER = (LATE, "delays.rotors", "delays.joints")
+"""They vary where the scenario says how long they get (:class:`skyarm.scenario.scenario_record.Delays`)."""
+
+JOINED = "reference.joined"
+"""When the law joins the reference: of the scenario, not of the trajectory."""
+
+
+def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
+    """Places of the scenario record at which the number of a path stands; all hold the same.
+
+    Raises:
+        ScenarioError: a field that does not exist (with those that do), or one that is structure.
+    """
+    if path in LATER and scenario.delays.longest_command is not None:
+        return (("delays", path.removeprefix("delays.")),)
+    if path == JOINED:
+        return (("joined",),)
+    for field in STRUCTURE:
+        if path == field or path.startswith(f"{field}."):
+            raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
+    if path.startswith("reference.") and scenario.path_time is not None:
+        allowed = "must stay as it is where the reference has a governor, which has planned for it"
+        raise ScenarioError(f"path = {path!r}: {allowed}; make a scenario of each (skyarm.govern)")
+    if path.startswith("changes.") and not path.endswith(".value"):
+        raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
+    for root, start in roots(scenario).items():
+        if path.startswith(f"{root}."):
+            return _follow(scenario, path, start, path[len(root) + 1 :].split("."))
+    near = did_you_mean(".".join(path.split(".")[:2]), ROOTS) or did_you_mean(path.split(".", maxsplit=1)[0], ROOTS)
+    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(ROOTS)}")
+
+
+def roots(scenario: Scenario) -> dict[str, Place]:
+    """Beginnings of paths, the longest first where one begins another."""
+    named: dict[str, Place] = {
+        f"sensors.{each.name}": ("instruments", str(i), "sensor") for i, each in enumerate(scenario.instruments)
+    }
+    carried = ("world", "vehicle", "drives")
+    mounted = enumerate(scenario.world.vehicle.drives)
+    named |= {f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in mounted}
+    named |= {f"plant.drives.{each.joint}": ("drives", str(i), "drive") for i, each in enumerate(scenario.drives)}
+    return {**named, **ROOTS}
+
+
+def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tuple[Place, ...]:
+    places: Any = (start,)
+    for word in words:
+        if isinstance(places, tuple):
+            options = names(part(scenario, places[0]))
+            heads = places
+        else:
+            options, heads = places, (start,)
+        if word not in options:
+            known = [*options, *(_further(scenario, path) if start in ROOTS.values() else ())]
+            there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
+            raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
+        places = _joined(heads, options[word])
+        start = heads[0]
+    if not isinstance(places, tuple):
+        raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(places)}")
+    # a number of the file that is held as a signal
+    return tuple((*at, "value") if isinstance(part(scenario, at), Constant) else at for at in places)
+
+
+def _further(scenario: Scenario, path: str) -> list[str]:
+    """Named parts of the scenario that a path might have led to: sensors, drives."""
+    head = path[: path.index(".") + 1]
+    return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
+
+
+def _joined(heads: tuple[Place, ...], found: Any) -> Any:
+    """Places seen from the scenario; a tree of more words is seen from the first head."""
+    if isinstance(found, tuple):
+        return tuple((*head, *tail) for head in heads for tail in found)
+    return found
+
+
+Tree = Mapping[str, Any]
+"""Name -> places it stands for, or a tree of more names."""
+
+WORDS: Mapping[type, Mapping[str, str]] = {
+    ForceWind: {"force": "force_W", "point": "point_B", "air_velocity": "air_velocity_W"},
+    MovingAir: {"velocity": "velocity_W"},
+    AirSignals: {"velocity": "velocity_W"},
+    Gust: {"force": "peak", "velocity": "peak"},
+    State: {"quaternion_wxyz": "quaternion"},
+}
+"""Words of the file for fields of records."""
+
+
+REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
+"""Items of lists that bear the name of their class."""
+
+
+def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
+    """Names that lead on from a record."""
+    found: dict[str, tuple[Place, ...] | Tree] = {}
+    if isinstance(record, tuple):
+        found |= {number: ((number,),) for number in parts(record)}
+        named = [_name(item) for item in record]
+        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+    fields = field_names(type(record))
+    if fields is None:
+        return found
+    signal: Any = record
+    if isinstance(signal, Signal):
+        return _signal(signal)
+    found |= {field: ((field,),) for field in fields}
+    if isinstance(record, (Vec3, Quaternion)):
+        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    for word, field in WORDS.get(type(record), {}).items():
+        found[word] = ((field,),)
+    if isinstance(record, Truth):
+        found["joints"] = _every_joint(record.vehicle)
+    if isinstance(record, Trajectory):
+        found["base"] = _motions(record)
+        if record.tip is None:
+            del found["tip"]
+        if record.push is None:
+            del found["push"]
+        if record.load is None:
+            del found["load"]
+    if isinstance(record, TipMotion):
+        found["path"] = _motions(record)
+    return found
+
+
+def _name(item: Any) -> str | None:
+    """An item's own name, or that under which its class is registered."""
+    own = getattr(item, "name", None)
+    if isinstance(own, str):
+        return own
+    kind = next((kind for base, kind in REGISTERED.items() if isinstance(item, base)), None)
+    return name_of(kind, type(item)) if kind else None
+
+
+def _every_joint(vehicle: Vehicle) -> Tree:
+    """[plant] joints = { damping, ... }: the same number for every joint."""
+    return {
+        field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
+        for field in JOINT_NUMBERS
+        if vehicle.n
+    }
+
+
+def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
+    """A signal's own fields, and those of the signal that a window or a shift holds."""
+    found: dict[str, tuple[Place, ...] | Tree] = {}
+    if isinstance(signal, (Windowed, Shifted)):
+        found |= {name: _under(("signal",), at) for name, at in names(signal.signal).items()}
+    if isinstance(signal, Sum):
+        found |= {str(i): (("signals", str(i)),) for i in range(len(signal.signals))}
+    found |= {field: ((field,),) for field in parts(signal)}
+    if isinstance(signal, Windowed) and isinstance(signal.signal, Shifted) and isinstance(signal.signal.signal, Sine):
+        # the time of a sine that starts counts from there
+        found["start"] = (("start",), ("signal", "delay"))
+    return found
+
+
+def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
+    """The same places seen from a record further out."""
+    if isinstance(at, tuple):
+        return tuple((*head, *place) for place in at)
+    return {name: _under(head, inner) for name, inner in at.items()}
+
+
+def _motions(motion: Trajectory | TipMotion) -> Tree:
+    """[reference.base] and the tip's path as the file has it: hover, circle, signals, or a list of them."""
+    axes = (motion.x, motion.y, motion.z)
+    if all(_is_list(axis) for axis in axes):
+        each = zip(*(_items(axis) for axis in axes), strict=False)
+        return {
+            str(i): _motion(
+                tuple(a for a, _ in item), tuple((letter, *at) for letter, (_, at) in zip("xyz", item, strict=True))
+            )
+            for i, item in enumerate(each)
+        }
+    return _motion(axes, (("x",), ("y",), ("z",)))
+
+
+def _is_list(signal: Signal) -> bool:
+    """A sum ((0 + a) + b) ... that starts from the motionless trajectory, as lists of motions are read."""
+    while isinstance(signal, Sum) and len(signal.signals) == 2:
+        signal = signal.signals[0]
+        if isinstance(signal, Constant) and isinstance(signal.value, (int, float)) and signal.value == 0.0:
+            return True
+    return False
+
+
+def _items(signal: Any) -> list[tuple[Signal, Place]]:
+    """Terms of such a sum in the order of the file, with their places."""
+
+    def backwards() -> Iterator[tuple[Signal, Place]]:
+        rest: Any = signal
+        at: Place = ()
+        while isinstance(rest, Sum):
+            yield rest.signals[1], (*at, "signals", "1")
+            rest, at = rest.signals[0], (*at, "signals", "0")
+
+    return list(backwards())[::-1]
+
+
+def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
+    """One motion, by what its three signals are."""
+    found: dict[str, Any] = dict(zip("xyz", ((place,) for place in places), strict=True))
+    if all(isinstance(axis, Constant) for axis in axes):
+        found["position"] = _vector([(*place, "value") for place in places])
+    turning = axes[:2]
+    if all(_is_circle(axis) for axis in turning):
+        centers = [(*place, "signals", "0", "value") for place in places[:2]]
+        window = [(*place, "signals", "1") for place in places[:2]]
+        sine = [(*place, "signal", "signal") for place in window]
+        found |= {
+            "radius": tuple((*place, "amplitude") for place in sine),
+            "frequency_hz": tuple((*place, "frequency_hz") for place in sine),
+            "center": _vector([*centers, (*places[2], "value")]),
+            "start": tuple(place for at in window for place in ((*at, "start"), (*at, "signal", "delay"))),
+            "stop": tuple((*place, "stop") for place in window),
+        }
+    return found
+
+
+def _is_circle(signal: Any) -> bool:
+    """A centre and a windowed, shifted sine, as :func:`skyarm.reference.circle` makes them."""
+    if not isinstance(signal, Sum) or len(signal.signals) != 2:
+        return False
+    center, turn = signal.signals
+    return (
+        isinstance(center, Constant)
+        and isinstance(turn, Windowed)
+        and isinstance(turn.signal, Shifted)
+        and isinstance(turn.signal.signal, Sine)
+    )
+
+
+def _vector(places: Sequence[Place]) -> Tree:
+    """Three numbers by letter and by number."""
+    return {name: (place,) for i, place in enumerate(places) for name in ("xyz"[i], str(i))}

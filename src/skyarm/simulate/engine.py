@@ -1,0 +1,435 @@
+"""The engine of single episodes: one traced control period, stepped by machine code or by Python.
+
+Both evaluate the same program to the same bits. Python also flies plants and laws that cannot be traced: the program
+calls them with floats.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.stepper import Stepper
+from skyarm.compile.tracing.repeat import operations
+from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.control.blocks.observed_push import PushAlone
+from skyarm.dynamics import State
+from skyarm.plant.interface import make_plant
+from skyarm.plant.largest_step import STATED
+from skyarm.reference import Publisher, Reference
+from skyarm.scalars.philox import uniforms
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.assemble_log import Piece, Samples
+from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, refused
+from skyarm.simulate.draws import draws_needed
+from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
+from skyarm.simulate.period import make_period, measure
+from skyarm.simulate.plant_steps import RigidBodySteps, Substeps, rigid_body_plant
+from skyarm.simulate.python_calls import CalledPlant, EpisodeEndedError, LawCalls, StagesInPython
+from skyarm.simulate.reference_clock import PathClock, clock_of_change
+from skyarm.simulate.stages import Stages
+from skyarm.simulate.user_code import require_shapes
+
+Array = npt.NDArray[np.float64]
+
+SHORT = 500_000_000
+"""Operations up to which an episode ends sooner in code that is made in a hurry: 150 000 periods of a quadrotor with a
+two-joint arm, where the time saved in making it is the time lost in flying."""
+
+PIECE = 0.1
+"""s that an episode is flown at a stretch: between stretches Ctrl-C is heard."""
+
+ALIVE, TICKS = 0, 1
+"""Places of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
+
+LOGGED = 2**16
+"""Periods whose samples a log has room for at first; it grows by doubling."""
+
+DRAWN = 256
+"""Periods whose random numbers Python draws at once."""
+
+
+class EpisodeCode:
+    """The control period of a scenario as a program of one lane.
+
+    Args:
+        scenario: as it flies now; it fixes the integration steps.
+        vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
+        numbers: by path, as they are now.
+        machine_code: False evaluates the program in Python, whose numbers are constants.
+        commands: a command from outside may take the law's place.
+        own_reference: evaluate the reference in the program, not in a table.
+        effort: of the compiler; None chooses by the length of the episode.
+        key: of programs that differ in the values of their numbers alone.
+
+    Raises:
+        NoMachineCodeError: there is no compiler; evaluate it in Python.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        vary: Callable[[Sequence[Any]], Scenario] | None = None,
+        numbers: Mapping[str, float] | None = None,
+        *,
+        machine_code: bool = True,
+        commands: bool = True,
+        own_reference: bool = False,
+        effort: int | None = None,
+        key: Any = None,
+    ) -> None:
+        require_shapes(scenario)
+        self.scenario, self.commands, self.own_reference, self.key = scenario, commands, own_reference, key
+        self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
+        self.calls: LawCalls | None = None if machine_code else LawCalls(copy.deepcopy(scenario.controller.memory))
+        self.first = first_loop_state(scenario)
+        self.carry = self.first
+        if machine_code:
+            scenario.controller.require_compiled("machine code of the loop")
+        elif not scenario.controller.compiled:
+            self.carry = replace(self.first, memory=PushAlone.of(self.first.memory))
+        self._example: Any = structure_of(self.carry)
+        self.draws = draws_needed(scenario)
+        self._plant: Any = None
+        if scenario.plant == "rigid_body":
+            self.substeps = Substeps(rigid_body_plant(scenario, self.first))
+        else:
+            around = first_surroundings(scenario, self.first)
+            self._plant = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
+        self.loop = self._traced(self._step)
+        self.sample: Sample = self.loop.result[1]
+        self.kernel: Kernel | None = None
+        if machine_code:
+            if effort is None:
+                effort = 0 if scenario.steps * operations(self.loop.program.nodes) < SHORT else 2
+            self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
+
+    def _traced(self, step: Callable[..., Any]) -> Loop:
+        fed: Any = (0.0, 0.0) if self.own_reference else episode_inputs(self.scenario).row_example
+        if self.commands:
+            fed = fed, 0.0, structure_of(self.first.queue[0])
+        return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
+
+    def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
+        """Stages, plant and input row of a period."""
+        scenario = self._vary(numbers)
+        row, given, command = fed if self.commands else (fed, None, None)
+        if self.calls is None:
+            stages = Stages(scenario, command, given)
+        else:
+            stages = StagesInPython(scenario, self.calls, self.first.queue[0], command, given)
+        plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
+        if self.own_reference:
+            time, held = row
+            row = Row(time=time, reference=() if scenario.trajectory.guards else scenario.trajectory.at(held))
+        return stages, plant, row
+
+    def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Sample]:
+        stages, plant, row = self._begin(numbers, fed)
+        return make_period(stages, plant)(now, row, uniforms)
+
+    def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
+        """The first stages of a period, up to the law's measurement."""
+        stages, plant, row = self._begin(numbers, fed)
+        return now, measure(stages, plant, now, stages.led(now, row), uniforms).read.measurement
+
+    @cached_property
+    def measurement(self) -> Loop:
+        """The law's measurement in a period, as a program."""
+        return self._traced(self._measure)
+
+    def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
+        """Whether it flies another scenario too, whose numbers differ in their values alone.
+
+        Args:
+            key: of that scenario.
+            scenario: with its numbers.
+            changed: paths of the numbers that changed; None for any.
+        """
+        if self.kernel is None or key != self.key:
+            return False
+        if changed is not None and not any(path.startswith(("plant.", *STATED)) for path in changed):
+            return True
+        return self.substeps.fit(rigid_body_plant(scenario, self.first))
+
+
+class _PythonSteps:
+    """Steps of a program in Python floats, with the calls of :class:`skyarm.compile.llvm.stepper.Stepper`."""
+
+    def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
+        self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
+        self.carry, self.parameters = carry, parameters
+        self.command: tuple[float, ...] = ()
+        self._block, self._drawn = -1, list[tuple[float, ...]]()
+
+    def read_tables(self, rows: Array, log: Array) -> None:
+        """Inputs of each period, and where its sample is written."""
+        self._rows, self._log = rows, log
+
+    def fly(self, begin: int, end: int, start: int = 0) -> None:
+        """Step through some rows, up to an ending; ``start``: number of the period of the first row of the table."""
+        now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
+        for k in range(begin, end):
+            try:
+                found = self._step((*now, *numbers, *self._rows[k].tolist(), *self._draws(start + k)))
+            except EpisodeEndedError as error:
+                now, self.command = (0.0, *now[1:]), error.command
+                break
+            now, self._log[k] = found[:count], found[count:]
+        self.carry[:] = now
+
+    def _draws(self, k: int) -> tuple[float, ...]:
+        """Uniform numbers of a period, made for a second or so at a time."""
+        if not self._loop.uniforms:
+            return ()
+        block, row = divmod(k, DRAWN)
+        if block != self._block:
+            steps = np.arange(block * DRAWN, (block + 1) * DRAWN)
+            columns = [uniforms(*self._keys, channel, steps, count) for channel, count in self._loop.uniforms]
+            self._drawn, self._block = list(map(tuple, np.concatenate(columns, axis=1).tolist())), block
+        return self._drawn[row]
+
+
+class Engine:
+    """An episode flown period by period, or many periods at a stretch.
+
+    Args:
+        code: its program. scenario: as it is flown now; that of the program if left out.
+        numbers: of the program's parameters, by path; its own if left out.
+
+    Attributes:
+        first: the loop before its first period. tick: control periods flown.
+        ended: why the episode has ended before its time, or None. begun: number of the first period under the scenario.
+    """
+
+    def __init__(
+        self, code: EpisodeCode, scenario: Scenario | None = None, numbers: Mapping[str, float] | None = None
+    ) -> None:
+        self.scenario = scenario or code.scenario
+        self.code, self.first, self._steps = code, code.first, self.scenario.steps
+        self._inputs: EpisodeInputs | None = None
+        parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
+        self._stepper = self._stepped(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
+        self._rows = self._input_rows()
+        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
+        self._write_to(np.empty((min(self._steps, LOGGED), code.loop.logged)))
+        self.tick = self.begun = 0
+        self.ended: Ended | None = None
+        self._stretch, self._commanded = 1, False
+
+    def _stepped(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
+        """Steps of a program, by machine code if the episode has any."""
+        seed, episode = self.scenario.seed, self.scenario.episode
+        if self.code.kernel is None:
+            return _PythonSteps(loop, carry, parameters, seed, episode)
+        kernel = Kernel(loop, Lanes(1), logging=True) if peek else self.code.kernel
+        return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
+
+    def _input_rows(self) -> Array:
+        """Inputs of every period: its time and its reference, then a command from outside."""
+        scenario = self.scenario
+        if self.code.own_reference:
+            ticks, rates = np.arange(scenario.steps), scenario.rates
+            publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+            rows = np.stack([ticks / rates.control, publisher.held_time(ticks)], axis=1)
+        else:
+            rows = self.inputs.rows(0, scenario.steps)
+        if not self.code.commands:
+            return np.ascontiguousarray(rows)
+        return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.queue[0]))))])
+
+    @property
+    def inputs(self) -> EpisodeInputs:
+        """Times and references of the scenario as it is now."""
+        if self._inputs is None or self._inputs.scenario is not self.scenario:
+            self._inputs = episode_inputs(self.scenario)
+        return self._inputs
+
+    def step(self, command: Sequence[float] | None = None) -> bool:
+        """Fly one control period; False once the episode has ended or flown its time.
+
+        Args:
+            command: in place of the law's, whose memory stays.
+        """
+        k = self.tick
+        if k >= self._steps or self.ended is not None:
+            return False
+        if command is not None:
+            self._rows[k, self._width :] = (1.0, *command)
+            self._commanded = True
+        elif self._commanded:
+            self._rows[k, self._width] = 0.0
+        return self._fly(k + 1)
+
+    def fly(self, stop: int) -> bool:
+        """Fly by the law a stretch of a tenth of a second, at most up to a period; False once the episode is over."""
+        if self.tick >= self._steps or self.ended is not None:
+            return False
+        stop, begun, before = min(stop, self.tick + self._stretch), perf_counter(), self.tick
+        if self._commanded:
+            self._rows[before:stop, self._width] = 0.0
+        going = self._fly(stop)
+        size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
+        self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
+        return going
+
+    def _write_to(self, log: Array) -> None:
+        """Write samples to another table."""
+        self._log, self._room = log, len(log)
+        self._stepper.read_tables(self._rows, log)
+
+    def _fly(self, stop: int) -> bool:
+        """Fly up to a period; whether the episode goes on."""
+        while stop > self._room:
+            longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
+            longer[: len(self._log)] = self._log
+            self._write_to(longer)
+        self._stepper.fly(self.tick, stop)
+        carry = self._stepper.carry
+        over = carry[ALIVE] < 0.5
+        self.tick = round(carry[TICKS]) if over else stop
+        if over or stop >= self._steps:
+            self.ended = self._reason(lost=over)
+            return False
+        return True
+
+    def _reason(self, *, lost: bool) -> Ended | None:
+        """Why the episode has ended, in words; None for one that has flown its time."""
+        scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
+        found = ended_by(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
+        found = found or failed_phase(scenario, time, now.clock)
+        if found is not None or not lost:
+            return found
+        command = getattr(self._stepper, "command", ())
+        if not command:
+            sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
+            command = leaves(sample.command)
+        found = refused(scenario, time, command)
+        if found is None:
+            raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
+        return found
+
+    @property
+    def piece(self) -> Piece:
+        """Everything flown under the scenario."""
+        return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
+
+    def samples(self, start: int, stop: int) -> Samples:
+        """The samples of some periods, as tables: views, no copies."""
+        rows, sample = self._log[start:stop], self.code.sample
+        columns: Sample = rebuild(sample, iter(rows.T))
+        marks = np.cumsum([len(leaves(part)) for part in (sample.alive, columns.state, columns.command)])
+        first, command, measured = marks.tolist()
+        end = rows.shape[1] - len(columns.led)
+        found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
+        states, commands = rows[:, first:command], rows[:, command:measured]
+        return Samples(states, commands, columns.measurement, columns.readings, columns.wind, found, led)
+
+    @property
+    def now(self) -> LoopState:
+        """The loop's state before the next period."""
+        found: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        return found if self._memory is None else replace(found, memory=self._memory)
+
+    @property
+    def _memory(self) -> Any:
+        """Memory of a law that is called, which may be any object; None of a law that is traced."""
+        calls = self.code.calls
+        return None if calls is None or self.scenario.controller.compiled else calls.memory
+
+    def state(self) -> State:
+        """The plant's state now; it follows ``alive`` and ``ticks`` among the leaves."""
+        state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
+        return state
+
+    def reference(self) -> Reference:
+        """The held reference of the next period."""
+        if isinstance(self.first.clock, PathClock):
+            return self.inputs.held_now(self.now)
+        row = self.inputs.rows(self.tick, self.tick + 1)[0, 1:]
+        held: Reference = rebuild(self.inputs.reference_example, iter(row.tolist()))
+        return held
+
+    @cached_property
+    def _peek(self) -> Any:
+        loop = self.code.measurement
+        stepper = self._stepped(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
+        return stepper, np.empty((1, loop.logged)), loop.result[1]
+
+    def measurement(self) -> Measurement:
+        """The law's measurement in the next period."""
+        stepper, found, example = self._peek
+        stepper.carry[:], stepper.parameters[:] = self._stepper.carry, self._stepper.parameters
+        stepper.read_tables(self._rows[self.tick : self.tick + 1], found)
+        stepper.fly(0, 1, start=self.tick)
+        measurement: Measurement = rebuild(example, iter(found[0].tolist()))
+        return measurement
+
+    def snapshot(self) -> Any:
+        """Everything that :meth:`restore` takes; periods flown later are written beyond its part of the log."""
+        stepper = self._stepper
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
+        return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
+
+    def restore(self, held: Any) -> None:
+        """Go to a snapshot."""
+        self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = held
+        self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
+        own = np.empty_like(log)
+        own[: self.tick] = log[: self.tick]
+        self._write_to(own)
+        if self.code.calls is not None:
+            self.code.calls.memory = copy.deepcopy(memory)
+
+    def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
+        """Fly on with other numbers from the next period on, if the same program can; False where nothing happened.
+
+        Args:
+            scenario: as it is now.
+            numbers: of the program's parameters, by path.
+            changed: paths of the numbers that are other than before.
+            key: of the program that the scenario needs.
+        """
+        if not self.code.fits(key, scenario, changed):
+            return False
+        self.scenario, self.begun = scenario, self.tick
+        self._stepper.parameters[:] = [*numbers.values()]
+        if any(path.startswith("reference.") for path in changed) and not self.code.own_reference:
+            self._rows = self._input_rows()
+            self._stepper.read_tables(self._rows, self._log)
+        return True
+
+    def take_over(self, other: Engine, *, anew: bool) -> None:
+        """Go on where another engine stands; ``anew``: with another reference."""
+        now = other.now
+        clock = clock_of_change(self.scenario, self.first, now, anew=anew)
+        kept = carried(self.first, now, component_groups(self.scenario, other.scenario), clock)
+        if self.code.calls is not None and not self.scenario.controller.compiled:
+            same = self.scenario.controller.law is other.scenario.controller.law
+            # the memory of a law that is called is its own: it may hold anything
+            self.code.calls.memory = copy.deepcopy(now.memory if same else kept.memory)
+            kept = replace(kept, memory=PushAlone.of(self.code.calls.memory))
+        self._stepper.carry[:] = leaves(kept)
+        self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
+
+    def continue_log(self, other: Engine) -> None:
+        """Go on where another engine of the same loop stands, with its log."""
+        parameters = self._stepper.parameters.copy()
+        scenario, inputs, rows = self.scenario, self._inputs, self._rows
+        self.restore(other.snapshot())
+        self.scenario, self._inputs, self._rows = scenario, inputs, rows
+        self._stepper.parameters[:] = parameters
+        self._stepper.read_tables(self._rows, self._log)

@@ -1,0 +1,371 @@
+"""Checks of the arguments of batches and sessions: counts, masks, actions, and the numbers of each lane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation.servo import Servo
+from skyarm.files import shown
+from skyarm.plant.largest_step import STATED, borne_step
+from skyarm.records.leaves import Place, field_names, part, replaced
+from skyarm.scenario.in_flight import require_changes
+from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same, with_numbers
+from skyarm.scenario.paths import LATE, LATER, places_of
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
+from skyarm.simulate.draws import draws_needed
+
+Array = npt.NDArray[Any]
+
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)
+"""Lanes of a vector that machine code is written for."""
+
+
+def require_count(field: str, value: Any, least: int = 1) -> int:
+    """A whole number.
+
+    Raises:
+        ScenarioError: it is none, or less than ``least``.
+    """
+    held = whole(value)
+    if held is None or held < least:
+        raise ScenarioError(f"{field} = {shown(value)}: must be a whole number, at least {least}")
+    return held
+
+
+def require_rigid_body(scenario: Scenario) -> None:
+    """Refuse a scenario of another plant: batches are machine code of the rigid-body plant.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    if scenario.plant != "rigid_body":
+        raise ScenarioError(f"plant.kind = {shown(scenario.plant)}: must be rigid_body for a batch")
+
+
+def require_width(width: Any) -> None:
+    """Lanes of a vector, or None for the processor's own.
+
+    Raises:
+        ScenarioError: no power of two.
+    """
+    if width is not None and whole(width) not in WIDTHS:
+        allowed = ", ".join(map(str, WIDTHS))
+        raise ScenarioError(f"width = {shown(width)}: must be one of {allowed}, or None for the processor's own")
+
+
+def require_kind(field: str, value: Any, kind: type) -> None:
+    """A record of this kind, or None.
+
+    Raises:
+        ScenarioError: something else.
+    """
+    if not isinstance(value, (kind, type(None))):
+        raise ScenarioError(f"{field} = {shown(value)}: must be {kind.__name__} or None")
+
+
+def require_paths(paths: Any) -> tuple[str, ...]:
+    """Names of numbers.
+
+    Raises:
+        ScenarioError: one name alone, whose letters would be taken for names, or no names.
+    """
+    if isinstance(paths, str) or not isinstance(paths, Collection) or not all(isinstance(path, str) for path in paths):
+        raise ScenarioError(f"paths = {shown(paths)}: must be a list of paths of numbers, as 'plant.gravity'")
+    return tuple(paths)
+
+
+def require_values(values: Any) -> Mapping[str, Any]:
+    """Numbers by path.
+
+    Raises:
+        ScenarioError: no mapping.
+    """
+    if not isinstance(values, Mapping):
+        raise ScenarioError(f"values = {shown(values)}: must be a mapping of paths to the numbers of the lanes")
+    return values
+
+
+def lane_mask(mask: Any, lanes: int) -> Array:
+    """(lanes,) True where something is to happen; None is everywhere.
+
+    Raises:
+        ScenarioError: other than one truth value a lane: indices are none.
+    """
+    if mask is None:
+        return np.ones(lanes, dtype=bool)
+    found = _array("mask", mask)
+    if found.dtype.kind != "b" or found.shape != (lanes,):
+        raise ScenarioError(
+            f"mask: {found.dtype} of shape {found.shape}, must be True or False for each of {lanes} lanes"
+        )
+    return found
+
+
+def lane_numbers(field: str, values: Any, lanes: int) -> Array:
+    """(lanes,) numbers of one path, of one number for all or of one a lane.
+
+    Raises:
+        ScenarioError: they are none, not a number, or not as many.
+    """
+    found = numbers_of(field, values)
+    if found.shape not in ((), (lanes,)):
+        raise ScenarioError(f"{field}: shape {found.shape}, must be one number, or one for each of {lanes} lanes")
+    if np.isnan(found).any():
+        raise ScenarioError(f"{field}: nan is not a number")
+    return np.broadcast_to(found, (lanes,))
+
+
+def numbers_of(field: str, values: Any) -> Array:
+    """Numbers of the lanes.
+
+    Raises:
+        ScenarioError: they are none.
+    """
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{field} = {shown(values)}: must be numbers, one a lane") from None
+
+
+def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
+    """Varied delays stay within the queue of commands.
+
+    Args:
+        scenario: with the longest delay of its queue.
+        columns: path -> numbers of the lanes; other paths than delays pass.
+
+    Raises:
+        ScenarioError: a delay below 0, or delays that together are beyond the longest; names the path.
+    """
+    longest, delays = scenario.delays.longest_command, scenario.delays
+    if longest is None:
+        return
+    base = columns.get(LATE, np.array([delays.command], dtype=float))
+    for path in LATER:
+        if path not in columns or not columns[path].size:
+            continue
+        total = columns[path] if path == LATE else base + columns[path]
+        if not (columns[path].min() >= 0.0 and total.max() <= longest):
+            raise ScenarioError(f"values[{path!r}]: must be from 0 to delays.longest_command = {longest!r}")
+    for path, own in zip(LATER[1:], (delays.rotors, delays.joints), strict=True):
+        if path not in columns and LATE in columns and columns[LATE].size and columns[LATE].max() + own > longest:
+            raise ScenarioError(f"values[{LATE!r}]: with {path} must be at most delays.longest_command = {longest!r}")
+
+
+def lane_actions(actions: Any, shape: tuple[int, int]) -> Array:
+    """Rotor speeds and joint setpoints of every lane: of a shape, or one column for all of them.
+
+    Raises:
+        ScenarioError: another shape, which would fit by chance, or no numbers.
+    """
+    found = _array("actions", actions)
+    if found.shape not in (shape, (shape[0], 1)) or found.dtype.kind not in "fiu":
+        allowed = f"must be numbers of shape {shape} or {(shape[0], 1)}: rotor speeds, then joint setpoints"
+        raise ScenarioError(f"actions: {found.dtype} of shape {found.shape}, {allowed}")
+    return found
+
+
+def _array(field: str, given: Any) -> Array:
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
+
+
+TRIED = 1e-3
+"""A noise that no field refuses."""
+
+REFUSALS = (ValueError, ArithmeticError)
+"""What records raise of a number that they do not take."""
+
+
+def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse to vary noise that the scenario has not: no random numbers were put by for it.
+
+    Raises:
+        ScenarioError: names the path.
+    """
+    drawn = draws_needed(scenario)
+    for path in paths:
+        if path.startswith("sensors.") and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn:
+            raise ScenarioError(
+                f"paths: {path}: is 0 in this scenario, and a batch draws no numbers for noise that is not there; give "
+                "it a small one there"
+            )
+
+
+def require_latencies(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse to make the latency of a servo a number of compiled code: the code's queue has one length.
+
+    Raises:
+        ScenarioError: names the path.
+    """
+    for path in paths:
+        if path.endswith(".latency"):
+            place = places_of(scenario, path)[0]
+            if isinstance(part(scenario, place[:-1]), Servo):
+                words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
+                raise ScenarioError(f"path = {path!r}: {words}")
+
+
+class LaneRules:
+    """Looks at the lanes in which a path has its least or greatest number, each with all of its numbers.
+
+    What lies between numbers that passed once is not looked at again: a batch flies many times. A lane with a NaN is
+    left out: it never flies, and its status says so.
+
+    Args:
+        scenario: of the batch. paths: its varied numbers.
+    """
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
+        self._scenario, self._paths = scenario, tuple(paths)
+        self._passed: dict[str, tuple[float, float]] = {}
+
+    def require(self, values: Mapping[str, Any]) -> None:
+        """Refuse numbers with which the scenario could not be made.
+
+        Args:
+            values: path -> (lanes,) or one number for all; some of the paths, the others are the scenario's.
+
+        Raises:
+            ScenarioError: one line with path, value and what is allowed.
+        """
+        named = {path: np.asarray(values[path], dtype=float) for path in self._paths if path in values}
+        if not named or not all(column.size for column in named.values()):
+            return
+        table = np.array(np.broadcast_arrays(*named.values())).reshape(len(named), -1)
+        lanes = np.flatnonzero(~np.isnan(table).any(axis=0))
+        if not lanes.size:
+            return
+        table = table[:, lanes]
+        least, most = table.argmin(axis=1), table.argmax(axis=1)
+        looked_at: dict[int, None] = {}
+        for path, row, first, last in zip(named, table, least, most, strict=True):
+            low, high = self._passed.get(path, (np.inf, -np.inf))
+            looked_at |= {int(k): None for k in (first, last) if not low <= row[k] <= high}
+        for k in looked_at:
+            self._look_at(dict(zip(named, table[:, k].tolist(), strict=True)), int(lanes[k]))
+        for path, row, first, last in zip(named, table, least, most, strict=True):
+            low, high = self._passed.get(path, (np.inf, -np.inf))
+            self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
+
+    def _look_at(self, numbers: dict[str, float], lane: int) -> None:
+        """Make the scenario of one lane; of a refusal the number is named that alone would be refused."""
+        words = self._refusal(numbers)
+        if words is None:
+            return
+        for path, value in numbers.items():
+            alone = self._refusal({path: value})
+            if alone is not None:
+                raise ScenarioError(f"values[{path!r}] = {value:g} (lane {lane}): {alone}")
+        raise ScenarioError(f"values of lane {lane}: {words}")
+
+    def _refusal(self, numbers: dict[str, float]) -> str | None:
+        """What the scenario says of some numbers; None where it takes them."""
+        try:
+            made = with_numbers(self._scenario, numbers)
+            if self._scenario.changes:
+                require_changes(made)
+        except REFUSALS as error:
+            return " ".join(str(error).split())
+        return None
+
+
+LAWS = ("controller", "controller.law")
+"""Parts that are made for the belief as it is."""
+
+
+def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse varied numbers that the scenario's changes depend on.
+
+    Raises:
+        ScenarioError: names the path and the change.
+    """
+    for path in paths if scenario.changes else ():
+        for words in _refusals(scenario, path):
+            raise ScenarioError(f"path = {path!r}: {words}")
+
+
+def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
+    for i, change in enumerate(scenario.changes):
+        where = f"changes[{i}].path = {change.path!r}"
+        if path == f"changes.{i}.value" and change.path.startswith(STATED):
+            yield f"must not vary, since a largest integration step may follow from {where}"
+        if is_payload(path) and is_payload(change.path) and means_the_same(scenario, path, change.path):
+            yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
+        if change.path in LAWS and path.startswith("model."):
+            yield f"must not vary, since the law of {where} is made for one belief"
+        if change.path.startswith(TURBULENCE) and path.startswith("environment.wind."):
+            yield f"must not vary, since the turbulence of {where} is made for one wind"
+
+
+def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: float | None) -> None:
+    """Refuse numbers that ask for shorter steps than those compiled: the flight would blow up without a word.
+
+    Every lane is looked at with all of its numbers: of stiffness and mass each may be within what others fly.
+
+    Args:
+        scenario: of the batch.
+        values: path -> (lanes,) or one number for all; all that differ from the scenario's.
+        largest: step that the batch was compiled for, s; None for any.
+
+    Raises:
+        ScenarioError: names the paths and the values.
+    """
+    for place, fields in _stated(scenario, values).items():
+        record = part(scenario, place)
+        kind = type(record)
+        if kind.largest_step is None and "largest_step" not in (field_names(kind) or ()):
+            continue  # whatever its numbers are
+        columns = [np.ravel(each) for each in np.broadcast_arrays(*(np.asarray(values[path]) for path in fields))]
+        shortest, stiffest = math.inf, dict[str, float]()
+        for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
+            told = dict(zip(fields, numbers, strict=True))
+            inside = {inner: told[path] for path in fields for inner in fields[path]}
+            borne = _borne(record, inside, told, scenario.integrator == "euler")
+            if borne is not None and borne < shortest:
+                shortest, stiffest = borne, told
+        if stiffest and (largest is None or shortest < largest * (1.0 - 1e-9)):
+            compiled = "steps of any length" if largest is None else f"steps of up to {largest:g} s"
+            these = "this number" if len(stiffest) == 1 else "these numbers"
+            raise ScenarioError(
+                f"{_words(stiffest)}: bears steps of {shortest:g} s, and the batch was compiled for {compiled}; "
+                f"compile it from a scenario with {these}, or give it as stiffest"
+            )
+
+
+def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
+    """Air, force or drive -> path -> places in it, of those paths from which a largest step may follow."""
+    found: dict[Place, dict[str, list[Place]]] = {}
+    for path in values:
+        if path.startswith(STATED):
+            for place in places_of(scenario, path):
+                # air and forces stand in a tuple, a drive beside the name of its joint, in the scenario or its vehicle
+                depth = {"drives": 3, "world": 5, "contact": 1}.get(place[0], 2)
+                found.setdefault(place[:depth], {}).setdefault(path, []).append(place[depth:])
+    return found
+
+
+def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
+    """Largest step (s) of a record with other numbers; None where it states none."""
+    try:
+        other = replaced(record, numbers)
+        stated = borne_step(other, euler=euler)
+        if stated is None:
+            return None
+        if not stated > 0.0:
+            raise ValueError(f"largest_step = {shown(stated)}: must be above 0")
+        return float(stated)
+    except (ValueError, TypeError, ArithmeticError) as error:
+        raise ScenarioError(f"{_words(told)}: {error}") from error
+
+
+def _words(told: Mapping[str, float]) -> str:
+    """Paths with their numbers."""
+    return ", ".join(f"values[{path!r}] = {value:g}" for path, value in told.items())

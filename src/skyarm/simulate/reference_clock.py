@@ -1,0 +1,461 @@
+"""Clocks of the reference: phases that wait for the flight, and a governor that pauses; both are state of the loop.
+
+The clock of phases counts control periods of the reference. It goes on with the flight's own, stands still at the
+planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
+that may end early. Guards know what the law knows: the measurement, and the force that the law observes.
+
+The clock of a governor slows the law's reference down while the vehicle cannot follow. The rate r of the reference's
+time is to be r* (:class:`skyarm.reference.governor.pause.PathPause`), and follows it with a bounded acceleration a:
+a' = 4 k (clip(k (r* - r), -A, A) - a), a critically damped pair without overshoot: time never runs backwards. The law
+receives the reference's derivatives by the flight's time. The reference itself, and errors, go on with that time.
+
+Where no phase waits and nothing pauses the clock is ``()``: structure, without an operation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.leaves import blend, leaves, mismatch
+from skyarm.reference.governor.path_time import by_flight_time, offset_reference
+from skyarm.reference.splines import uniform_curve
+from skyarm.reference.task_records import Guard
+from skyarm.reference.tip_motion import counted_error
+from skyarm.reference.trajectory import PASSED, Reference
+from skyarm.scalars import (
+    Scalar,
+    clip,
+    divide,
+    floor,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
+from skyarm.scenario.in_flight import Overrides
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.tip_and_goal import goal_of, tip_at
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PathClock:
+    """The reference's clock between two control periods; all times are control periods.
+
+    Attributes:
+        place: of the reference, now. held: of the sample that is held; () where each period publishes one.
+        guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
+        origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
+        offset: m, of the reference since a phase ended early while it moved. since: place from which on.
+        held_offset, held_since: those of the sample that is held.
+    """
+
+    place: Scalar
+    held: Scalar | tuple[()]
+    guard: Scalar
+    waited: Scalar
+    reached: Scalar
+    origin: Vec3 | tuple[()]
+    failed: Scalar
+    offset: Vec3 | tuple[()]
+    since: Scalar | tuple[()]
+    held_offset: Vec3 | tuple[()]
+    held_since: Scalar | tuple[()]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Seen:
+    """What guards look at in a control period.
+
+    Attributes:
+        tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
+        force: on the tip as the law observes it, N, world axes; None of a law that observes none.
+        felt: the same as a force sensor reads it, where a guard asks for that. switches: 1 closed, in the order of
+            those that ``Waits`` looks at.
+    """
+
+    tip: Vec3
+    goal: Vec3
+    push: tuple[Any, ...]
+    force: Vec3 | None
+    felt: Vec3 | None = None
+    switches: tuple[Any, ...] = ()
+
+
+WHOLE = 1e-9
+"""Control periods that are rounding."""
+
+NEVER = 1e30
+"""Control periods that no flight has."""
+
+BEGUN = -1.0
+"""``waited`` of a clock that has just taken over."""
+
+
+class Waits:
+    """The guards of a scenario and its reference's clock, over any scalar.
+
+    Args:
+        scenario: whose numbers may be traced.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._trajectory = scenario.trajectory
+        self.guards: tuple[Guard, ...] = scenario.trajectory.guards
+        self.loads = frozenset(name for guard in self.guards for name in guard.loads)
+        self._believed = tuple(each for each in scenario.payloads if each.believed)
+        self._rate = float(scenario.rates.control)
+        self._ratio = scenario.rates.control // scenario.rates.reference
+        self._vehicle = scenario.controller.par.model.vehicle
+        self._ends = tuple(guard.at * self._rate for guard in self.guards)
+        self._moves = any(guard.early for guard in self.guards)
+        self.switches = tuple(
+            dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
+        )
+        self._sensed = any(guard.sensed for guard in self.guards)
+        self._measures = any(guard.distance is not None for guard in self.guards)
+        self._stops = self._stops_of_early_phases() if self._moves else ()
+
+    def _stops_of_early_phases(self) -> tuple[Vec3, ...]:
+        """Where the reference of the base is at the end of each phase with a guard, m."""
+        return tuple(self._trajectory.at(guard.at).position for guard in self.guards)
+
+    def first(self) -> PathClock | tuple[()]:
+        """The clock before the first period."""
+        if not self.guards:
+            return ()
+        zero, apart = Vec3(0.0, 0.0, 0.0), self._moves and self._ratio > 1
+        return PathClock(
+            place=0.0,
+            held=() if self._ratio == 1 else 0.0,
+            guard=0.0,
+            waited=0.0,
+            reached=0.0,
+            origin=zero if self._measures else (),
+            failed=0.0,
+            offset=zero if self._moves else (),
+            since=0.0 if self._moves else (),
+            held_offset=zero if apart else (),
+            held_since=0.0 if apart else (),
+        )
+
+    def begun_at(self, ticks: Any) -> PathClock | tuple[()]:
+        """The clock of a task that takes over in a control period of the flight: at the first guard to come.
+
+        The distance of a phase that is under way then counts from there on.
+        """
+        first = self.first()
+        if not isinstance(first, PathClock):
+            return ()
+        guard: Any = 0.0
+        for end in self._ends:
+            guard = guard + where(ticks > end + WHOLE, 1.0, 0.0)
+        held = () if self._ratio == 1 else ticks
+        return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
+
+    def _held(self, clock: Any, ticks: Any) -> dict[str, Any]:
+        """The sample that holds in a period, taken in it where it publishes one; () where each publishes one."""
+        found: dict[str, Any] = {"held": (), "held_offset": (), "held_since": ()}
+        if self._ratio > 1:
+            fresh = due(ticks, self._ratio)
+            found["held"] = where(fresh, clock.place, clock.held)
+            if self._moves:
+                found["held_offset"] = _either(fresh, clock.offset, clock.held_offset)
+                found["held_since"] = where(fresh, clock.since, clock.held_since)
+        return found
+
+    def times(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+        """What a log keeps of the clock.
+
+        Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
+        """
+        sample = self._held(clock, ticks)
+        held = clock.place if self._ratio == 1 else sample["held"]
+        own, its = leaves((clock.offset, clock.since)), leaves((sample["held_offset"], sample["held_since"]))
+        return self.path_time(clock), held / self._rate, *own, *its
+
+    def instants(self, times: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Time and offset of the held reference and of the reference now, each as :meth:`reference` takes them."""
+        path_time, held, *rest = times
+        own, its = rest[:4], rest[4:]
+        return (held, its or own), (path_time, own)
+
+    def held_reference(self, clock: Any, ticks: Any) -> Reference:
+        """The sample of the reference that holds in a period."""
+        return self.reference(*self.instants(self.times(clock, ticks))[0])
+
+    def path_time(self, clock: Any) -> Any:
+        """Time of the reference, s."""
+        return clock.place / self._rate
+
+    def phase(self, path_time: Any) -> Any:
+        """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
+        found: Any = 0.0
+        for each in self._trajectory.phases:
+            found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
+        return found
+
+    def reference(self, time: Any, offset: Sequence[Any] = ()) -> Reference:
+        """The reference at its own time, s; ``offset`` as :meth:`instants` has it."""
+        found = self._trajectory.at(time)
+        if not offset:
+            return found
+        *moved, since = offset
+        return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
+
+    def believing(self, par: Any, path_time: Any) -> Any:
+        """The law's constants, its model told of the payloads that the task holds at a time of the reference (s)."""
+        vehicle = par.model.vehicle
+        for payload in self._believed:
+            held = logical_and(path_time >= payload.pick, path_time < payload.drop)
+            vehicle = vehicle.with_payload(where(held, payload.mass, 0.0), payload.frame or None)
+        if not self._believed:
+            return par
+        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+
+    def seen(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
+        """What guards look at."""
+        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
+        goal, felt = goal_of(self._vehicle, reference).tool, None
+        if self._sensed:
+            turned = frame_pose(self._vehicle, self._vehicle.frame(), measurement.joints).R
+            felt = measurement.quaternion.rotation().apply(turned.apply(Vec3(*measurement.tip_force)))
+        switches = measurement.switches if self.switches else ()
+        return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
+
+    def following(self, clock: Any, ticks: Any, seen: Seen) -> Any:
+        """The clock one control period later."""
+        n, end = clock.guard, self._chosen(clock.guard, self._ends, NEVER)
+        begin = self._chosen(n, [guard.begin * self._rate for guard in self.guards])
+        there = clock.place >= end - WHOLE
+        fresh = logical_and(logical_or(clock.place <= begin + WHOLE, clock.waited < 0.5 * BEGUN), clock.waited < 0.5)
+        origin = clock.origin if not self._measures else _either(fresh, seen.tip, clock.origin)
+        looks = there
+        if self._moves:
+            early = self._chosen(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
+            looks = logical_or(there, logical_and(early, logical_not(fresh)))
+        reached = where(logical_and(looks, self._holds(n, seen, origin)), clock.reached + 1.0, 0.0)
+        enough = reached > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
+        late = logical_and(
+            there, clock.waited >= self._chosen(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
+        )
+        passed = logical_or(enough, late)
+        fails = self._chosen(n, [1.0 if guard.fails else 0.0 for guard in self.guards]) > 0.5
+        failed = logical_and(logical_and(late, logical_not(enough)), fails)
+        number = where(passed, n + 1.0, n)
+        gone = where(passed, where(there, clock.place, end), clock.place) + 1.0
+        return PathClock(
+            place=minimum(gone, self._chosen(number, self._ends, NEVER)),
+            **self._held(clock, ticks),
+            guard=number,
+            waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
+            reached=where(passed, 0.0, reached),
+            origin=_either(passed, seen.tip, origin) if self._measures else origin,
+            failed=where(failed, 1.0, clock.failed),
+            **self._skipped(clock, enough, end),
+        )
+
+    def _skipped(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
+        """Offset of the reference, which stays where it is when what is left of a phase is skipped."""
+        if not self._moves:
+            return {"offset": (), "since": ()}
+        now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position
+        stop = Vec3(*(self._chosen(clock.guard, column) for column in zip(*self._stops, strict=True)))
+        return {
+            "offset": _either(skips, now - stop, clock.offset),
+            "since": where(skips, end, clock.since),
+        }
+
+    def _holds(self, n: Any, seen: Seen, origin: Any) -> Any:
+        """Whether the flight shows all that the guard asks."""
+        found: Any = n > -1.0
+        if any(guard.error is not None for guard in self.guards):
+            away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
+            found = logical_and(found, sqrt(away.dot(away)) <= self._asked(n, "error", NEVER))
+        if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
+            found = logical_and(found, self._force_holds(n, seen))
+        for name, wanted in (("closed", 1.0), ("open", 0.0)):
+            if any(getattr(guard, name) for guard in self.guards):
+                found = logical_and(found, self._switched(n, seen, name, wanted) > 0.5)
+        if self._measures:
+            moved = self._direction(n).dot(origin - seen.tip)
+            found = logical_and(found, moved >= self._asked(n, "distance", -NEVER))
+        return found
+
+    def _force_holds(self, n: Any, seen: Seen) -> Any:
+        """Whether the force is what the guard asks, as it is observed or as a sensor reads it."""
+        out = self._direction(n)
+        least, most = self._asked(n, "force", -NEVER), self._asked(n, "force_below", NEVER)
+
+        def holds(force: Vec3 | None) -> Any:
+            if force is None:  # of a law that observes no force nobody knows that there is none
+                return logical_and(least < 0.0, most > 0.5 * NEVER)
+            along = out.dot(force)
+            return logical_and(along >= least, along <= most)
+
+        if not self._sensed:
+            return holds(seen.force)
+        hears = self._chosen(n, [1.0 if guard.sensed else 0.0 for guard in self.guards]) > 0.5
+        return logical_or(logical_and(hears, holds(seen.felt)), logical_and(logical_not(hears), holds(seen.force)))
+
+    def _switched(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
+        """1 where the guard's switch is closed, or open, or where it asks for none."""
+        found = []
+        for guard in self.guards:
+            asked = getattr(guard, name)
+            told = seen.switches[self.switches.index(asked)] if asked else 1.0
+            found.append(told if wanted or not asked else 1.0 - told)
+        return self._chosen(n, found)
+
+    def _direction(self, n: Any) -> Vec3:
+        return Vec3(
+            *(self._chosen(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
+        )
+
+    def _asked(self, n: Any, name: str, nothing: float) -> Any:
+        given = [getattr(guard, name) for guard in self.guards]
+        return self._chosen(n, [nothing if value is None else value for value in given])
+
+    def _chosen(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
+        """The value that belongs to guard number n; ``beyond`` those, the last one's if left out."""
+        found = values[-1] if beyond is None else beyond
+        for i in reversed(range(len(values))):
+            found = where(n < i + 0.5, values[i], found)
+        return found
+
+
+def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
+    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+QUICKNESS = 5.0
+"""1/s, with which the rate follows."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pace:
+    """Time of the reference, in control periods, and its derivatives by the flight's: 1, 1/s, 1/s^2."""
+
+    place: Scalar
+    rate: Scalar
+    acceleration: Scalar
+    jerk: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PaceClock:
+    """The clock between two periods: the pace now, and that of the sample that is held; () where each is published."""
+
+    now: Pace
+    held: Pace | tuple[()]
+
+
+class Paces:
+    """A scenario's governor that pauses, over any scalar.
+
+    Args:
+        scenario: whose numbers may be traced.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._pause, self._trajectory = scenario.pause, scenario.trajectory
+        self._rate = float(scenario.rates.control)
+        self._ratio = scenario.rates.control // scenario.rates.reference
+        self._vehicle = scenario.controller.par.model.vehicle
+        path = scenario.path_time
+        self._path = None if path is None else uniform_curve([float(p) for p in path.points], 0.0, float(path.step))
+
+    def first(self) -> PaceClock:
+        """The clock before the first period."""
+        now = Pace(place=0.0, rate=1.0, acceleration=0.0, jerk=0.0)
+        return PaceClock(now=now, held=() if self._ratio == 1 else now)
+
+    def begun_at(self, ticks: Any) -> PaceClock:
+        """The clock of a reference that takes over in a control period of the flight."""
+        first = self.first()
+        now = dataclasses.replace(first.now, place=ticks)
+        return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
+
+    def held(self, clock: PaceClock, ticks: Any) -> Pace:
+        """The pace of the sample that holds in a period: taken in it where it publishes one."""
+        if not isinstance(clock.held, Pace):
+            return clock.now
+        held: Pace = blend(due(ticks, self._ratio), clock.now, clock.held)
+        return held
+
+    def path_time(self, clock: PaceClock) -> Any:
+        """How far along the reference the law is led, s."""
+        time = clock.now.place / self._rate
+        return time if self._path is None else self._path.derivatives(time)[0]
+
+    def told(self, clock: PaceClock, ticks: Any) -> Reference:
+        """What the law is told."""
+        pace = self.held(clock, ticks)
+        time = pace.place / self._rate
+        chain = (time, pace.rate, pace.acceleration, pace.jerk, 0)
+        if self._path is None:
+            return by_flight_time(self._trajectory.at(time), chain)
+        s = self._path.derivatives(time)
+        return by_flight_time(by_flight_time(self._trajectory.at(s[0]), s), chain)
+
+    def following(self, clock: PaceClock, ticks: Any, measurement: Measurement, told: Any, command: Command) -> Any:
+        """The clock one control period later."""
+        if self._pause is None:
+            raise AssertionError("a clock needs its bounds")
+        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
+        away = counted_error(tip - goal_of(self._vehicle, told).tool, told.push, tip)
+        share: Any = 0.0
+        for rotor, speed in zip(self._vehicle.rotors, command.rotor_speeds, strict=True):
+            part = divide(speed, rotor.max_speed)
+            share = maximum(share, part * part)
+        wanted = self._pause.rate(sqrt(away.dot(away)), share)
+        now, dt, most = clock.now, 1.0 / self._rate, self._pause.acceleration
+        jerk = 4.0 * QUICKNESS * (clip(QUICKNESS * (wanted - now.rate), -most, most) - now.acceleration)
+        acceleration = now.acceleration + jerk * dt
+        rate = clip(now.rate + acceleration * dt, 0.0, 1.0)
+        following = Pace(place=now.place + 0.5 * (now.rate + rate), rate=rate, acceleration=acceleration, jerk=jerk)
+        return PaceClock(now=following, held=() if self._ratio == 1 else self.held(clock, ticks))
+
+
+def due(ticks: Any, every: int) -> Any:
+    """Whether a period is one of each ``every``; half a period of slack, since a quotient may be rounded."""
+    return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
+
+
+def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: Overrides) -> bool:
+    """Whether a change has put another reference in the place of the one before, as a whole.
+
+    Args:
+        begun: scenario with which the flight began.
+        now: what holds in its place.
+        before: scenario with which the flight began, as it was before the change.
+        then: what held in its place.
+    """
+    parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
+    return parts != old or (begun is not before and begun.trajectory != before.trajectory)
+
+
+def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:
+    """The clock as it begins in the present period; () where the one before goes on, or where there is none.
+
+    Args:
+        scenario: after the change.
+        first: its first loop state.
+        now: the loop where the change came; it may be that of many lanes, of which some have ended.
+        anew: the reference is another one.
+    """
+    other = mismatch(first.clock, now.clock, "clock")
+    if first.clock == () or not (anew or other):
+        return ()
+    begun: Any = (Waits(scenario) if scenario.pause is None else Paces(scenario)).begun_at(now.ticks)
+    return begun if other else blend(now.alive > 0.5, begun, now.clock)
