@@ -110,7 +110,7 @@ fresh:
 
 browser: $(VENV)/.test
 	npm install --silent --no-audit --no-fund --prefix $(VENV)/browser playwright-core
-	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/studio/test_browser.py
+	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/view/studio/test_browser.py
 
 thorough: $(VENV)/.test
 	$(BIN)/pytest -m thorough $(TESTS)

@@ -7,8 +7,8 @@ import functools
 import pytest
 
 import skyarm
-from skyarm.film.offscreen import NoDisplayError, offscreen
 from skyarm.log.flight_log import Log
+from skyarm.view.film.offscreen import NoDisplayError, offscreen
 
 SECONDS = 1.0
 

@@ -59,9 +59,9 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_every_kind_and_style_stands_on_the_page() -> None:
-    from skyarm.figures.flight_panels import ALL, KINDS, PATH
-    from skyarm.figures.style import STYLES
     from skyarm.files.names import SUFFIXES
+    from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
+    from skyarm.view.figures.style import STYLES
 
     assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
     for style in STYLES:

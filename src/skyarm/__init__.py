@@ -41,9 +41,6 @@ if TYPE_CHECKING:
         Wrench,
     )
     from skyarm.estimate.estimator import Estimator
-    from skyarm.figures.flight_plot import plot
-    from skyarm.figures.metric_figure import plot_sweep
-    from skyarm.figures.vehicle_drawing import vehicle_drawing
     from skyarm.log.flight_log import Log
     from skyarm.log.formats import LogFormat, load_log, save_log
     from skyarm.metrics.metric import Metric
@@ -75,6 +72,9 @@ if TYPE_CHECKING:
     from skyarm.sweep.study_file import list_studies, load_study
     from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
     from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+    from skyarm.view.figures.flight_plot import plot
+    from skyarm.view.figures.metric_figure import plot_sweep
+    from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
 _ROOMS = {
     "skyarm.actuation": ("Command",),
@@ -108,9 +108,9 @@ _ROOMS = {
         "Wrench",
     ),
     "skyarm.estimate.estimator": ("Estimator",),
-    "skyarm.figures.flight_plot": ("plot",),
-    "skyarm.figures.metric_figure": ("plot_sweep",),
-    "skyarm.figures.vehicle_drawing": ("vehicle_drawing",),
+    "skyarm.view.figures.flight_plot": ("plot",),
+    "skyarm.view.figures.metric_figure": ("plot_sweep",),
+    "skyarm.view.figures.vehicle_drawing": ("vehicle_drawing",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
     "skyarm.metrics.metric": ("Metric",),

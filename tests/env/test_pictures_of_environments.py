@@ -19,7 +19,7 @@ from skyarm.env import rendering, single_environment
 from skyarm.env.named_tasks import make_single
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
-from skyarm.film import offscreen
+from skyarm.view.film import offscreen
 from small_environments import bare, one_program_a_task
 
 SMALL = {"width": 96, "height": 64}

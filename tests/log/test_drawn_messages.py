@@ -8,9 +8,9 @@ from test_flight_messages import Rotation, by_rosbags, composed, table
 
 import skyarm
 from logged_flights import drawn
-from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.log.flight_log import rows_of
 from skyarm.log.viewer_layouts import FOXGLOVE, write_layouts
+from skyarm.view.scene.vehicle_shapes import vehicle_shapes
 from world_flights import WALL_ANGLE, touching
 
 

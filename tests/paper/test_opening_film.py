@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.film.offscreen import NoDisplayError, offscreen
 from skyarm.paper import report_pages as room
 from skyarm.paper.report_pages import opening_film
+from skyarm.view.film.offscreen import NoDisplayError, offscreen
 
 
 @pytest.fixture(scope="module")

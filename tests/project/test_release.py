@@ -35,7 +35,7 @@ def test_a_tag_that_does_not_fit_is_refused(tag: str, source: str, citation: str
 
 
 def test_a_wheel_that_lacks_a_file_or_holds_another_is_named() -> None:
-    wanted = {"skyarm/__init__.py", "skyarm/figures/plot.css"}
+    wanted = {"skyarm/__init__.py", "skyarm/view/figures/plot.css"}
     held = [*wanted, "skyarm/", "skyarm-1.0.dist-info/METADATA"]
     assert release.wrong_with_contents(held, wanted) is None
     assert release.wrong_with_contents(held[1:], {held[0]} | wanted) == f"the wheel lacks {held[0]}"
@@ -45,7 +45,7 @@ def test_a_wheel_that_lacks_a_file_or_holds_another_is_named() -> None:
 
 def test_the_package_s_own_files_are_those_that_a_wheel_must_hold() -> None:
     found = release.sources()
-    assert {"skyarm/__init__.py", "skyarm/py.typed", "skyarm/figures/plot_panels.js"} <= found
+    assert {"skyarm/__init__.py", "skyarm/py.typed", "skyarm/view/figures/plot_panels.js"} <= found
     assert {"skyarm/paper/report/report.css", "skyarm/scenario/library/case1.toml"} <= found
     assert not any("__pycache__" in name for name in found)
 

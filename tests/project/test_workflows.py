@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from lowest import project
-from skyarm.film.offscreen import NEEDS
+from skyarm.view.film.offscreen import NEEDS
 from thorough import sampled
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -52,8 +52,8 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
     import skyarm
 
     try:
-        from skyarm.film.film_settings import FilmSettings
-        from skyarm.film.recording import import_viser, record, save_recording
+        from skyarm.view.film.film_settings import FilmSettings
+        from skyarm.view.film.recording import import_viser, record, save_recording
 
         import_viser()
     except ValueError:  # one line that names the extra

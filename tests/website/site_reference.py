@@ -23,7 +23,7 @@ ROOMS = {
     "log": "Logs",
     "metrics": "Metrics",
     "contact": "Contact",
-    "figures": "Pictures",
+    "view": "Pictures",
     "sweep": "Sweeps",
     "paper": "The paper",
     "registry": "Adding to the library",

@@ -40,8 +40,8 @@ OWN_FILES = {
 ELSEWHERE |= OWN_FILES
 OTHERS = {
     "command_line.md": ("tests/cli/test_machine_output.py",),
-    "films.md": ("tests/film/test_films_page.py",),
-    "studio.md": ("tests/studio/test_studio_page.py",),
+    "films.md": ("tests/view/film/test_films_page.py",),
+    "studio.md": ("tests/view/studio/test_studio_page.py",),
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {

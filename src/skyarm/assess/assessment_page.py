@@ -13,11 +13,11 @@ from skyarm.assess.arm_poses import Allocation
 from skyarm.assess.assessment import Assessment
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.thrust import roll_pitch_boundary
-from skyarm.figures.stability_figures import attainable_torque_figure
-from skyarm.figures.style import image_bytes
-from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.files import write_atomically
 from skyarm.pages import details, image, page, section, table
+from skyarm.view.figures.stability_figures import attainable_torque_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
 MARKS = {OK: "&#10003;", NOTE: "&#183;", WARNING: "!", FAULT: "&#10007;"}
 """What stands before a finding beside its level in words."""

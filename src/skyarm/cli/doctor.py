@@ -36,7 +36,7 @@ MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; req
 MUJOCO = "import mujoco; print(mujoco.__version__)"
 
 OPENGL = """
-from skyarm.film.offscreen import offscreen
+from skyarm.view.film.offscreen import offscreen
 with offscreen():
     print('a context without a screen')
 """

@@ -12,13 +12,13 @@ from skyarm.cli.arguments import require_left_out, words_of
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
 from skyarm.files import output_file, require_writable, taken_back
-from skyarm.film.film_settings import FilmSettings, size_of
-from skyarm.film.make_film import make_film
-from skyarm.film.recording import SUFFIXES, import_viser, record, save_recording
-from skyarm.film.video_files import require_film_format, usual_size_and_rate
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
+from skyarm.view.film.film_settings import FilmSettings, size_of
+from skyarm.view.film.make_film import make_film
+from skyarm.view.film.recording import SUFFIXES, import_viser, record, save_recording
+from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
 OF_FILMS = ("--size", "--title", "--plot", "--fine")
 """Options without which a recording does: it has neither pixels nor a text above them."""
@@ -107,7 +107,7 @@ def _require_renderer(*, recorded: bool) -> None:
     if recorded:
         import_viser()
     else:
-        from skyarm.film.offscreen import offscreen
+        from skyarm.view.film.offscreen import offscreen
 
         with offscreen():
             pass

@@ -123,10 +123,10 @@ def basin(
     flying: Flying = 0,
 ) -> None:
     """Map what initial attitudes and rates are caught."""
-    from skyarm.figures.share_maps import basin_figure
-    from skyarm.figures.style import image_bytes
     from skyarm.stability.basin import CAUGHT
     from skyarm.stability.basin import basin as fly
+    from skyarm.view.figures.share_maps import basin_figure
+    from skyarm.view.figures.style import image_bytes
 
     require_within("--seed", seed, 0)
     threads = workers(flying)
@@ -313,9 +313,9 @@ def margins_page(found: Any, loci: Any) -> str:
         found: of :func:`skyarm.stability.along.evidence`.
         loci: of :func:`skyarm.stability.along.hover_loci`.
     """
-    from skyarm.figures.stability_figures import nyquist_figure
-    from skyarm.figures.style import image_bytes
     from skyarm.pages import image, page, section, table
+    from skyarm.view.figures.stability_figures import nyquist_figure
+    from skyarm.view.figures.style import image_bytes
 
     body = ""
     if loci:

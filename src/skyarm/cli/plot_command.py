@@ -9,15 +9,15 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.output import give, tell
-from skyarm.figures.flight_facts import flight_labels
-from skyarm.figures.flight_panels import ALL
-from skyarm.figures.flight_plot import plot as draw
-from skyarm.figures.style import picture_style
 from skyarm.files import shown, unreadable
 from skyarm.files.names import picture_file
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.registry import names as registered
+from skyarm.view.figures.flight_facts import flight_labels
+from skyarm.view.figures.flight_panels import ALL
+from skyarm.view.figures.flight_plot import plot as draw
+from skyarm.view.figures.style import picture_style
 
 
 def plot(
@@ -68,8 +68,8 @@ def plot(
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     else:
-        from skyarm.figures.metric_figure import plot_sweep
         from skyarm.sweep.banded_curves import BAND
+        from skyarm.view.figures.metric_figure import plot_sweep
 
         target, middle = picture_file(file, "--out"), "median" if center is None else center
         plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style, dark=dark)

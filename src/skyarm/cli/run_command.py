@@ -94,7 +94,7 @@ def run(
     found = facts(log)
     tell(*summary(log, found), "log: " + ", ".join(str(path) for path in written))
     if drawn is not None:
-        from skyarm.figures.flight_plot import plot
+        from skyarm.view.figures.flight_plot import plot
 
         plot(log, drawn)
         tell(f"picture: {drawn}")

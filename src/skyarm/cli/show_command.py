@@ -100,9 +100,9 @@ def show(
 
 def _draw(name: str, file: str, style: str, *, dark: bool) -> None:
     """Draw a vehicle, all labelled."""
-    from skyarm.figures.style import save_picture
-    from skyarm.figures.vehicle_drawing import vehicle_drawing
     from skyarm.files.names import picture_file
+    from skyarm.view.figures.style import save_picture
+    from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
     target = picture_file(file, "--drawing")
     save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)

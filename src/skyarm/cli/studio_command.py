@@ -15,7 +15,7 @@ import typer
 
 from skyarm.cli.arguments import Scenario
 from skyarm.cli.output import tell
-from skyarm.studio.server import Guard, StudioError, bound, close_server, is_loopback, open_server, require_viser
+from skyarm.view.studio.server import Guard, StudioError, bound, close_server, is_loopback, open_server, require_viser
 
 
 def studio(
@@ -47,8 +47,8 @@ def studio(
     require_viser()
     listening = bound(host, port)
     try:
-        from skyarm.studio.fleet import fleet_under
-        from skyarm.studio.page import Page
+        from skyarm.view.studio.fleet import fleet_under
+        from skyarm.view.studio.page import Page
 
         fleet = fleet_under(scenario, controller or [])
         guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))

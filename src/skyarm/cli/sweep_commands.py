@@ -98,11 +98,11 @@ def stats(
 
     Written as stats.json, report.html, and a PNG for each map and for each metric's curves.
     """
-    from skyarm.figures.share_maps import robustness_figure
-    from skyarm.figures.style import image_bytes
     from skyarm.sweep.maps import robustness_maps
     from skyarm.sweep.stats import Rows, parse_limits, statistics
     from skyarm.sweep.study_page import Pictures, page
+    from skyarm.view.figures.share_maps import robustness_figure
+    from skyarm.view.figures.style import image_bytes
 
     require_within("--seed", seed, 0)
     if not folder:
@@ -133,11 +133,11 @@ def stats(
 
 def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     """Metric -> PNG of its curves over each varied number."""
-    from skyarm.figures.metric_figure import curves_figure
-    from skyarm.figures.style import image_bytes
     from skyarm.metrics.metric_catalogue import metric_words
     from skyarm.scenario.numbers import labelled
     from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
+    from skyarm.view.figures.metric_figure import curves_figure
+    from skyarm.view.figures.style import image_bytes
 
     found: dict[str, bytes] = {}
     for metric in drawn_metrics(rows) if varying(rows) else ():

@@ -15,9 +15,9 @@ from skyarm.compare.entrants import ENTRANTS, Entrant
 from skyarm.compare.run_suite import DPI, Refused, Suite
 from skyarm.compare.suite import CASES, Condition, conditions
 from skyarm.compare.summary import pairs, table
-from skyarm.figures.comparison_figures import Share, laws_figure
-from skyarm.figures.style import image_bytes
 from skyarm.pages import Report
+from skyarm.view.figures.comparison_figures import Share, laws_figure
+from skyarm.view.figures.style import image_bytes
 
 SUITE = "paper-suite"
 SHARE = "flights with the tip within 20 mm in the last 5 s\nnoisy wrong plants, Case 3 in wind"

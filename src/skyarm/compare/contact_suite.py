@@ -22,15 +22,15 @@ from skyarm.compare.entrants import Entrant
 from skyarm.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.control.controller import ControllerError
-from skyarm.figures.path_views import task_figure
-from skyarm.figures.style import image_bytes
 from skyarm.files import require_writable
-from skyarm.film.film_settings import FilmSettings
-from skyarm.film.make_film import make_film
-from skyarm.film.offscreen import offscreen
 from skyarm.pages import Report
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run
+from skyarm.view.figures.path_views import task_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.film.film_settings import FilmSettings
+from skyarm.view.film.make_film import make_film
+from skyarm.view.film.offscreen import offscreen
 
 Array = npt.NDArray[Any]
 

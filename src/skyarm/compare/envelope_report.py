@@ -7,10 +7,10 @@ from typing import Any
 
 from skyarm.compare.envelope_axes import TIP
 from skyarm.compare.envelope_record import FLAGSHIP, JUDGED, LEVELS, WORSE, lost_at, within
-from skyarm.figures.comparison_figures import envelope_figure
-from skyarm.figures.style import image_bytes
 from skyarm.files import versions
 from skyarm.pages import DASH, Report, Section, Table, image, number
+from skyarm.view.figures.comparison_figures import envelope_figure
+from skyarm.view.figures.style import image_bytes
 
 DPI = 160
 LOST = "lost"

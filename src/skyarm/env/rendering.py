@@ -15,12 +15,12 @@ from skyarm.env.env_lanes import EnvLanes
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop_state import LoopState
-from skyarm.studio.server import StudioError, has_viser
-from skyarm.studio.watched_episode import EpisodePage
+from skyarm.view.studio.server import StudioError, has_viser
+from skyarm.view.studio.watched_episode import EpisodePage
 
 RENDER_MODES = ("rgb_array",)
 
-PICTURES = "skyarm.film.episode_pictures"
+PICTURES = "skyarm.view.film.episode_pictures"
 """Where pictures are drawn: a room above this one, imported when pictures are asked for and by name only."""
 
 MOST = 64

@@ -17,7 +17,7 @@ from skyarm.env.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, o
 from skyarm.env.vector_environment import spaces
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by
-from skyarm.studio.server import has_viser
+from skyarm.view.studio.server import has_viser
 
 Array = npt.NDArray[Any]
 

@@ -21,7 +21,7 @@ from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
 
-PICTURES = "skyarm.figures.flight_plot"
+PICTURES = "skyarm.view.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
 
 SHORTFALL = "skyarm.metrics.shortfall"

@@ -9,23 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyarm.figures.interactive import (
-    PanelsFigure,
-    PathFigure,
-    damping_figure,
-    experiment_figure,
-    figure_json,
-    plot_script,
-    plot_style,
-    tool_path_figure,
-)
-from skyarm.figures.paper_figures import PAPER_CATALOGUE
-from skyarm.figures.style import image_bytes
-from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.files import file_names
-from skyarm.film.film_settings import FilmSettings
-from skyarm.film.make_film import make_film
-from skyarm.film.offscreen import NoDisplayError
 from skyarm.log.flight_log import Log
 from skyarm.pages import bullets, details, image, page, paragraph, plot, table
 from skyarm.paper import report_text as prose
@@ -55,6 +39,22 @@ from skyarm.paper.report_tables import (
 )
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.figures.interactive import (
+    PanelsFigure,
+    PathFigure,
+    damping_figure,
+    experiment_figure,
+    figure_json,
+    plot_script,
+    plot_style,
+    tool_path_figure,
+)
+from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.figures.vehicle_drawing import vehicle_drawing
+from skyarm.view.film.film_settings import FilmSettings
+from skyarm.view.film.make_film import make_film
+from skyarm.view.film.offscreen import NoDisplayError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,8 +14,6 @@ from skyarm.compare.envelope import Envelope, fly_envelope
 from skyarm.compare.envelope_report import summary_section
 from skyarm.compare.run_suite import PAGE, Progress, fly_suite, prepare
 from skyarm.compare.summary import table as summarised
-from skyarm.figures.paper_figures import overview_figure, paper_figures, tip_figure
-from skyarm.figures.style import image_bytes
 from skyarm.files import require_replaceable, require_writable, write_atomically
 from skyarm.pages import details, image
 from skyarm.paper.beyond import NAMES, beyond_section
@@ -31,6 +29,8 @@ from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log
+from skyarm.view.figures.paper_figures import overview_figure, paper_figures, tip_figure
+from skyarm.view.figures.style import image_bytes
 
 Note = Callable[[str], None]
 

@@ -11,9 +11,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.contact import Contact
-from skyarm.drawing.shapes import Solid, turn_onto
-from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.drawing.world_shapes import logged_poses, without_holes, world_shapes
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import distinct
@@ -21,6 +18,9 @@ from skyarm.log.ros.messages import NANO
 from skyarm.records.restore import restore
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.scene.shapes import Solid, turn_onto
+from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.view.scene.world_shapes import logged_poses, without_holes, world_shapes
 
 Array = npt.NDArray[np.float64]
 

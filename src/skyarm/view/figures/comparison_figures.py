@@ -1,0 +1,182 @@
+"""Comparisons of laws: errors and successes of all, and the envelope in which each flies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, PercentFormatter
+
+from skyarm.view.figures.style import PAGE, plain_numbers
+
+ROW, MARGIN = 0.27, 1.2
+"""in: of one law, of title and axis."""
+
+APART = 0.4
+"""Rows between the dots of the first and the last series: two that agree must both be seen."""
+
+MARKERS = (("o", "#0072b2"), ("s", "#d55e00"), ("^", "#009e73"))
+"""Shape and colour of each series; told apart without colour, too."""
+
+ACROSS, PANEL, LEGEND = 3, 2.1, 0.6
+"""Panels side by side; in: height of a panel, of the legend."""
+
+LOW, HIGH, TOP = 0.1, 1500.0, 9000.0
+"""mm: limits of errors, and of the band above them in which lost laws stand. Smaller errors move the first one down."""
+
+LOWEST = 1e-3
+"""mm, that is drawn at least."""
+
+LINES = (
+    ("#d55e00", "s", (3.2, 1.3)),
+    ("#0072b2", "o", ()),
+    ("#7b3294", "^", (6.0, 1.5, 1.0, 1.5)),
+    ("#000000", "D", ()),
+    ("#009e73", "v", (2.0, 1.2)),
+    ("#a6761d", "P", (1.0, 1.2)),
+    ("#666666", "X", (8.0, 2.0)),
+)
+"""Colour, marker and dashes of a law; any one of them suffices."""
+
+KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
+"""Laws whose look is the same in every picture; others take what these leave, in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share of successes and its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def laws_figure(
+    names: Sequence[str],
+    errors: Mapping[str, Sequence[float | None]],
+    shares: Sequence[Share | None],
+    *,
+    error_label: str,
+    share_label: str,
+) -> Figure:
+    """Draw tracking errors as dots on a logarithmic axis, success on perturbed plants as bars.
+
+    Args:
+        names: of the laws, top to bottom.
+        errors: series -> one error per law, mm; None leaves the place empty.
+        shares: of successes, one per law.
+        error_label: of the axis of errors.
+        share_label: of the axis of shares.
+    """
+    figure = PAGE.blank(PAGE.width, MARGIN + ROW * len(names))
+    left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]})
+    for panel, label in ((left, error_label), (right, share_label)):
+        PAGE.dress(panel).set_xlabel(label, **PAGE.words)
+    _errors(left, errors)
+    for row, share in enumerate(shares):
+        if share is not None:
+            right.barh(row, share.value, height=0.6, color="#9ecae1")
+            right.plot((share.low, share.high), (row, row), color=PAGE.frame, linewidth=1.0)
+    right.set_xlim(0.0, 1.0)
+    right.xaxis.set_major_formatter(PercentFormatter(1.0))
+    left.set_yticks(range(len(names)), names, **PAGE.words)
+    left.set_ylim(len(names) - 0.5, -0.5)
+    return figure
+
+
+def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
+    for i, ((name, series), (marker, color)) in enumerate(zip(errors.items(), MARKERS, strict=False)):
+        down = APART * (i / (len(errors) - 1) - 0.5) if len(errors) > 1 else 0.0
+        places = [(value, row + down) for row, value in enumerate(series) if value is not None and value > 0.0]
+        if places:
+            x, y = zip(*places, strict=True)
+            ax.plot(x, y, marker, color=color, markersize=5, label=name, linestyle="none")
+    ax.set_xscale("log")
+    plain_numbers(ax.xaxis)
+    if errors:
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, prop=PAGE.prop)
+
+
+def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
+    """Draw a panel for each axis of an envelope, a line for each law, and where it is lost.
+
+    Args:
+        axes: name -> values, unit, and of each law a point for every value (:mod:`skyarm.compare.envelope_record`).
+        laws: in the order of the legend.
+    """
+    rows, looks, low = -(-len(axes) // ACROSS), _looks(laws), _low(axes)
+    figure = PAGE.blank(PAGE.width, LEGEND + PANEL * rows)
+    panels = figure.subplots(rows, ACROSS, squeeze=False)
+    for panel in panels.flat[len(axes) :]:
+        panel.set_axis_off()
+    for (name, axis), panel in zip(axes.items(), panels.flat, strict=False):
+        _panel(panel, name, axis, looks, low)
+        if panel in panels[:, 0]:
+            panel.set_ylabel("error [mm]", **PAGE.words)
+    handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
+    cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2}
+    PAGE.legend(figure, {**handles, "lost": Line2D([], [], color=PAGE.frame, **cross)})
+    return figure
+
+
+def _low(axes: Mapping[str, Any]) -> float:
+    """Lower end of the errors' scale, mm: a power of ten below all of them."""
+    errors = [
+        1e3 * point["judged"]
+        for axis in axes.values()
+        for points in axis["laws"].values()
+        for point in points
+        if not point["lost"] and point["judged"] > 0.0
+    ]
+    return min(LOW, max(LOWEST, 10.0 ** math.floor(math.log10(min(errors, default=LOW)))))
+
+
+def _looks(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Colour, marker and dashes of each law."""
+    known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
+    free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
+    places = {law: known[law] if law in known else next(free) for law in laws}
+    looks = {law: LINES[place % len(LINES)] for law, place in places.items()}
+    return {
+        law: {"color": color, "marker": marker, "linestyle": (0, dash) if dash else "-", "linewidth": 1.3}
+        for law, (color, marker, dash) in looks.items()
+    }
+
+
+def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, dict[str, Any]], low: float) -> None:
+    places = range(len(axis["values"]))
+    PAGE.dress(panel).axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
+    for k, (law, look) in enumerate(looks.items()):
+        if law in axis["laws"]:
+            _law(panel, places, axis["laws"][law], look, k / len(looks), low)
+    panel.set_yscale("log")
+    panel.set_ylim(low, TOP)
+    panel.yaxis.set_major_locator(LogLocator(numticks=9))
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value <= HIGH else ""))
+    panel.yaxis.set_minor_formatter(NullFormatter())
+    panel.set_xlim(-0.35, len(axis["values"]) - 0.65)
+    panel.xaxis.set_major_locator(FixedLocator(list(places)))
+    panel.set_xticklabels([f"{value:g}" for value in axis["values"]])
+    panel.set_title(f"{name.replace('_', ' ')} [{axis['unit']}]", loc="left", pad=4, **PAGE.words)
+
+
+def _law(
+    panel: Axes,
+    places: Sequence[int],
+    points: Sequence[Mapping[str, Any]],
+    look: dict[str, Any],
+    place: float,
+    low: float,
+) -> None:
+    """Line of a law, broken where it is lost; there a cross in the band, at a share of its height from 0 to below 1."""
+    error = [float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH) for p in points]
+    panel.plot(places, error, markersize=4, zorder=3 + place, **look)
+    height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)
+    lost = [at for at, point in zip(places, points, strict=True) if point["lost"]]
+    mark: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 6, "markeredgewidth": 2.0}
+    panel.plot(lost, [height] * len(lost), color=look["color"], zorder=4, **mark)

@@ -1,0 +1,108 @@
+"""The plot below a film: error of the tip or contact force over time, one curve a flight, as pixels for a cursor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullFormatter
+
+from skyarm.view.figures.style import PAGE, plain_numbers
+
+Array = npt.NDArray[np.float64]
+Pixels = npt.NDArray[np.uint8]
+
+DPI = 100.0
+TEXT = 12.5
+"""pt at 720 lines."""
+
+SMALLEST, LARGEST = 1e-5, 1e2
+"""m: errors below (on a logarithmic axis) and above are drawn there, so that none stretches the axis."""
+
+RATIO_OF_LOGARITHM = 30.0
+"""Where one flight's median error is so many times another's, the axis is logarithmic."""
+
+POINTS = 1500
+"""Of a curve: each is the largest error of its stretch of time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Error (N,), m, or force (N,), N, at instants (N,), s, in a colour."""
+
+    time: Array
+    error: Array
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A plot as pixels (height, width, 3), and where time stands in it.
+
+    Attributes:
+        left, right: columns of the first and last instant. top, bottom: rows of the axes' edges.
+    """
+
+    pixels: Pixels
+    left: float
+    right: float
+    top: int
+    bottom: int
+
+
+def error_strip(
+    curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float, *, forces: bool = False
+) -> Strip:
+    """Draw the plot.
+
+    Args:
+        curves: at least one.
+        span: first and last instant, s.
+        width: pixels.
+        height: pixels.
+        scale: of texts, 1 at 720 lines.
+        forces: of contact, N; else errors of the tip, m.
+    """
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
+    canvas: Any = FigureCanvasAgg(figure)
+    style = replace(PAGE, text=TEXT * scale, small=TEXT * scale)
+    # ticks and pads do not shrink with the texts
+    edge = 78.0 * scale + 10.0
+    bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
+    ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
+    style.dress(ax)
+    logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
+    for curve in curves:
+        time, error = _highest(curve.time, unit * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
+        ax.plot(time, error, color=curve.color, linewidth=1.7 * scale)
+    if logarithmic:
+        ax.set_yscale("log")
+        plain_numbers(ax.yaxis)
+        ax.yaxis.set_minor_formatter(NullFormatter())
+    else:
+        ax.set_ylim(0.0, max(ax.get_ylim()[1], unit * SMALLEST))
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=3))
+    ax.set_xlim(*span)
+    ax.set_xlabel("time, s", labelpad=1.0, **style.words)
+    ax.set_ylabel("force, N" if forces else "tip error, mm", **style.words)
+    canvas.draw()
+    box = ax.get_window_extent()
+    pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+    return Strip(pixels, float(box.x0), float(box.x1), round(height - box.y1), round(height - box.y0))
+
+
+def _far_apart(curves: Sequence[Curve]) -> bool:
+    medians = [max(float(np.median(curve.error)), SMALLEST) for curve in curves]
+    return max(medians) / min(medians) > RATIO_OF_LOGARITHM
+
+
+def _highest(time: Array, error: Array) -> tuple[Array, Array]:
+    """At most POINTS points of a curve, each the largest of its stretch."""
+    every = max(1, len(time) // POINTS)
+    whole = max(len(time) // every, 1) * every
+    return time[:whole:every], error[:whole].reshape(-1, every).max(axis=1)

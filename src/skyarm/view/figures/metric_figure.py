@@ -1,0 +1,227 @@
+"""Curves of a study's metrics with their bands, over varied numbers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from skyarm.files.names import require_suffix
+from skyarm.metrics.metric_catalogue import metric_words
+from skyarm.scenario.numbers import labelled
+from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
+from skyarm.sweep.stats import Rows
+from skyarm.sweep.study import StudyError
+from skyarm.view.figures.style import (
+    PAPER,
+    Look,
+    Picture,
+    PictureStyle,
+    limits,
+    logarithmic,
+    picture_style,
+    save_picture,
+)
+
+Array = npt.NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Extent below which values differ by rounding; it does not fill a panel."""
+
+COLUMNS, WIDTH, HEIGHT, FURNITURE = 3, 3.1, 2.3, 0.5
+"""Panels of a study side by side; in: of one panel, and of legend and margins."""
+
+MOST_PANELS = 6
+"""Metrics of one picture."""
+
+LONGEST = 44
+"""Characters of a variable's words on an axis or above a panel."""
+
+
+def plot_sweep(
+    folder: str | os.PathLike[str] | Rows,
+    metrics: str | Sequence[str],
+    over: str,
+    file: str | os.PathLike[str] | None = None,
+    *,
+    by: str | None = None,
+    center: str = "median",
+    band: tuple[float, float] = BAND,
+    style: str = "paper",
+    dark: bool = False,
+) -> Picture:
+    """Draw metrics of a sweep over a varied number, or over an expression of some.
+
+    Args:
+        folder: that ``skyarm sweep`` wrote, or its rows.
+        metrics: one, or several above each other.
+        over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
+        file: written there too, as PNG, SVG or PDF by its suffix.
+        by: the same; curves for each of its values, or for its thirds.
+        center: "median" or "mean".
+        band: quantiles over the other dimensions and the noise, as shares.
+        style: "paper" or "talk".
+        dark: of a talk.
+
+    Raises:
+        ValueError: one line. OSError: a file cannot be read or written.
+    """
+    chosen = picture_style(style, dark=dark)
+    if file is not None:
+        require_suffix(Path(file))
+    rows = folder if isinstance(folder, Rows) else Rows(folder)
+    names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
+    if not 1 <= len(names) <= MOST_PANELS:
+        raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
+    found = [banded_curves(rows, name, over, by=by, center=center, band=band) for name in names]
+    figure = metric_figure(found, chosen)
+    if file is not None:
+        save_picture(figure, Path(file), style)
+    return figure
+
+
+def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture:
+    """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
+    first = found[0]
+    laws = list(dict.fromkeys(curve.controller for curve in first.curves))
+    classes = list(dict.fromkeys(curve.by for curve in first.curves))
+    # several laws are told apart by their looks: classes then stand side by side
+    columns = classes if len(laws) > 1 else [None]
+    lost = any(curve.lost.any() for curve in first.curves)
+    figure, grid = _grid(style, len(found), len(columns), lost)
+    handles: dict[str, Any] = {}
+    for j, column in enumerate(columns):
+        for ax, each in zip(grid[:, j], found, strict=False):
+            curves = [curve for curve in each.curves if column is None or curve.by == column]
+            handles |= _draw(ax, curves, each, style, one_law=len(laws) == 1)
+        if lost:
+            curves = [curve for curve in first.curves if column is None or curve.by == column]
+            _draw_lost(grid[-1, j], curves, style)
+        if column:
+            title = _class_words(first.by, column, "\n")
+            grid[0, j].set_title(title, linespacing=1.0, **style.small_words)
+        grid[-1, j].set_xlabel(labelled(_short(first.over.words), first.over.unit), **style.words)
+        if first.over.logarithmic:
+            grid[-1, j].set_xscale("log")
+    for i, each in enumerate(found):
+        words, unit = metric_words(each.metric)
+        style.name_axis(grid[i, 0], words, unit)
+        grid[i, 0].set_ylim(*_ends(each))
+    if lost:
+        grid[-1, 0].set_ylabel("Lost", **style.small_words)
+    figure.align_ylabels(list(grid[:, 0]))
+    shares = " to ".join(f"{100.0 * share:g}" for share in first.band)
+    of = " of completed" if lost else ""
+    handles[f"{first.center}{of}, band {shares} %"] = Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
+    style.legend(figure, handles)
+    return figure
+
+
+def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
+    heights = [2.0] * metrics + [0.7] * lost
+    scale = 1.0 if style.name == "paper" else 6.4 / sum(heights)
+    width = style.width if columns == 1 else style.wide
+    figure = style.blank(width, scale * sum(heights) + 6.0 * style.text / 72.0)
+    options = {"height_ratios": heights}
+    grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
+    for ax in grid.flat:
+        style.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
+    return figure, grid
+
+
+def _draw(
+    ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, style: PictureStyle, *, one_law: bool
+) -> dict[str, Any]:
+    handles: dict[str, Any] = {}
+    for i, curve in enumerate(curves):
+        look = style.look(i)
+        label = curve.controller
+        if one_law and curve.by:
+            label = _class_words(each.by, curve.by, " = ")
+        handles[label] = _banded(ax, (curve.x, curve.low, curve.middle, curve.high), look, label, style)
+    return handles
+
+
+def _class_words(by: Variable | None, values: str, between: str) -> str:
+    """A class in words: the other variable, and its value or values with their unit."""
+    return f"{_short(by.words)}{between}{values} {by.unit}".rstrip() if by is not None else values
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def _ends(each: BandedCurves) -> tuple[float, float]:
+    """Ends of the value axis, which begins at zero where no curve is below."""
+    found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
+    seen = np.concatenate(found)
+    return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
+
+
+def _banded(ax: Axes, curve: Sequence[Array], look: Look, label: str, style: PictureStyle) -> Any:
+    """Line of x, low, middle and high with its band."""
+    x, low, middle, high = curve
+    ax.fill_between(x, low, high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0)
+    for end in (low, high):
+        ax.plot(x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
+    (line,) = ax.plot(x, middle, label=label, **look.line, **_marks(x, style))
+    return line
+
+
+def _marks(x: Array, style: PictureStyle) -> dict[str, Any]:
+    """Points where a curve has few."""
+    return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
+
+
+def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> None:
+    """Share of episodes that ended before their time."""
+    for i, curve in enumerate(curves):
+        look = style.look(i)
+        share = curve.lost / np.maximum(curve.episodes, 1)
+        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve.x, style))
+    ax.set_ylim(-0.05, 1.05)
+    ax.set_yticks([0.0, 0.5, 1.0])
+    ax.yaxis.set_major_formatter(PercentFormatter(1.0))
+
+
+def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
+    """Draw a metric over each varied number of a study, a panel each on one value axis, a line for each law.
+
+    Args:
+        curves: from :func:`skyarm.sweep.banded_curves.metric_curves`; one at least.
+        label: of the metric, with its unit.
+    """
+    columns = min(COLUMNS, len(curves))
+    rows = -(-len(curves) // columns)
+    figure = PAPER.blank(WIDTH * columns, HEIGHT * rows + FURNITURE)
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+    for ax in panels[len(curves) :]:
+        ax.set_axis_off()
+    handles: dict[str, Any] = {}
+    for i, (ax, lines) in enumerate(zip(panels, curves, strict=False)):
+        PAPER.dress(ax)
+        for k, each in enumerate(lines.curves):
+            points = each.x, each.low, each.middle, each.high
+            handles[each.controller] = _banded(ax, points, PAPER.look(k), each.controller, PAPER)
+        if lines.over.logarithmic:
+            logarithmic(ax.xaxis)
+        else:
+            ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
+        ax.set_xlabel(labelled(lines.over.words, lines.over.unit), **PAPER.small_words)
+        if i % columns == 0:
+            ax.set_ylabel(label, **PAPER.small_words)
+    every = [each for lines in curves for each in lines.curves]
+    seen = np.concatenate([np.concatenate([each.low, each.high]) for each in every])
+    seen = seen[np.isfinite(seen)]
+    if seen.size and np.ptp(seen) < ROUNDING:
+        panels[0].set_ylim(*limits([seen], floor=bool((seen >= 0.0).all()), span=ROUNDING))
+    PAPER.legend(figure, handles)
+    return figure

@@ -1,0 +1,194 @@
+"""Where the camera of a film looks from, frame by frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.view.film.filmed_flight import FilmedFlight
+from skyarm.view.scene.vehicle_shapes import longest_boom
+from skyarm.view.scene.world_shapes import hidden_share
+
+Array = npt.NDArray[np.float64]
+
+AZIMUTH, ELEVATION = 125.0, -16.0
+"""deg: the camera looks along +x turned by the azimuth about z, and downwards by -elevation."""
+
+SIDES = (AZIMUTH, 180.0 - AZIMUTH, -AZIMUTH, AZIMUTH - 180.0)
+"""Azimuths that are tried: from ahead and the right, from behind and the right, and the same from the left."""
+
+LOOKS = 24
+"""Instants at which is looked."""
+
+FIELD_OF_VIEW = 40.0
+"""deg, from the lower to the upper edge of a panel."""
+
+TURN = 12.0
+"""deg/s of film time at which the orbiting camera goes round."""
+
+SMOOTH = 0.6
+"""s: time constant with which a following camera turns to what it follows."""
+
+
+def _axes_of_view(azimuth: float) -> Array:
+    """Right, up and away, as columns, of a camera at an azimuth, deg, and ELEVATION."""
+    az, away = math.radians(azimuth), looking_towards(azimuth)
+    right = np.array([math.sin(az), -math.cos(az), 0.0])
+    return np.stack([right, np.cross(right, away), away], axis=1)
+
+
+FLAT = 0.4
+"""Height of a flying vehicle of upright rotors over its width, at its usual tilts."""
+
+LEAVES = 6.0
+"""Reaches of a vehicle: farther from its desired position a following camera lets it go."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPath:
+    """A camera at F frames.
+
+    Attributes:
+        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
+    """
+
+    look_at: Array
+    distance: Array
+    azimuth: Array
+    elevation: Array
+
+
+def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+    """A camera that stands still and has every vehicle in view all the time."""
+    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    azimuth = free_azimuth(flights)
+    view = _axes_of_view(azimuth)
+    low, high = ((places @ view).min(axis=0), (places @ view).max(axis=0))
+    middle = view @ (0.5 * (low + high))
+    distance = _to_see(places - middle, flights, aspect, azimuth)
+    return _path(np.tile(middle, (len(seconds), 1)), distance, azimuth)
+
+
+def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+    """A camera that goes round all of the flight and has it in view from every side."""
+    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    radius = float(np.linalg.norm(places - middle, axis=1).max()) + _margin(flights)
+    still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect), free_azimuth(flights))
+    return CameraPath(still.look_at, still.distance, still.azimuth + TURN * seconds, still.elevation)
+
+
+def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+    """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
+    places = np.stack([part for flight in flights for part in _seen(flight)])
+    middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
+    azimuth = free_azimuth(flights)
+    return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
+
+
+def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+    """A close look at the desired place of the tip."""
+    desired = np.mean([flight.desired_tip for flight in flights], axis=0)
+    distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
+    return _path(_smoothed(desired, seconds), distance, free_azimuth(flights))
+
+
+CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
+    "fixed": fixed,
+    "follow": follow,
+    "orbit": orbit,
+    "tip": tip,
+}
+"""Camera paths by name: (flights in one picture, seconds of film (F,), width over height) -> path."""
+
+
+def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
+    ones = np.ones(len(look_at))
+    return CameraPath(look_at, distance * ones, azimuth * ones, ELEVATION * ones)
+
+
+def vehicle_reach(flight: FilmedFlight) -> float:
+    """How far the vehicle reaches from its base, m: booms with their discs, arm stretched out."""
+    arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
+    return max(1.5 * longest_boom(flight.vehicle), arm)
+
+
+def _seen(flight: FilmedFlight) -> list[Array]:
+    """What shall be in view, four times (F, 3): base and tip, where they are and where they should be."""
+    farthest = LEAVES * vehicle_reach(flight)
+    pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
+    # a lost vehicle leaves the picture
+    return [part for at, wanted in pairs for part in (wanted + _at_most(at - wanted, farthest), wanted)]
+
+
+def _height(flights: Sequence[FilmedFlight]) -> float:
+    """Height of a vehicle over its width: more where rotors are tilted."""
+    tilts = [math.hypot(float(r.axis.x), float(r.axis.y)) for f in flights for r in f.vehicle.rotors]
+    return min(1.0, FLAT + max(tilts, default=0.0))
+
+
+def _margin(flights: Sequence[FilmedFlight]) -> float:
+    """How far a vehicle is drawn about its base, m."""
+    return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
+
+
+def _at_most(offset: Array, length: float) -> Array:
+    """Vectors (F, 3), shortened to a length where they are longer."""
+    size = np.linalg.norm(offset, axis=1, keepdims=True)
+    return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
+
+
+def _to_hold(radius: float, aspect: float) -> float:
+    """Distance from which a ball fits into the picture."""
+    half = math.radians(0.5 * FIELD_OF_VIEW)
+    across = math.atan(math.tan(half) * aspect)
+    return radius / math.sin(min(half, across))
+
+
+def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
+    """Distance from which vehicles at places (N, 3), told from the middle of the picture, are inside it."""
+    across, upwards, away = (places @ _axes_of_view(azimuth)).T
+    slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
+    margin, height = _margin(flights), _height(flights)
+    needed = [
+        (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
+        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, height))
+    ]
+    return float(np.max(needed))
+
+
+def _smoothed(places: Array, seconds: Array) -> Array:
+    """Low-pass of a path (F, 3), the same forwards and backwards, so that it does not lag."""
+    step = float(seconds[1] - seconds[0]) if len(seconds) > 1 else 1.0
+    keep = math.exp(-step / SMOOTH)
+    found = places.copy()
+    for order in (range(1, len(found)), range(len(found) - 2, -1, -1)):
+        before = found[0 if order.step > 0 else -1]
+        for k in order:
+            found[k] = before = keep * before + (1.0 - keep) * found[k]
+    return found
+
+
+def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
+    """Unit vector (3,) along which a camera looks; deg."""
+    az, el = math.radians(azimuth), math.radians(elevation)
+    return np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
+
+
+def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
+    """Azimuth, deg, from which surfaces hide the tips least; the usual one where nothing hides them."""
+    if not any(flight.surfaces for flight in flights):
+        return AZIMUTH
+    hidden = [sum(_hidden(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
+    return SIDES[int(np.argmin(hidden))]
+
+
+def _hidden(flight: FilmedFlight, towards: Array) -> float:
+    """Share of the instants at which something stands between the tip and a camera in a direction (3,)."""
+    chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
+    solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in flight.surfaces]
+    return hidden_share(solids, flight.tip[chosen], towards)

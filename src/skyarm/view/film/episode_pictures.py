@@ -1,0 +1,181 @@
+"""Pictures of an episode that is being flown: one instant at a time, drawn as a frame of a film without its texts."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves
+from skyarm.environment import WindSample
+from skyarm.files import must_be_one_of, shown
+from skyarm.log.flight_log import Log
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.simulate.assemble_log import Piece, Samples, joined
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.stages import Stages
+from skyarm.view.film.camera_paths import CAMERAS, CameraPath, free_azimuth
+from skyarm.view.film.captions import DESIGNED
+from skyarm.view.film.film_settings import FilmSettings
+from skyarm.view.film.filmed_flight import COLORS, FilmedFlight, carried_at, film_flight, patch_about
+from skyarm.view.film.marks import THIN, Mark, desired_path, ghost_solids, touch_marks, vehicle_solids, wind_arrow
+from skyarm.view.film.stage import Panel, Stage, open_stage
+from skyarm.view.scene.vehicle_shapes import longest_boom
+from skyarm.view.scene.world_shapes import world_shapes
+
+Pixels = npt.NDArray[np.uint8]
+Array = npt.NDArray[np.float64]
+
+OPTIONS = {"width": 480, "height": 480, "camera": "follow", "ghost": True, "fine": False}
+"""Fields of :class:`FilmSettings` that a picture has, and what they are if left out."""
+
+LOOKS = 300
+"""Most instants at which the whole reference is looked at, for its line and for a camera that stands still."""
+
+FARTHEST = 1e6
+"""A vehicle whose state holds a larger number, or none, is drawn where it was."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstantLog(Log):
+    """A log of what is flown now, of which no record is written.
+
+    Attributes:
+        flown: the scenario.
+    """
+
+    flown: Scenario
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that is flown."""
+        return self.flown
+
+
+def picture_settings(given: Mapping[str, Any], also: Iterable[str] = ()) -> FilmSettings:
+    """Settings of pictures; ``also`` names options of something else, for the message.
+
+    Raises:
+        ValueError: one line: an option that there is not, or a value that cannot be.
+    """
+    for name in given:
+        if name not in OPTIONS:
+            raise ValueError(f"{shown(name)}: {must_be_one_of((*OPTIONS, *also), name)}")
+    return FilmSettings(plot=False, **{**OPTIONS, **given})
+
+
+def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample) -> InstantLog:
+    """What a log holds of some control instants; of commands and measurements, which no picture shows, it has none.
+
+    Args:
+        inputs: of the episode.
+        row: number of the first instant.
+        states: (N, numbers) leaves of the plant's state.
+        wind: of all these instants.
+    """
+    empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
+    samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
+    log = joined(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info={"status": "completed"})
+    return InstantLog(**vars(log), flown=inputs.scenario)
+
+
+class EpisodePictures:
+    """Draws one episode after the other; the stage stays open within an episode.
+
+    Args:
+        settings: size, camera, ghost, fine.
+    """
+
+    def __init__(self, settings: FilmSettings) -> None:
+        self._settings = settings
+        self._scale = min(settings.height / DESIGNED, settings.width / (1.2 * DESIGNED))
+        self._open = ExitStack()
+        # also where nobody closes it: before the interpreter ends, the context is given back
+        self._finalizer = weakref.finalize(self, self._open.close)
+        self._stage: Stage | None = None
+
+    def begin(self, scenario: Scenario) -> None:
+        """Take another episode, with the numbers that were drawn for it."""
+        self.close()
+        self._scenario, self._inputs = scenario, episode_inputs(scenario)
+        self._stages, self._last = Stages(scenario), first_state(scenario)
+        self._whole: FilmedFlight | None = None
+
+    def draw(self, now: LoopState) -> Pixels:
+        """The instant that a loop state stands at, (height, width, 3), an array of its own.
+
+        Raises:
+            NoDisplayError: one line: nothing can be drawn on this machine.
+        """
+        settings, panel = self._settings, self._panel(now)
+        if self._stage is None:
+            stage = open_stage([panel], settings.width, settings.height, fine=settings.fine)
+            self._stage = self._open.enter_context(stage)
+        self._stage.move([panel])
+        return self._stage.draw(0).copy()
+
+    def close(self) -> None:
+        """Give back what drawing holds."""
+        self._stage = None
+        self._open.close()
+
+    def _panel(self, now: LoopState) -> Panel:
+        settings, scenario = self._settings, self._scenario
+        ticks: Any = now.ticks
+        time, row = float(ticks) / scenario.rates.control, min(int(ticks), scenario.steps - 1)
+        if all(abs(number) < FARTHEST for number in leaves(now.state)):
+            self._last = now.state
+        state, around = self._last, self._stages.surroundings(now.components, now.drives, time)
+        wind, numbers = self._stages.felt(around, state), np.array([leaves(state)], dtype=float)
+        whole = self._whole = self._whole or self._reference(numbers.size, wind)
+        log = instant_log(self._inputs, row, numbers, wind)
+        # just before the end of the record, so that what touches is drawn
+        times = np.array([np.nextafter(log.time[0], -1.0)])
+        flight = film_flight(log, scenario.name, COLORS[0], times)
+        if flight.surfaces:
+            middle, half = np.mean(whole.desired_tip, axis=0), patch_about(whole.desired_tip)
+            carried = carried_at(log, scenario.contacts, times)
+            flight = replace(flight, surfaces=world_shapes(scenario.contacts, times, middle, half, carried))
+        solids = vehicle_solids(flight) + (ghost_solids(flight) if settings.ghost else [])
+        reach = longest_boom(flight.vehicle)
+        marks = [
+            *desired_path(whole, THIN * self._scale),
+            *touch_marks(flight, 0, reach),
+            *wind_arrow(flight, 0, reach),
+        ]
+        camera = self._camera(whole, flight, time)
+
+        def all_marks(_: int) -> list[Mark]:
+            return marks
+
+        return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.ground)
+
+    def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
+        """A flight that is all the time where it should be."""
+        steps, control = self._scenario.steps, self._scenario.rates.control
+        states = np.zeros((steps, numbers))
+        states[:, 3] = 1.0
+        log = instant_log(self._inputs, 0, states, wind)
+        times = np.linspace(0.0, (steps - 1) / control, min(steps, LOOKS))
+        flight = film_flight(log, self._scenario.name, COLORS[0], times)
+        return replace(
+            flight,
+            position=flight.desired_position,
+            quaternion=flight.desired_quaternion,
+            joints=flight.desired_joints,
+            tip=flight.desired_tip,
+        )
+
+    def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
+        """One that goes along sees the instant; one that stands still, or goes round, sees the whole reference."""
+        settings = self._settings
+        along = settings.camera in ("follow", "tip")
+        path = CAMERAS[settings.camera]
+        seen = path([flight if along else whole], np.array([time]), settings.width / settings.height)
+        return replace(seen, azimuth=np.array([free_azimuth([whole])])) if along else seen

@@ -1,0 +1,351 @@
+"""Recordings: a flight as a scene that is looked at from any side, in a file of some ten kilobytes (``.viser``).
+
+The extra ``studio`` (viser) writes it and brings the player, one page without anything from elsewhere.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import io
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files import needs_extra, write_atomically
+from skyarm.log.flight_log import Log
+from skyarm.view.film.camera_paths import (
+    CAMERAS,
+    FIELD_OF_VIEW,
+    CameraPath,
+    free_azimuth,
+    looking_towards,
+    vehicle_reach,
+)
+from skyarm.view.film.captions import state_words
+from skyarm.view.film.film_settings import FilmSettings
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, frame_times
+from skyarm.view.film.marks import (
+    LEAST_FORCE,
+    LEAST_SPEED,
+    TOUCH,
+    WIND,
+    load_solids,
+    role_color,
+    touch_marks,
+    wind_words,
+)
+from skyarm.view.scene.poses import body_poses, rotor_turns
+from skyarm.view.scene.shapes import RGBA
+from skyarm.view.studio.scene_nodes import DIGITS, Arrows, SolidNodes, VehicleNodes, bytes_of
+
+Array = npt.NDArray[np.float64]
+
+SUFFIXES = ("viser", "html")
+"""Of recordings; without a suffix a folder of a page and its recording is written."""
+
+RECORDING_NAME, PLAYER_NAME = "flight.viser", "index.html"
+
+WORDS_PER_SECOND = 2.0
+"""How often the numbers beside a vehicle change."""
+
+ASPECT = 1.0
+"""Of the window for which the camera is placed: a phone's is narrower, a screen's wider."""
+
+GRID, PATH_COLOR = (208, 212, 218), (90, 96, 110)
+
+COARSE = 3
+"""Decimals of the ends of contact forces that are recorded, 1 mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recorded scene.
+
+    Attributes:
+        content: of a ``.viser`` file. seconds: how long it plays.
+        html: of one page that holds player and recording, and asks for nothing from elsewhere.
+    """
+
+    content: bytes
+    seconds: float
+    html: Callable[[], str]
+
+
+def record(
+    flights: Log | Sequence[Log],
+    settings: FilmSettings | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Recording:
+    """Record flights.
+
+    Args:
+        flights: one log or several.
+        settings: layout, span, speed, frames a second, ghost; the camera's first place.
+        labels: as of a film.
+        progress: as of a film.
+
+    Raises:
+        ValueError: one line: what cannot be filmed, or the extra that is missing.
+    """
+    import_viser()
+    chosen = settings or FilmSettings()
+    logs = [flights] if isinstance(flights, Log) else list(flights)
+    times = frame_times(logs, chosen)
+    filmed = film_flights(logs, times, labels)
+    with _server() as server:
+        content = _recorded(server, filmed, times, chosen, progress)
+    return Recording(content, len(times) / chosen.fps, lambda: page_with(content))
+
+
+def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[Path]:
+    """Write a recording: NAME.viser alone, NAME.html (page and recording in one), or a folder of both.
+
+    Returns:
+        the files that were written.
+    """
+    target = Path(path)
+    if target.suffix.lower() == ".viser":
+        return [write_atomically(target, recording.content)]
+    if target.suffix.lower() == ".html":
+        return [write_atomically(target, recording.html().encode())]
+    written = [write_atomically(target / RECORDING_NAME, recording.content)]
+    return [*written, write_atomically(target / PLAYER_NAME, player_page(RECORDING_NAME).encode())]
+
+
+@contextlib.contextmanager
+def _server() -> Iterator[Any]:
+    """A server of viser on loopback, which scenes are made on."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        yield server
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def _recorded(
+    server: Any,
+    flights: Sequence[FilmedFlight],
+    times: Array,
+    settings: FilmSettings,
+    progress: Callable[[int, int], None] | None,
+) -> bytes:
+    """Build the scene, then play the flights into its serializer."""
+    shifts = _shifts(flights, settings)
+    _surroundings(server, flights, shifts, times, settings)
+    vehicles = [
+        _Recorded(server.scene, f"/flight{i + 1}", flight, shift, times, settings)
+        for i, (flight, shift) in enumerate(zip(flights, shifts, strict=True))
+    ]
+    for vehicle in vehicles:
+        vehicle.put(0)
+    serializer = server.get_scene_serializer()
+    for k in range(len(times)):
+        if k:
+            for vehicle in vehicles:
+                vehicle.put(k)
+        serializer.insert_sleep(1.0 / settings.fps)
+        if progress is not None:
+            progress(k + 1, len(times))
+    content: bytes = serializer.serialize()
+    return content
+
+
+class _Recorded:
+    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and contact forces."""
+
+    def __init__(
+        self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
+    ) -> None:
+        self._flight, self._times = flight, times
+        reach = self._reach = vehicle_reach(flight)
+        self._blows = np.zeros(3)
+        # the origin is the flight's own place
+        scene.add_frame(root, show_axes=False, position=shift)
+        pose = flight.position, flight.quaternion, flight.joints
+        self._bodies = [self._vehicle(scene, f"{root}/vehicle", pose, ghost=False)]
+        self._turns = rotor_turns(flight.vehicle, flight.tilts)
+        if settings.ghost:
+            pose = flight.desired_position, flight.desired_quaternion, flight.desired_joints
+            self._bodies.append(self._vehicle(scene, f"{root}/desired", pose, ghost=True))
+        _add_path(scene, f"{root}/tip_path", flight.tip, bytes_of(flight.color), 2.0)
+        _add_path(scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0)
+        above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
+        self._words = scene.add_label(f"{root}/words", self._text(0), position=above, anchor="bottom-center")
+        self._wind_to = above - np.array([0.0, 0.0, 0.5 * reach])
+        around = self._wind_to + reach * np.array([[-1.0], [1.0]])
+        self._wind = Arrows(scene, f"{root}/wind", [bytes_of(WIND)], 0.04 * reach, around)
+        spots = [each.spot for each in flight.touches] or [flight.position]
+        reached = np.array([np.min(spots, axis=(0, 1)), np.max(spots, axis=(0, 1))])
+        colors = [bytes_of(TOUCH)] * len(flight.touches)
+        self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
+        self._solids = [*load_solids(flight), *flight.surfaces]
+        self._world = SolidNodes(scene, f"{root}/solids")
+        self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
+
+    def _vehicle(
+        self, scene: Any, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
+    ) -> tuple[VehicleNodes, Array, Array]:
+        """Nodes with the rotations and positions of their bodies at every frame."""
+        flight = self._flight
+
+        def paint(role: str) -> RGBA:
+            return role_color(role, flight.color, ghost=ghost)
+
+        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.points)
+        rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
+        return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
+
+    def put(self, k: int) -> None:
+        """Move it to frame k; what has not moved is not recorded again."""
+        flight = self._flight
+        for nodes, rotations, positions in self._bodies:
+            nodes.place(rotations[k], positions[k])
+        # nothing is wanted of the servos: the desired pose has them at rest
+        self._bodies[0][0].tilt({name: turn[k] for name, turn in self._turns.items()})
+        if k % self._every == 0:
+            self._words.text = self._text(k)
+        force, air = flight.force[k], flight.air[k]
+        wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
+        size = float(np.linalg.norm(wind))
+        along = wind / size if size > least else np.zeros(3)
+        # of one length, and turned only by what is seen: turbulence would fill the file
+        if k == 0 or (np.round(along, 1) != np.round(self._blows, 1)).any():
+            self._blows = along
+            self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
+        if self._touches is not None:
+            ends = np.zeros((len(flight.touches), 2, 3))
+            for i, mark in enumerate(touch_marks(flight, k, self._reach)):
+                ends[i] = np.round([mark.start, mark.end], COARSE)
+            self._touches.point(ends)
+        self._world.place(self._solids, k)
+
+    def _text(self, k: int) -> str:
+        flight = self._flight
+        wind = wind_words(flight, k) if self._times[k] < flight.end else ""
+        return f"{flight.label}: {state_words(flight, float(self._times[k]), k)}" + (f", {wind}" if wind else "")
+
+
+def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
+    """A line through places (F, 3)."""
+    places = np.round(places, DIGITS)
+    points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+    if len(points):
+        look = {"colors": np.array(color, np.uint8), "thickness": width, "thickness_units": "screen"}
+        scene.add_line_segments(name, points=points, **look)
+
+
+def _surroundings(
+    server: Any, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
+) -> None:
+    """Ground, light and the first place of the camera."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    # shadows and a map of the surroundings take seconds a frame where no GPU draws
+    scene.configure_default_lights(enabled=True, cast_shadow=False)
+    scene.configure_environment_map(None)
+    scene.add_light_ambient("/light", intensity=1.2)
+    centre = np.mean([f.desired_position.mean(axis=0) + s for f, s in zip(flights, shifts, strict=True)], axis=0)
+    scene.add_grid(
+        "/ground",
+        width=40.0,
+        height=40.0,
+        position=(float(centre[0]), float(centre[1]), flights[0].ground),
+        cell_size=0.5,
+        cell_color=GRID,
+        section_size=2.0,
+        section_color=GRID,
+    )
+    seconds = (times - times[0]) / settings.speed
+    path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
+    eye, target = _eye(path, 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0])))
+    server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
+    server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
+    server.initial_camera.up = (0.0, 0.0, 1.0)
+
+
+def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
+    """Origins of the flights' worlds: one place, or side by side as the camera sees them."""
+    if settings.layout == "over" or len(flights) == 1:
+        return [np.zeros(3) for _ in flights]
+    # to the camera's right
+    turn = np.radians(free_azimuth(flights))
+    right = np.array([np.sin(turn), -np.cos(turn), 0.0])
+    along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
+    apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
+    middle = 0.5 * (len(flights) - 1)
+    return [apart * (i - middle) * right for i in range(len(flights))]
+
+
+def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
+    """Place of the camera and its target, at the first frame."""
+    target = path.look_at[0]
+    along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
+    return target - (path.distance[0] + wider) * along, target
+
+
+def player_page(recording: str | None = None) -> str:
+    """The player as one page: it plays the file that ``?playbackPath=`` names, or else ``recording``.
+
+    For a site that shows several recordings: one player, and a frame ``player.html?playbackPath=FILE.viser`` for each.
+    Both must be served; a page opened as a file may read no other file (:func:`page_with` needs none).
+    """
+    page = _client()
+    if recording is None:
+        return page
+    script = (
+        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
+        f"words.set('playbackPath',{json.dumps(recording)});history.replaceState(null,'','?'+words)}}}}</script>"
+    )
+    return page.replace("</head>", f"{script}</head>", 1)
+
+
+def recording_frame(player: str, recording: str, title: str, *, height: int = 420) -> str:
+    """The HTML of a frame in which a page shows a recording.
+
+    Args:
+        player: address of the player's page, from the page that shows it.
+        recording: address of the ``.viser`` file, from the player's page.
+        title: in words, for those who do not see it.
+        height: pixels.
+    """
+    address = f"{player}?playbackPath={quote(recording)}"
+    look = f"width:100%;height:{height}px;border:1px solid #d0d4da"
+    return f'<iframe src="{escape(address)}" title="{escape(title)}" loading="lazy" style="{look}"></iframe>'
+
+
+def page_with(content: bytes) -> str:
+    """The player and a recording in one page, which plays when opened as a file, too."""
+    held = base64.b64encode(content).decode("ascii")
+    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
+    return _client().replace("</head>", f"{script}</head>", 1)
+
+
+def import_viser() -> Any:
+    """The library of recordings.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise ValueError(f"viser: is missing; a recording {needs_extra('studio')}") from None
+    return viser
+
+
+def _client() -> str:
+    """The player's page, which comes with viser."""
+    return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

@@ -1,0 +1,258 @@
+"""The stage of a film: a light ground with a grid, a sky, light, solids on it, drawn by MuJoCo without a screen.
+
+No vehicle is in MuJoCo's model: every solid is handed over with its place, so that films of both plants, and of plants
+that MuJoCo does not know, are drawn alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
+from skyarm.view.film.marks import Mark
+from skyarm.view.film.offscreen import offscreen
+from skyarm.view.scene.meshes import own_mesh
+from skyarm.view.scene.shapes import Shape, Solid
+
+Pixels = npt.NDArray[np.uint8]
+
+KINDS = {
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "patch": mujoco.mjtGeom.mjGEOM_BOX,
+    "mesh": mujoco.mjtGeom.mjGEOM_BOX,
+    "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
+    "line": mujoco.mjtGeom.mjGEOM_LINE,
+}
+
+GROUND_HALF_WIDTH, TILE = 60.0, 0.5
+"""m: of the ground, and of one tile of its grid."""
+
+GROUND, LINE = (0.945, 0.95, 0.96), (0.80, 0.82, 0.845)
+SKY, HORIZON = (0.82, 0.88, 0.95), (0.965, 0.972, 0.98)
+
+GRID_PIXELS, MOST_GEOMS = 256, 4000
+
+NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
+"""Category of what throws no shadow: the ground, whose own would be a dotted rim, and all that is seen through."""
+
+LAMP = np.array([-7.5, -6.0, 30.0])
+"""m: where the light is, seen from what the camera looks at, so that shadows fall where the flight is."""
+
+SHADOWED = 2.5
+"""m about it within which shadows are drawn."""
+
+THIN = 2e-4
+"""m: half the thickness of a plane's patch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One picture in the frame.
+
+    Attributes:
+        left, top, width, height: pixels, from the frame's upper left corner.
+        camera: where it is looked from. solids: that move. marks: number of a frame -> lines and arrows of that frame.
+        ground: height of the ground, m.
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    camera: CameraPath
+    solids: Sequence[Solid]
+    marks: Callable[[int], Sequence[Mark]]
+    ground: float = 0.0
+
+
+class Stage:
+    """Draws the panels of one film, frame by frame; :func:`open_stage` makes it."""
+
+    def __init__(
+        self, panels: Sequence[Panel], width: int, height: int, *, fine: bool, current: Callable[[], None]
+    ) -> None:
+        self._panels, self._size, self._current = panels, (width, height), current
+        self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_forward(self._model, self._data)
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        self._scenes = [self._scene(panel, fine=fine) for panel in panels]
+        self._pixels = np.zeros((height, width, 3), np.uint8)
+
+    def draw(self, k: int) -> Pixels:
+        """Frame k as (height, width, 3); what lies outside the panels is undefined, and the next call overwrites it."""
+        self._current()  # two stages may be open at once
+        for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
+            self._place(panel, scene, ground, k)
+            below = self._size[1] - panel.top - panel.height
+            mujoco.mjr_render(mujoco.MjrRect(panel.left, below, panel.width, panel.height), scene, self._context)
+        mujoco.mjr_readPixels(self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context)
+        return self._pixels[::-1]
+
+    def move(self, panels: Sequence[Panel]) -> None:
+        """Draw these panels from now on: the same shapes in the same order, at other places."""
+        self._panels = panels
+
+    def close(self) -> None:
+        """Give back what the context holds."""
+        self._current()
+        self._context.free()
+
+    def _scene(self, panel: Panel, *, fine: bool) -> tuple[Any, int]:
+        """A scene with the ground and the solids of a panel, and the number of geoms that do not move."""
+        scene = mujoco.MjvScene(self._model, MOST_GEOMS)
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
+        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        mujoco.mjv_updateScene(
+            self._model,
+            self._data,
+            mujoco.MjvOption(),
+            None,
+            _camera(panel.camera, 0),
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            scene,
+        )
+        ground = scene.ngeom
+        for geom in scene.geoms[:ground]:
+            geom.pos = geom.pos + np.array([0.0, 0.0, panel.ground])
+            geom.category = NO_SHADOW
+        for solid in panel.solids:
+            half_length = solid.shape.kind in ("capsule", "cylinder")
+            size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
+            geom = self._add(scene, solid.shape.kind, size, solid.rgba)
+            if (key := mesh_key(solid.shape)) in self._meshes:
+                geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[key]
+        return scene, ground
+
+    def _place_mesh(self, geom: Any, mesh: int) -> None:
+        """MuJoCo moves the vertices of a mesh to its principal axes; the geom goes the other way."""
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
+        R = np.array(geom.mat).reshape(3, 3)
+        geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
+
+    def _place(self, panel: Panel, scene: Any, ground: int, k: int) -> None:
+        """Put solids, marks and camera where they are at frame k."""
+        for i, solid in enumerate(panel.solids):
+            geom = scene.geoms[ground + i]
+            geom.pos, geom.mat = solid.position[k], solid.rotation[k]
+            if (key := mesh_key(solid.shape)) in self._meshes:
+                self._place_mesh(geom, self._meshes[key])
+        scene.ngeom = ground + len(panel.solids)
+        for mark in panel.marks(k):
+            geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
+            mujoco.mjv_connector(geom, KINDS[mark.kind].value, mark.width, mark.start, mark.end)
+        mujoco.mjv_updateCamera(self._model, self._data, _camera(panel.camera, k), scene)
+        for i in range(scene.nlight):
+            if not scene.lights[i].headlight:
+                scene.lights[i].pos = panel.camera.look_at[k] + LAMP
+
+    def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
+        """One more geom, matt."""
+        geom = scene.geoms[scene.ngeom]
+        sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
+        mujoco.mjv_initGeom(geom, KINDS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
+        geom.specular, geom.shininess = 0.15, 0.3
+        if rgba[3] < 1.0:
+            geom.category = NO_SHADOW
+        scene.ngeom += 1
+        return geom
+
+
+@contextmanager
+def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
+    """A stage that draws frames of ``width`` by ``height`` pixels.
+
+    Raises:
+        NoDisplayError: one line: nothing can be drawn on this machine.
+    """
+    with offscreen() as current:
+        stage = Stage(panels, width, height, fine=fine, current=current)
+        try:
+            yield stage
+        finally:
+            stage.close()
+
+
+def _camera(path: CameraPath, k: int) -> Any:
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat = path.look_at[k]
+    camera.distance, camera.azimuth, camera.elevation = path.distance[k], path.azimuth[k], path.elevation[k]
+    return camera
+
+
+MeshKey = tuple[str, tuple[float, ...]]
+
+
+def mesh_key(shape: Shape) -> MeshKey:
+    """File of a shape's mesh, and its scale."""
+    return shape.mesh, shape.size if shape.kind == "mesh" else ()
+
+
+def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
+    """(vertices, triangles) of the meshes that are there."""
+    shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
+    found = {key: own_mesh(shape) for key, shape in shapes.items()}
+    return {key: mesh for key, mesh in found.items() if mesh is not None}
+
+
+def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
+    """Ground, sky and light, and the meshes by their numbers; no vehicle."""
+    spec = mujoco.MjSpec()
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.global_.fovy = FIELD_OF_VIEW
+    spec.visual.map.znear, spec.visual.map.zfar = 0.02, 300.0
+    quality = spec.visual.quality
+    quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
+    quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (18, 8, 2)
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.2] * 3
+    spec.visual.headlight.specular = [0.0] * 3
+    spec.stat.extent, spec.stat.center = 1.0, [0.0, 0.0, 0.0]
+    builtin = mujoco.mjtBuiltin
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=builtin.mjBUILTIN_GRADIENT,
+        rgb1=SKY,
+        rgb2=HORIZON,
+        width=128,
+        height=128,
+    )
+    spec.add_texture(
+        name="grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=builtin.mjBUILTIN_FLAT,
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        rgb1=GROUND,
+        rgb2=GROUND,
+        markrgb=LINE,
+        width=GRID_PIXELS,
+        height=GRID_PIXELS,
+    )
+    tiles = 1.0 / TILE
+    material = spec.add_material(name="ground", texuniform=True, texrepeat=[tiles, tiles], specular=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
+    spec.visual.map.shadowclip = SHADOWED
+    spec.worldbody.add_light(
+        pos=LAMP, dir=-LAMP, type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=fine,
+        diffuse=[0.5] * 3, specular=[0.2] * 3,
+    )  # fmt: skip
+    size = [GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, 1.0]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=size, material="ground")
+    for i, (vertices, faces) in enumerate(meshes.values()):
+        mesh = spec.add_mesh(name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
+    return spec.compile(), {path: i for i, path in enumerate(meshes)}

@@ -1,0 +1,189 @@
+"""Buttons and menus of the page: the clock, pushes, laws, cases, the view, and saving."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.view.studio.fleet import BLOW, GUST, MOST, SPEEDS, Fleet, law_names
+from skyarm.view.studio.knobs import Knob
+from skyarm.view.studio.picture import View
+
+NO_LAW = "none"
+NO_CASE = "choose"
+DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
+
+
+class Orders(Protocol):
+    """What the controls ask of the studio; every call may come from any thread."""
+
+    def do(self, work: Callable[[Fleet], None]) -> None:
+        """Do something with the fleet before the next picture."""
+
+    def choose_law(self, place: int, law: str | None) -> None:
+        """Let a law fly at a place; None takes the place away."""
+
+    def choose_case(self, name: str) -> None:
+        """Fly another scenario."""
+
+    def choose_view(self, view: View, dark: bool) -> None:
+        """Show and hide parts of the picture."""
+
+    def save(self) -> None:
+        """Write what was flown as a scenario."""
+
+
+class Controls:
+    """The controls of the page.
+
+    Args:
+        gui: of viser. orders: what they ask.
+        laws: that fly at first.
+    """
+
+    def __init__(self, gui: Any, orders: Orders, laws: list[str]) -> None:
+        self._gui, self._orders = gui, orders
+        self.status = gui.add_markdown("Machine code is being made ...")
+        self._clock()
+        self._push()
+        self.tabs = gui.add_tab_group()
+        self.plots = self.tabs.add_tab("plots")
+        with self.tabs.add_tab("scenario"):
+            self._laws(laws)
+            self._cases()
+            self._view()
+
+    def _clock(self) -> None:
+        """Play, step, speed, and the way back."""
+        do = self._orders.do
+        buttons = self._gui.add_button_group("clock", ("play / pause", "step", "reset"))
+        _clicked(buttons, lambda value: do(CLOCK[value]))
+        speeds = [f"{speed:g}x" for speed in SPEEDS]
+        speed = self._gui.add_dropdown("speed", speeds, initial_value="1x")
+        _clicked(speed, lambda value: do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
+        self.time = self._gui.add_slider("time (s)", 0.0, 30.0, 0.005, 0.0, hint="scrub back, and forward again")
+        _clicked(self.time, lambda value: do(lambda fleet: _scrub(fleet, value)))
+
+    def _push(self) -> None:
+        """A push and a gust, and where they go."""
+        self._where = self._gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
+        words = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
+        buttons = self._gui.add_button_group("disturb", tuple(words))
+
+        def pushed(value: str) -> None:
+            direction = DIRECTIONS[self._where.value]
+            self._orders.do(lambda fleet: fleet.push(direction, *words[value]))
+
+        _clicked(buttons, pushed)
+
+    def _laws(self, laws: list[str]) -> None:
+        """A menu for each law that may fly."""
+        with self._gui.add_folder("laws"):
+            for place in range(MOST):
+                first = laws[place] if place < len(laws) else NO_LAW
+                names = [
+                    *dict.fromkeys([*([NO_LAW] if place else []), *([first] if first != NO_LAW else []), *law_names()])
+                ]
+                menu = self._gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
+                self._menu(menu, place)
+
+    def _menu(self, menu: Any, place: int) -> None:
+        _clicked(menu, lambda value: self._orders.choose_law(place, None if value == NO_LAW else value))
+
+    def _cases(self) -> None:
+        """The shipped scenarios, and saving."""
+        with self._gui.add_folder("cases"):
+            menu = self._gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
+            _clicked(menu, self._case)
+            save = self._gui.add_button("Save as scenario", hint="with every change by hand, at its control period")
+            _clicked(save, lambda _: self._orders.save())
+
+    def _case(self, name: str) -> None:
+        if name != NO_CASE:
+            self._orders.choose_case(name)
+
+    def _view(self) -> None:
+        """What of the picture is shown."""
+        with self._gui.add_folder("view"):
+            names = ("follow", "beside", "ghost", "arrows", "trails", "dark")
+            boxes = {name: self._gui.add_checkbox(name, name in ("ghost", "arrows", "trails")) for name in names}
+
+        def chosen(_: Any) -> None:
+            shown = {name: box.value for name, box in boxes.items()}
+            dark = shown.pop("dark")
+            self._orders.choose_view(View(**shown), dark)
+
+        for box in boxes.values():
+            _clicked(box, chosen)
+
+
+CLOCK: dict[str, Callable[[Fleet], None]] = {
+    "play / pause": lambda fleet: setattr(fleet, "playing", not fleet.playing),
+    "step": Fleet.step,
+    "reset": Fleet.reset,
+}
+
+
+def _scrub(fleet: Fleet, time: float) -> None:
+    """Stop at an instant."""
+    fleet.playing = False
+    fleet.go(min(round(time * fleet.rate), fleet.furthest))
+
+
+def _clicked(handle: Any, work: Callable[[Any], None]) -> None:
+    """Do something when a hand, not the studio, has used an input."""
+
+    async def by_hand(event: Any) -> None:
+        if event.client_id is not None:
+            work(event.target.value)
+
+    (handle.on_click if hasattr(handle, "on_click") else handle.on_update)(by_hand)
+
+
+def literal(text: str) -> str:
+    """Text from files and messages as a page's markdown shows it as it is: nothing in it is a link or code."""
+    return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)
+
+
+Moved = Callable[[str, float], None]
+
+
+class KnobPanel:
+    """Sliders of some knobs.
+
+    Args:
+        gui: of viser, within the container that they shall stand in.
+        knobs: in order.
+        moved: called with path and value when a hand has moved one, from any thread.
+        open_groups: folders that stand open at first.
+    """
+
+    def __init__(self, gui: Any, knobs: Sequence[Knob], moved: Moved, open_groups: Sequence[str] = ()) -> None:
+        self._knobs = {knob.path: knob for knob in knobs}
+        self._sliders: dict[str, Any] = {}
+        for group in dict.fromkeys(knob.group for knob in knobs):
+            with gui.add_folder(group, expand_by_default=group in open_groups):
+                for knob in knobs:
+                    if knob.group == group:
+                        self._sliders[knob.path] = _slider(gui, knob, moved)
+
+    def show(self, values: Mapping[str, float]) -> None:
+        """Set the sliders to numbers by path; those that are not given, to the scenario's."""
+        for path, slider in self._sliders.items():
+            slider.value = self._knobs[path].clipped(values.get(path, self._knobs[path].value))
+
+
+def _slider(gui: Any, knob: Knob, moved: Moved) -> Any:
+    """The slider of one knob."""
+    label = f"{knob.label} ({knob.unit})" if knob.unit else knob.label
+    hint = f"{knob.path}: {knob.meaning}" if knob.meaning else knob.path
+    slider = gui.add_slider(label, knob.low, knob.high, knob.step, knob.clipped(knob.value), hint=hint)
+
+    async def by_hand(event: Any) -> None:
+        if event.client_id is not None:  # what the studio sets itself is no hand
+            moved(knob.path, knob.clipped(event.target.value))
+
+    slider.on_update(by_hand)
+    return slider

@@ -1,0 +1,250 @@
+"""The page: a fleet that flies in real time, drawn sixty times a second, and the orders that come from its tabs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from skyarm.view.studio.charts import HERTZ, Chart, charts
+from skyarm.view.studio.controls import Controls, KnobPanel, literal
+from skyarm.view.studio.fleet import Fleet, Flight, law_knobs, load_fleet, make_flight, save_flights, shared_knobs
+from skyarm.view.studio.picture import Picture, View
+
+FRAME = 1.0 / 60.0
+"""s between two pictures."""
+
+IDLE = 0.1
+"""s between two looks at the clock while no tab watches; the flight waits for one."""
+
+Work = Callable[[], None]
+
+
+class Page:
+    """A studio's page.
+
+    What a tab asks for is done by the thread that draws, between two pictures; machine code is made by another one.
+
+    Args:
+        server: of viser.
+        fleet: to begin with, without flights. laws: that they shall have; None is the scenario's own.
+        out: folder of saved scenarios. plain: without shadows.
+    """
+
+    def __init__(
+        self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path, *, plain: bool = False
+    ) -> None:
+        self._server, self._out = server, out
+        self._orders: SimpleQueue[Work] = SimpleQueue()
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="machine code")
+        self._stopped = threading.Event()
+        self._moves: dict[int | None, dict[str, float]] = {}
+        self.fleet = fleet
+        self._words = ""
+        self._making = 0
+        self._turn = 0
+        self._picture = Picture(server, plain=plain)
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        own = self.fleet.prepared.scenario.controller.name
+        self._controls = Controls(server.gui, self, [law or own for law in laws])
+        self._shown: list[Any] = []
+        self._panels: list[tuple[int | None, KnobPanel]] = []
+        self._charts: list[Chart] = []
+        self._begin(self.fleet, laws)
+
+    # orders, from any thread
+
+    def do(self, work: Callable[[Fleet], None]) -> None:
+        """Do something with the fleet before the next picture."""
+
+        def done() -> None:
+            work(self.fleet)
+            self._show_values()
+
+        self._orders.put(done)
+
+    def choose_law(self, place: int, law: str | None) -> None:
+        """Let a law fly at a place; None takes the place away."""
+
+        def chosen() -> None:
+            if law is None:
+                if place < len(self.fleet.flights):
+                    self.fleet.leave(place)
+                    self._rebuild()
+                return
+            self._make(self.fleet, law, place)
+
+        self._orders.put(chosen)
+
+    def choose_case(self, name: str) -> None:
+        """Fly another scenario under the same laws."""
+
+        def chosen() -> None:
+            laws = [flight.law for flight in self.fleet.flights]
+            self._begin(load_fleet(name), laws or [None])
+
+        self._orders.put(chosen)
+
+    def choose_view(self, view: View, dark: bool) -> None:
+        """Show and hide parts of the picture."""
+
+        def chosen() -> None:
+            self._picture.choose(view)
+            self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
+
+        self._orders.put(chosen)
+
+    def save(self) -> None:
+        """Write what was flown as scenarios, one for each law."""
+        self._orders.put(lambda: self._say(save_flights(self.fleet, self._out)))
+
+    def move(self, place: int | None, path: str, value: float) -> None:
+        """Move a number of one flight, or of all; of several between two pictures the last one counts."""
+        self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
+
+    def stop(self) -> None:
+        """End the loop."""
+        self._stopped.set()
+
+    # the loop
+
+    def run(self) -> None:
+        """Fly and draw until :meth:`stop`."""
+        last, slow = time.perf_counter(), 0.0
+        try:
+            while not self._stopped.is_set():
+                watched = bool(self._server.get_clients())
+                now = time.perf_counter()
+                self._obey()
+                before = self.fleet.tick
+                # laws that are chosen together begin together
+                if watched and self.fleet.flights and not (self._making and not self.fleet.tick):
+                    self.fleet.advance(now - last)
+                with self._server.atomic():
+                    if watched:
+                        self._picture.draw(self.fleet.flights, (self.fleet.tick - before) / self.fleet.rate)
+                    if now - slow >= 1.0 / HERTZ:
+                        slow = now
+                        self._draw_slowly()
+                last = now
+                self._stopped.wait(max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now)))
+        finally:
+            self._worker.shutdown(wait=False, cancel_futures=True)
+
+    def _obey(self) -> None:
+        """Carry out what tabs have asked for; what cannot be is said, and changes nothing."""
+        while True:
+            try:
+                order = self._orders.get_nowait()
+            except Empty:
+                break
+            self._try(order)
+        moves, self._moves = self._moves, {}
+        if moves:
+            self._picture.hurry()
+        for place, values in moves.items():
+            self._try(lambda values=values, place=place: self.fleet.move(values, place))  # type: ignore[misc]
+
+    def _try(self, work: Work) -> None:
+        try:
+            work()
+        except (ValueError, OSError) as error:
+            self._say(" ".join(str(error).split()))
+
+    def _say(self, words: str) -> None:
+        self._words = words
+
+    # laws and scenarios
+
+    def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
+        """Draw a fleet at its first state, and let its laws be made."""
+        self.fleet = fleet
+        scenario = fleet.prepared.scenario
+        self._picture.build(scenario, [law or scenario.controller.name for law in laws])
+        for place, law in enumerate(laws):
+            self._make(fleet, law, place)
+
+    def _make(self, fleet: Fleet, law: str | None, place: int) -> None:
+        """Make a flight beside the loop; it joins when it is ready."""
+        self._making += 1
+        self._worker.submit(self._made, fleet, law, place)
+
+    def _made(self, fleet: Fleet, law: str | None, place: int) -> None:
+        try:
+            flight: Flight | None = make_flight(fleet.prepared, law)
+            words = ""
+        except Exception as error:  # of a law of the user's own it may be any
+            name = law or fleet.prepared.scenario.controller.name
+            flight, words = None, f"{name}: {' '.join(str(error).split())}"
+        self._orders.put(lambda: self._join(fleet, flight, place, words))
+
+    def _join(self, fleet: Fleet, flight: Flight | None, place: int, words: str) -> None:
+        self._making -= 1
+        self._say(words)
+        if flight is not None and fleet is self.fleet:
+            fleet.join(flight, place if place < len(fleet.flights) else None)
+            self._rebuild()
+
+    def _rebuild(self) -> None:
+        """Draw vehicles, sliders and plots of the flights that there are."""
+        flights = self.fleet.flights
+        with self._server.atomic():
+            if not self._making:
+                self._picture.build(self.fleet.prepared.scenario, [flight.title for flight in flights])
+            for tab in self._shown:
+                tab.remove()
+            for chart in self._charts:
+                chart.remove()
+            self._shown, self._panels = [], []
+            with self._controls.plots:
+                self._charts = charts(self._server.gui, flights)
+            self._add_panel("world", None, shared_knobs(self.fleet.prepared), ("wind and forces",))
+            for i, flight in enumerate(flights):
+                self._add_panel(flight.title, i, law_knobs(flight, self.fleet.prepared), ("law",))
+
+    def _add_panel(self, title: str, place: int | None, knobs: Any, opened: Sequence[str]) -> None:
+        self._shown.append(self._controls.tabs.add_tab(title))
+        with self._shown[-1]:
+            panel = KnobPanel(self._server.gui, knobs, lambda path, value: self.move(place, path, value), opened)
+        self._panels.append((place, panel))
+
+    def _show_values(self) -> None:
+        """Set the sliders to what holds now, after a way back or a reset."""
+        for place, panel in self._panels:
+            panel.show(self.fleet.flights[place or 0].values)
+
+    def _draw_slowly(self) -> None:
+        """Plots, words and the clock."""
+        fleet = self.fleet
+        # each plot at a third of the rate: they are most of what is sent
+        self._turn = (self._turn + 1) % 3
+        for chart in self._charts[self._turn :: 3]:
+            chart.draw()
+        slider = self._controls.time
+        longest = max(30.0, 30.0 * -(-fleet.furthest // (30 * fleet.rate)))
+        if slider.max != longest:
+            slider.max = longest
+        if fleet.playing:
+            slider.value = fleet.time
+        self._controls.status.content = self._status()
+
+    def _status(self) -> str:
+        """What is measured now, in words."""
+        fleet = self.fleet
+        clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
+        state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
+        lines = [f"**{literal(fleet.prepared.scenario.title or fleet.source)}**", state]
+        for flight in fleet.flights:
+            last = flight.last
+            words = (
+                f"lost at {last.time:.2f} s: {flight.lost}" if flight.lost else f"tip error {1e3 * last.error:.1f} mm"
+            )
+            touching = f", contact {last.contact:.2f} N" if last.touching and not flight.lost else ""
+            lines.append(f"{flight.title}: {words}{touching}")
+        if self._making:
+            lines.append("Machine code is being made ...")
+        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])

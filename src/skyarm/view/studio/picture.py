@@ -1,0 +1,317 @@
+"""The picture of a fleet: for every law a vehicle with arrows, trail and world, and one ghost of the desired pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.view.scene.poses import Placed, disc_name, place, rotor_turns
+from skyarm.view.scene.shapes import RGBA, Solid, floats
+from skyarm.view.scene.vehicle_shapes import payload_shape
+from skyarm.view.scene.world_shapes import (
+    CarriedPoses,
+    ground_height,
+    held_poses,
+    hidden_share,
+    point_shapes,
+    world_shapes,
+)
+from skyarm.view.studio.scene_nodes import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
+from skyarm.view.studio.sights import Load, Touching, Watched, goal_of
+
+Array = npt.NDArray[np.float64]
+
+COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
+"""Of the first, second and third law, here and in the plots: blue, orange, green."""
+
+GHOST, LOST = (130, 130, 140), (200, 40, 40)
+
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
+"""Role of a shape -> how bright its law's colour is."""
+
+THRUST, WIND, PUSHED, OBSERVED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (150, 80, 190), (198, 26, 140)
+
+NEWTON = 0.08
+"""m of arrow per newton. Air: the same per metre a second."""
+
+SHAFT, TOUCH_SHAFT = 0.004, 0.005
+"""m: radius of an arrow."""
+
+TRAIL = 4.0
+"""s of tip trail."""
+
+APART = 1.2
+"""m between vehicles that are drawn beside each other."""
+
+SLOW = 6
+"""Frames between two drawings of what moves slowly: the ghost, trails, labels."""
+
+STAGE = "/stage"
+"""Node on which all others hang. A camera follows by its moving the other way: what each tab turns stays its own."""
+
+VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
+"""m from the vehicle, from where a new tab may look at it."""
+
+
+@dataclass(slots=True)
+class View:
+    """Parts of the picture that are shown.
+
+    Attributes:
+        beside: vehicles beside each other, not over each other. follow: the camera goes along with the first vehicle.
+        ghost, arrows, trails: whether they are drawn.
+    """
+
+    beside: bool = False
+    follow: bool = False
+    ghost: bool = True
+    arrows: bool = True
+    trails: bool = True
+
+
+def toned(color: Sequence[int], opacity: float = 1.0) -> Paint:
+    """Colours of a vehicle's shapes: tones of one colour, rotors see-through."""
+
+    def paint(role: str) -> RGBA:
+        red, green, blue = (min(1.0, TONES[role] * c / 255.0) for c in color)
+        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
+
+    return paint
+
+
+class FlightNodes:
+    """Nodes of one flight: vehicle, forces, trail, name, world and payloads.
+
+    Args:
+        scene: of viser. number: of the flight, from 0.
+        scenario: that is flown. title: of the flight. placed: first poses.
+        plain: without shadows.
+    """
+
+    def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
+        vehicle, end = scenario.world.vehicle, number + 1
+        self._vehicle, self._number, self._around, self._lost = vehicle, number, placed.tip, False
+        self._paint, points = toned(COLORS[number]), point_shapes(scenario.contacts, vehicle)
+        self.vehicle = VehicleNodes(
+            scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, blades=True, cast=not plain
+        )
+        colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED, OBSERVED], np.tile(placed.positions[0], (2, 1))
+        self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
+        still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
+        self._trail = scene.add_line_segments(f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004)
+        self._cords = scene.add_line_segments(f"{STAGE}/cords{end}", still, GREY, thickness=0.003)
+        self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
+        self._loads = SolidNodes(scene, f"{STAGE}/loads{end}")
+        self._world, self._touches = None, None
+        contacts = scenario.contacts
+        if contacts:
+            self._world = SolidNodes(scene, f"{STAGE}/world{end}", shadow=not plain)
+            self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
+        pairs = sum(contact.logged_pairs for contact in contacts)
+        if pairs:
+            self._touches = Arrows(scene, f"{STAGE}/touches{end}", [TOUCH] * pairs, TOUCH_SHAFT, at)
+        surfaces = [each for contact in contacts for each in contact.surfaces]
+        self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
+        self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)), np.zeros(3))
+
+    @property
+    def _above(self) -> Array:
+        """(3,) m: place of the label, seen from the base."""
+        return np.array([0.0, 0.0, 0.16 + 0.08 * self._number])
+
+    def _place_world(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
+        if self._world is not None:
+            solids = world_shapes(scenario.contacts, np.array([time]), tuple(self._around), carried=carried)
+            self._world.place(solids)
+
+    def draw_bodies(self, placed: Placed, turns: dict[str, Array], beside: Array) -> None:
+        """Move the bodies and the discs of rotors that tilt."""
+        self.vehicle.place(placed.rotations, placed.positions + beside)
+        self.vehicle.tilt({name: turn[0] for name, turn in turns.items()})
+
+    def draw(self, flight: Watched, seconds: float, beside: Array, view: View, *, slow: bool) -> Placed:
+        """Show the flight as it is now, ``beside`` (3,) m its own place; returns its poses."""
+        session, placed = flight.session, flight.placed()
+        state, last = session.state, flight.last
+        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
+        self.draw_bodies(placed, turns if session.running else {}, beside)
+        if session.running:
+            self.vehicle.spin(speeds, seconds)
+        self._carry(flight.loads, placed, beside)
+        if view.arrows:
+            self._forces.point(beside + force_arrows(flight, placed, speeds, turns))
+            if self._touches is not None:
+                self._touches.point(beside + touch_arrows(last.touching))
+        if slow or self._moves:
+            held = held_poses(session.scenario.components, session.now.components)
+            self._place_world(session.scenario, session.time, held)
+        if slow:
+            if view.trails:
+                self._trail.points = trail([seen.tip for seen in flight.seen(TRAIL)], beside)
+            if bool(flight.lost) != self._lost:
+                self._lost = bool(flight.lost)
+                self.vehicle.color(toned(LOST) if self._lost else self._paint)
+            self._label.text = f"{flight.title}: lost" if self._lost else flight.title
+            if np.isfinite(placed.positions[0]).all():
+                self._label.position = placed.positions[0] + beside + self._above
+        return placed
+
+    def _carry(self, loads: Sequence[Load], placed: Placed, beside: Array) -> None:
+        """Show payloads where they are held, or where they hang on their cords."""
+        solids: list[Solid] = []
+        cords = []
+        for each in loads:
+            if each.frame or self._vehicle.end_effector:
+                shape = payload_shape(self._vehicle, each.mass, each.frame, each.com)
+                R = placed.rotations[1 + shape.body]
+                holder = placed.positions[1 + shape.body] + R @ np.array(shape.position)
+                at = holder if each.hangs is None else each.hangs
+                named = replace(shape, name=f"payload{len(solids) + 1}")
+                solids.append(Solid(named, (at + beside)[None], R[None], self._paint("payload")))
+                cords.append((holder + beside, at + beside))
+        self._loads.place(solids)
+        self._cords.visible = any(each.hangs is not None for each in loads)
+        if self._cords.visible:
+            self._cords.points = np.array(cords, np.float32)
+
+    def show(self, view: View) -> None:
+        """Show and hide parts; the world of the first flight stands for all that are drawn over each other."""
+        self._trail.visible = view.trails
+        self._forces.show(view.arrows)
+        if self._touches is not None:
+            self._touches.show(view.arrows)
+        if self._world is not None:
+            self._world.show(self._number == 0 or view.beside)
+            self._world.root.position = np.array([0.0, APART * self._number, 0.0])
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        parts = self.vehicle, self._forces, self._trail, self._cords, self._label, self._loads, self._world
+        for node in (*parts, self._touches):
+            if node is not None:
+                node.remove()
+
+
+def force_arrows(flight: Watched, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
+    """Ends (rotors + 3, 2, 3) of thrusts, air, force from outside and estimated force, m."""
+    vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
+    ends = []
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
+        turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
+        ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
+    above, seen = p + np.array([0.0, 0.0, 0.22]), np.zeros(3) if last.observed is None else floats(last.observed)
+    ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p), (p, p + NEWTON * np.array(seen))]
+    return np.array(ends)
+
+
+def touch_arrows(touching: Sequence[Touching]) -> Array:
+    """Ends (N, 2, 3) of contact forces, m."""
+    return np.array([(each.spot, each.spot + NEWTON * each.force) for each in touching]).reshape(-1, 2, 3)
+
+
+def trail(tips: Sequence[Array], beside: Array) -> Array:
+    """(N, 2, 3) segments of the tip's path."""
+    places = np.array(tips, dtype=np.float32).reshape(-1, 3) + beside if len(tips) > 1 else np.zeros((2, 3))
+    segments: Array = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+    return segments
+
+
+def _row(values: Sequence[Any]) -> Array:
+    return np.array([[float(each) for each in values]])
+
+
+class Picture:
+    """Nodes of a viser scene for some flights.
+
+    Args:
+        server: of viser.
+        plain: without shadows and environment map, for browsers that draw in software.
+    """
+
+    def __init__(self, server: Any, *, plain: bool = False) -> None:
+        self._server, self._scene, self._plain, self.view = server, server.scene, plain, View()
+        self._flights: list[FlightNodes] = []
+        self._ghost: VehicleNodes | None = None
+        self._frame = 0
+        self._scene.configure_default_lights(cast_shadow=not plain)
+        if plain:
+            self._scene.configure_environment_map(None)
+            self._scene.add_light_ambient("/light", intensity=1.5)
+        shade = 0.0 if plain else 0.15
+        self._stage = self._scene.add_frame(STAGE, show_axes=False)
+        self._origin, self._moved = np.zeros(3), np.zeros(3)
+        self._ground = self._scene.add_grid(
+            f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade
+        )
+
+    def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
+        """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
+        for nodes in self._flights:
+            nodes.remove()
+        if self._ghost is not None:
+            self._ghost.remove()
+        vehicle, state = scenario.world.vehicle, first_state(scenario)
+        placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+        self._origin = placed.positions[0]
+        self._follow(self._origin)
+        self._flights = [
+            FlightNodes(self._scene, i, scenario, title, placed, plain=self._plain) for i, title in enumerate(titles)
+        ]
+        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, toned(GHOST, 0.25))
+        self._draw_ghost(goal_of(vehicle, scenario.trajectory.at(0.0)))
+        self._ground.position = (0.0, 0.0, ground_height(scenario.contacts))
+        self.choose(self.view)
+        self._look_at(scenario, placed)
+
+    def _look_at(self, scenario: Scenario, placed: Placed) -> None:
+        """The view that a new tab begins with: from ahead and the right, or from where no surface hides the tip."""
+        solids = world_shapes(scenario.contacts, np.zeros(1), tuple(placed.tip))
+        hidden = [hidden_share(solids, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
+        camera, at = self._server.initial_camera, placed.positions[0]
+        camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
+        camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
+
+    def draw(self, flights: Sequence[Watched], seconds: float) -> None:
+        """Show the flights as they are now.
+
+        Args:
+            flights: as many as were built.
+            seconds: of flight since the last picture, for the blades.
+        """
+        self._frame += 1
+        slow = self._frame % SLOW == 0
+        for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
+            beside = np.array([0.0, APART * i if self.view.beside else 0.0, 0.0])
+            placed = nodes.draw(flight, seconds, beside, self.view, slow=slow)
+            if i == 0:
+                self._follow(placed.positions[0])
+        if slow and flights and self.view.ghost:
+            self._draw_ghost(flights[0].goal())
+
+    def _draw_ghost(self, goal: Placed) -> None:
+        if self._ghost is not None:
+            self._ghost.place(goal.rotations, goal.positions)
+
+    def _follow(self, at: Array) -> None:
+        """Keep the first vehicle, (3,) m, where the camera first saw it; without following, the ground."""
+        moved = self._origin - at if self.view.follow else np.zeros(3)
+        if np.abs(moved - self._moved).max() > STILL:
+            self._stage.position = self._moved = moved
+
+    def hurry(self) -> None:
+        """Draw all of the next picture: a hand has moved something."""
+        self._frame = -1
+
+    def choose(self, view: View) -> None:
+        """Show and hide parts of the picture."""
+        self.view = view
+        for nodes in self._flights:
+            nodes.show(view)
+        if self._ghost is not None:
+            self._ghost.show(view.ghost)

@@ -1,0 +1,246 @@
+"""Quantities of a flight at one instant, as its picture and its plots show them: poses, errors, efforts and forces."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.contact import Contact
+from skyarm.contact.carrier import NOBODY
+from skyarm.control.blocks.disturbance_observer import Observed
+from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment import TimedPayload
+from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.records.leaves import is_record, parts
+from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import LoopState
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.scene.poses import Placed, place
+from skyarm.view.scene.shapes import floats
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """Quantities of one instant.
+
+    Attributes:
+        tick: control periods flown. time: s.
+        tip: its position, world axes, m. error: its distance from its reference, m; across the model's normal while it
+            shall press.
+        tilt: of the base's z axis against the vertical, rad.
+        efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
+        rotors: share of each rotor's highest speed.
+        air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
+        observed: force on the base that the law's observer has estimated, N, world axes; None without an observer.
+        touching: forces of the world's surfaces on the vehicle's points; empty without a world.
+    """
+
+    tick: int
+    time: float
+    tip: Array
+    error: float
+    tilt: float
+    efforts: tuple[float, ...]
+    rotors: tuple[float, ...]
+    air: Array
+    pushed: Array
+    observed: Vec3 | None
+    touching: tuple[Touching, ...] = ()
+
+    @property
+    def contact(self) -> float:
+        """Sum of all normal forces on the vehicle, N."""
+        return sum(each.normal for each in self.touching)
+
+
+@dataclass(frozen=True, slots=True)
+class Touching:
+    """Contact of one surface with one point.
+
+    Attributes:
+        surface: its name. normal: N.
+        spot: (3,) where it acts, world axes, m. force: (3,) N on the vehicle, with friction.
+    """
+
+    surface: str
+    normal: float
+    spot: Array
+    force: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A payload that is held now.
+
+    Attributes:
+        mass: kg. frame: that holds it; empty for the tip. com: m, axes of the frame.
+        hangs: (3,) m, world axes, its place on a cord; None of one that the frame holds itself.
+    """
+
+    mass: float
+    frame: str = ""
+    com: Vec3 = ZERO3
+    hangs: Array | None = None
+
+
+class Flown(Protocol):
+    """Whatever flies a scenario period by period: a session, or an episode that somebody else steps."""
+
+    @property
+    def scenario(self) -> Scenario: ...  # noqa: D102
+    @property
+    def now(self) -> LoopState: ...  # noqa: D102
+    @property
+    def state(self) -> State: ...  # noqa: D102
+    @property
+    def running(self) -> bool: ...  # noqa: D102
+    @property
+    def time(self) -> float: ...  # noqa: D102
+    @property
+    def tick(self) -> int: ...  # noqa: D102
+
+
+class Watched:
+    """A flight as a picture reads it.
+
+    Attributes:
+        session: that flies. title: over the vehicle. sights: quantities of earlier instants, in order.
+    """
+
+    session: Flown
+    title: str
+    sights: list[Sight]
+
+    @property
+    def lost(self) -> str:
+        """Why it ended early, in words; empty while it flies."""
+        return ""
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The plant's."""
+        return self.session.scenario.world.vehicle
+
+    def placed(self) -> Placed:
+        """Poses of the bodies now."""
+        state = self.session.state
+        return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+
+    def goal(self) -> Placed:
+        """Desired poses of the bodies now."""
+        return goal_of(self.vehicle, self.session.scenario.trajectory.at(self.session.time))
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Payloads that are held."""
+        return held_loads(self.session.scenario.components, self.session.now.components)
+
+    @property
+    def last(self) -> Sight:
+        """The latest quantities up to now."""
+        return self.sights[self._after(self.session.tick) - 1]
+
+    def seen(self, seconds: float) -> list[Sight]:
+        """Quantities of the last seconds."""
+        now, rate = self.session.tick, self.session.scenario.rates.control
+        return self.sights[self._after(math.ceil(now - seconds * rate) - 1) : self._after(now)]
+
+    def _after(self, tick: int) -> int:
+        """How many instants there are up to a control period."""
+        return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
+
+
+def sight(session: Flown) -> Sight:
+    """Quantities of a session now."""
+    scenario, now, time = session.scenario, session.now, session.time
+    vehicle, state = scenario.world.vehicle, now.state
+    placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+    around = Surroundings(components=scenario.components, memories=now.components, time=time)
+    outside = felt(around, vehicle, state)
+    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.trajectory.at(time)).tip
+    push = getattr(scenario.trajectory, "push", None)
+    if push is not None:
+        away = np.array(floats(push.across(Vec3(*map(float, away)), time, Vec3(*map(float, placed.tip)))))
+    return Sight(
+        tick=session.tick,
+        time=time,
+        tip=placed.tip,
+        error=float(np.linalg.norm(away)),
+        tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
+        efforts=_efforts(vehicle, now.queue[-1].efforts),
+        rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
+        air=np.array(floats(outside.air_velocity_W)),
+        pushed=np.array(floats(outside.force_W)),
+        observed=observed_force(now.memory),
+        touching=touching(scenario.components, now.components, PointMotion(vehicle, state))
+        if scenario.contacts
+        else (),
+    )
+
+
+def held_loads(components: Sequence[Any], memories: Sequence[Any]) -> tuple[Load, ...]:
+    """Payloads that are held.
+
+    Args:
+        components: of the scenario.
+        memories: one for each.
+    """
+    found = []
+    for each, memory in zip(components, memories, strict=True):
+        if isinstance(each, TimedPayload) and float(memory.held) > 0.5:
+            hangs = None if each.rigid else np.array(floats(memory.position))
+            found.append(Load(float(each.mass), each.frame, each.com, hangs))
+    return tuple(found)
+
+
+def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:
+    """Force of every surface on every point now.
+
+    Args:
+        components: of the scenario, with their memories.
+        memories: one for each.
+        motion: of the vehicle.
+    """
+    found = []
+    for contact, memory in zip(components, memories, strict=True):
+        if not isinstance(contact, Contact):
+            continue
+        pairs = zip(contact.pairs, contact.touches(memory, motion), strict=True)
+        own = [(surface.name, point, touch) for (surface, point), touch in pairs]
+        meetings = [each for each in contact.meetings(memory, motion) if each.by == NOBODY]
+        own += [(each.surface, contact.points[each.index], each.touch) for each in meetings]
+        for surface, point, touch in own:
+            spot = motion.position(*point.place(motion.vehicle)) + touch.spot
+            found.append(Touching(surface, float(touch.normal), np.array(floats(spot)), np.array(floats(touch.force))))
+    return tuple(found)
+
+
+def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
+    """Desired poses of the bodies: level, at the desired position, heading and joints."""
+    half = 0.5 * float(reference.yaw)
+    return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
+
+
+def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
+    """Shares of the joints' limits that setpoints take; a joint without a limit shows its N m or N."""
+    limits = [float(link.joint.effort_limit) for link in vehicle.links]
+    return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
+
+
+def observed_force(memory: Any) -> Vec3 | None:
+    """Force on the base that a law's observer has estimated, world axes, N; None for a law without one."""
+    if isinstance(memory, Observed):
+        return memory.force
+    held = parts(memory).values() if is_record(memory) or isinstance(memory, tuple) else ()
+    return next((found for part in held if (found := observed_force(part)) is not None), None)

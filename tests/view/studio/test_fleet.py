@@ -1,0 +1,333 @@
+"""The studio's loop without a page: time, the way back, laws beside each other, pushes, and what is saved."""
+
+import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.environment import TimedPayload
+from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.view.studio.documents import LONGEST, prepare, read_document
+from skyarm.view.studio.fleet import Fleet, Flight, load_fleet, make_flight, saved_document
+from skyarm.view.studio.knobs import knobs_of
+from skyarm.view.studio.sights import Watched
+from thorough import sampled
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+
+
+@pytest.fixture(scope="module")
+def made() -> Fleet:
+    fleet = load_fleet("case2_gust")
+    for law in ("paper_ct", "paper_pd"):
+        fleet.join(make_flight(fleet.prepared, law))
+    return fleet
+
+
+@pytest.fixture
+def fleet(made: Fleet) -> Fleet:
+    made.speed = 1.0
+    made.reset()
+    return made
+
+
+def states(flight: Flight) -> np.ndarray:
+    """Base, attitude and joints as they were flown so far."""
+    return states_of(flight.session.log)
+
+
+def states_of(log: skyarm.Log) -> np.ndarray:
+    """Base, attitude and joints of a log."""
+    return np.hstack([log.position, log.quaternion, log.velocity, log.joints, log.rotor_commands])
+
+
+def test_an_untouched_flight_is_the_scenarios_own(fleet: Fleet) -> None:
+    fleet.go(1700)  # into the gust of the file
+    for flight in fleet.flights:
+        plain = skyarm.run(skyarm.load_scenario("case2_gust", controller=flight.law, duration=8.5))
+        assert (states(flight)[:, :3] == plain.position).all()
+        assert (flight.session.log.rotor_commands == plain.rotor_commands).all()
+
+
+@pytest.mark.parametrize(("speed", "ticks"), [(0.25, 5), (0.5, 10), (1.0, 20), (2.0, 40), (4.0, 80)])
+def test_speed_is_periods_per_second_of_the_wall(fleet: Fleet, speed: float, ticks: int) -> None:
+    fleet.speed = speed
+    fleet.advance(0.1)
+    assert fleet.tick == ticks
+    assert all(flight.tick == ticks for flight in fleet.flights)
+
+
+def test_parts_of_a_period_are_kept_for_the_next_picture(fleet: Fleet) -> None:
+    for _ in range(60):
+        fleet.advance(1.0 / 60.0)
+    assert 199 <= fleet.tick <= 200
+
+
+def test_a_pause_stops_the_clock_and_a_step_is_one_period(fleet: Fleet) -> None:
+    fleet.advance(0.1)
+    fleet.playing = False
+    fleet.advance(5.0)
+    assert fleet.tick == 20
+    fleet.playing = True
+    fleet.step()
+    assert (fleet.tick, fleet.playing) == (21, False)
+
+
+def test_a_machine_that_stood_still_does_not_race_afterwards(fleet: Fleet) -> None:
+    fleet.advance(60.0)
+    assert fleet.tick == 50
+
+
+def test_the_way_back_is_the_flight_before(fleet: Fleet) -> None:
+    fleet.go(100)
+    fleet.move({"environment.wind.force.x": 1.0})
+    fleet.go(260)
+    fleet.move({"plant.payload.mass": 0.03, "reference.base.z": 1.2})
+    fleet.go(500)
+    before = [states(flight) for flight in fleet.flights]
+    for tick in (430, 0, 99, 100, 101, 260, 333):
+        fleet.go(tick)
+        for flight, flown in zip(fleet.flights, before, strict=True):
+            assert (states(flight) == flown[:tick]).all()
+    fleet.go(500)
+    for flight, flown in zip(fleet.flights, before, strict=True):
+        assert (states(flight) == flown).all()
+        assert [(each.tick, each.path) for each in flight.moved] == [
+            (100, "environment.wind.force.x"),
+            (260, "plant.payload.mass"),
+            (260, "reference.base.z"),
+        ]
+
+
+def test_a_change_in_the_past_takes_the_place_of_later_ones(fleet: Fleet) -> None:
+    fleet.go(300)
+    fleet.move({"environment.wind.force.x": 2.0})
+    fleet.go(400)
+    fleet.go(200)
+    assert fleet.furthest == 400
+    fleet.move({"environment.wind.force.y": 1.0})
+    fleet.go(400)
+    for flight in fleet.flights:
+        assert [(each.tick, each.path) for each in flight.moved] == [(200, "environment.wind.force.y")]
+        assert flight.session.scenario.wind.force_W.x == 0.0
+
+
+def test_sliders_show_what_held_then(fleet: Fleet) -> None:
+    fleet.go(50)
+    fleet.move({"environment.wind.force.x": 1.0})
+    fleet.go(80)
+    fleet.move({"environment.wind.force.x": 2.0})
+    assert fleet.flights[0].values == {"environment.wind.force.x": 2.0}
+    fleet.go(60)
+    assert fleet.flights[0].values == {"environment.wind.force.x": 1.0}
+    fleet.go(10)
+    assert fleet.flights[0].values == {}
+
+
+def test_laws_meet_the_same_noise(fleet: Fleet) -> None:
+    fleet.move({"sensors.position": 0.01})
+    fleet.go(40)
+    noise = [flight.session.log.measured_position - flight.session.log.position for flight in fleet.flights]
+    assert np.abs(noise[0]).max() > 0.01
+    assert np.allclose(noise[0], noise[1], atol=1e-12)
+    paths = [flight.session.log.position for flight in fleet.flights]
+    assert not np.allclose(paths[0], paths[1], atol=1e-6)
+
+
+def errors(flight: Flight, start: float, stop: float) -> np.ndarray:
+    return np.array([seen.error for seen in flight.sights if start <= seen.time <= stop])
+
+
+def test_a_gust_raises_the_tip_error_which_recovers(fleet: Fleet) -> None:
+    fleet.go(200)
+    fleet.push((0.0, 1.0, 0.0), 2.0, 1.0)
+    fleet.go(1180)  # before the arm moves
+    for flight in fleet.flights:
+        calm = errors(flight, 0.5, 1.0).max()
+        assert errors(flight, 1.0, 2.5).max() > 4.0 * calm
+        assert errors(flight, 5.5, 5.9).max() < 1.3 * calm
+
+
+def test_computed_torque_stays_below_pd_in_the_papers_gust(fleet: Fleet) -> None:
+    fleet.go(2600)
+    ct, pd = (np.sqrt(np.mean(errors(flight, 7.5, 13.0) ** 2)) for flight in fleet.flights)
+    assert ct < 0.95 * pd
+
+
+def test_a_gain_is_of_one_law_alone(fleet: Fleet) -> None:
+    fleet.move({"controller.gains.position.x": 8.0}, 0)
+    ct, pd = fleet.flights
+    assert ct.session.scenario.controller.par.gains.position.x == 8.0
+    assert pd.session.scenario.controller.par.gains.position.x == 4.0
+
+
+def test_a_law_that_joins_has_met_what_the_others_met(fleet: Fleet, made: Fleet) -> None:
+    fleet.go(150)
+    fleet.move({"environment.wind.force.x": 1.0})
+    fleet.go(300)
+    fleet.move({"environment.wind.force.y": 1.0})
+    fleet.move({"controller.gains.position.x": 5.0}, 0)
+    fleet.go(250)
+    late = make_flight(made.prepared, "paper_pd")
+    fleet.join(late)
+    fleet.go(400)
+    assert (states(late) == states(fleet.flights[1])).all()
+    assert late.session.scenario.wind.force_W.y == 1.0
+    # gains are a law's own
+    other = make_flight(made.prepared, "paper_ct")
+    fleet.join(other, 2)
+    assert other.session.scenario.controller.par.gains.position.x == 4.0
+    fleet.leave(2)
+    assert len(fleet.flights) == 2
+    fleet.join(late)
+    with pytest.raises(skyarm.ScenarioError, match="at most 3"):
+        fleet.join(other)
+    fleet.leave(2)
+
+
+def test_a_lost_vehicle_is_shown_as_lost_until_a_reset(fleet: Fleet) -> None:
+    fleet.go(100)
+    fleet.move({"environment.faults.front.effectiveness": 0.0})
+    fleet.go(700)
+    assert all(flight.lost for flight in fleet.flights)
+    assert all(flight.tick < 700 for flight in fleet.flights)
+    fleet.go(90)
+    assert not any(flight.lost for flight in fleet.flights)
+    fleet.go(700)
+    fleet.reset()
+    assert not any(flight.lost or flight.moved for flight in fleet.flights)
+    fleet.go(700)
+    assert all(flight.tick == 700 for flight in fleet.flights)
+
+
+def test_plots_keep_what_was_seen(fleet: Fleet) -> None:
+    fleet.go(400)
+    flight = fleet.flights[0]
+    assert [seen.tick for seen in flight.seen(1.0)] == list(range(200, 401, 10))
+    fleet.go(300)
+    assert flight.seen(0.5)[-1].tick == flight.last.tick == 300
+    log = flight.session.log
+    seen = flight.seen(1.0)[5]
+    wanted = np.linalg.norm(log.tool[seen.tick] - log.tool_reference[seen.tick])
+    assert seen.error == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_end_of_the_longest_flight_stops_the_clock(fleet: Fleet) -> None:
+    short = dataclasses.replace(fleet.prepared.scenario, duration=2.0)
+    ended = Fleet(dataclasses.replace(fleet.prepared, scenario=short), "case2_gust")
+    ended.go(10_000)
+    assert ended.tick == 399
+    assert ended.time < 2.0
+
+
+def test_mujocos_plant_flies_in_the_studio_too() -> None:
+    document, folder = read_document("case1")
+    document["plant"]["kind"] = "mujoco"
+    fleet = Fleet(prepare(document, folder), "case1")
+    fleet.join(make_flight(fleet.prepared, "paper_pd"))
+    (flight,) = fleet.flights
+    fleet.go(30)
+    fleet.move({"environment.wind.force.y": 2.0})
+    fleet.go(60)
+    flown = states(flight)
+    assert flown[-1, 1] > 1e-3
+    fleet.go(20)
+    assert flight.session.scenario.wind.force_W.y == 0.0
+    fleet.go(60)
+    assert (states(flight) == flown).all()
+    plain = skyarm.run(skyarm.load_scenario("case1", controller="paper_pd", plant="mujoco", duration=0.15))
+    assert (flown[:30, :3] == plain.position).all()
+
+
+EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml") if "schema" in path.read_text())]
+
+
+@pytest.mark.parametrize("source", sampled(EVERY, 8))
+def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
+    if Path(source).stem == "press_in_four_worlds":
+        with pytest.raises(skyarm.ScenarioError, match=r"press_in_four_worlds.toml: .* is a study file"):
+            load_fleet(source)
+        return
+    prepared, scenario = load_fleet(source).prepared, skyarm.load_scenario(source)
+    assert (prepared.scenario.trajectory, prepared.scenario.path_time) == (scenario.trajectory, scenario.path_time)
+    assert prepared.scenario.changes == scenario.changes
+    assert prepared.scenario.duration == (scenario.duration if prepared.planned else LONGEST)
+    assert 30 < len(knobs_of(prepared.scenario, prepared.push)) < 200, (
+        "a page's sliders, none for a curve's coefficients"
+    )
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("source", [each for each in EVERY if Path(each).stem != "press_in_four_worlds"])
+def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -> None:
+    fleet = load_fleet(source)
+    fleet.join(make_flight(fleet.prepared, None))
+    ticks = round(
+        min(9.0, skyarm.load_scenario(source).duration) * fleet.rate
+    )  # a payload of an example is held by then
+    fleet.go(ticks - 1)
+    plain = skyarm.Session(skyarm.load_scenario(source))
+    while plain.tick < ticks - 1 and plain.step():
+        pass
+    assert (states(fleet.flights[0]) == states(SimpleNamespace(session=plain))).all()  # type: ignore[arg-type]
+
+
+def believed() -> dict[str, Any]:
+    """A document with a planned reference and a payload of which the law is told in flight."""
+    document, _ = read_document("case1")
+    document["payloads"] = [{"mass": 0.05, "pick": 0.3, "drop": 0.6, "believed": True}]
+    document["reference"] = {
+        "tip": {
+            "path": {"kind": "circle", "radius": 0.05, "frequency_hz": 0.5, "center": [0.0, 0.0, 0.8]},
+            "posture": [0.4, -0.8], "base_share": 0.5,
+        }
+    }  # fmt: skip
+    document["changes"] = [{"at": 0.2, "path": "environment.wind.force.y", "value": 1.0}]
+    document["environment"] = {"wind": {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}}
+    return {**document, "duration": 1.0, "windows": {}}
+
+
+def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together() -> None:
+    document = believed()
+    fleet = Fleet(prepare(document), "case1")
+    fleet.join(make_flight(fleet.prepared, None))
+    (flight,) = fleet.flights
+    assert fleet.prepared.planned
+    fleet.go(150)
+    assert (states(flight) == states_of(skyarm.run(skyarm.scenario_from(document)))[:150]).all()
+    fleet.go(80)
+    fleet.move({"environment.wind.force.x": 1.0})
+    fleet.go(60)
+    fleet.go(150)
+    saved = saved_document(fleet, flight, Path())
+    assert [(each["at"], each["path"][-7:]) for each in saved["changes"]] == [(0.2, "force.y"), (0.4, "force.x")]
+    log = skyarm.run(skyarm.scenario_from(saved))
+    assert (states(flight) == states_of(log)[:150]).all()
+    assert log.info["duration"] == 1.0, "the reference is planned for so long"
+    fleet.go(1000)
+    assert fleet.time == pytest.approx(1.0 - 1.0 / fleet.rate)
+
+
+def test_another_law_flies_without_the_changes_of_the_files_own() -> None:
+    document, _ = read_document("case2")
+    document["changes"] = [{"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}]
+    assert len(prepare(document).scenario.changes) == 1
+    assert not prepare(document).under("centroidal_tip").changes
+
+
+def test_a_payload_is_drawn_while_it_is_held() -> None:
+    load = TimedPayload(mass=0.02, pick=0.01, drop=0.03)
+    scenario = dataclasses.replace(skyarm.load_scenario("case2"), payloads=(load,))
+    session = skyarm.Session(scenario, machine_code=False)
+    watched = Watched()
+    watched.session = session
+    held = []
+    for _ in range(8):
+        session.step()
+        held.append(sum(load.mass for load in watched.loads))
+    assert held == pytest.approx([0.0, 0.0, 0.02, 0.02, 0.02, 0.02, 0.0, 0.0])
+    assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]

@@ -1,0 +1,109 @@
+"""``skyarm studio`` from the shell: what it refuses, in one line, and how it ends."""
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import skyarm
+from commanded import skyarm as typed
+from skyarm.view.studio.fleet import fleet_under
+from skyarm.view.studio.server import Guard, is_loopback
+
+STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
+
+
+def refused(*words: str) -> str:
+    """The one line of a command that is refused."""
+    done = typed("studio", "--no-browser", *words)
+    assert done.code == 2, done.err
+    assert done.out == ""
+    (line,) = done.err.splitlines()
+    return line
+
+
+def test_a_taken_port_is_said_in_one_line() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        line = refused("case1", "--port", str(taken.getsockname()[1]))
+    assert "must be free (address already in use)" in line
+
+
+def test_others_reach_the_page_only_with_a_token() -> None:
+    assert "must be this machine's" in refused("--host", "0.0.0.0")
+    assert "--token: must be at least 8" in refused("--token", "short")
+
+
+def test_a_missing_extra_is_named(tmp_path: Path) -> None:
+    (tmp_path / "viser.py").write_text("raise ImportError('no viser here')\n")
+    words, hiding = [*STUDIO, "case1", "--port", "0"], {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, env=hiding, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert "needs the extra 'studio'" in line
+
+
+def test_what_cannot_be_flown_is_said_before_a_page_opens() -> None:
+    assert "did you mean 'paper_ct'" in refused("--controller", "papr_ct", "--port", "0")
+    assert "--port = 70000: must be from 0 to 65535" in refused("--port", "70000")
+
+
+@pytest.mark.parametrize(
+    ("source", "laws", "said"),
+    [
+        ("nothing", [], "scenario = 'nothing'"),
+        ("case1", ["indi"] * 4, "at most 3 laws"),
+        ("case1", ["x"], "must be one of .* indi_tuned"),
+    ],
+)
+def test_a_scenario_and_its_laws_are_looked_at_first(source: str, laws: list[str], said: str) -> None:
+    with pytest.raises(skyarm.ScenarioError, match=said):
+        fleet_under(source, laws)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)])
+def test_the_page_opens_quickly_and_a_signal_ends_it_cleanly(number: signal.Signals, tmp_path: Path) -> None:
+    command = [*STUDIO, "case1", "--port", "0", "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1) as child:
+        assert child.stdout is not None
+        said = child.stdout.readline().strip()
+        assert said.startswith("studio: http://127.0.0.1:")
+        address, token = said.removeprefix("studio: http://").split("/?token=")
+        client = http.client.HTTPConnection(address, timeout=20)
+        client.request("GET", f"/?token={token}")
+        assert client.getresponse().status == 200
+        client.close()
+        time.sleep(0.3)
+        child.send_signal(number)
+        out, errors = child.communicate(timeout=30)
+    assert (child.returncode, out.strip(), errors) == (0, "studio: closed", "")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "127.8.9.1"])
+def test_loopback_is_this_machine(host: str) -> None:
+    assert is_loopback(host)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.2", "example.org", ""])
+def test_any_other_address_is_not(host: str) -> None:
+    assert not is_loopback(host)
+
+
+def test_from_outside_the_page_is_asked_for_by_any_name_with_the_token() -> None:
+    guard = Guard("0.0.0.0", 80, "abcdefgh")
+    host = {"Host": "lab.example:80"}
+    assert guard.refusal("/?token=abcdefgh", host, websocket=False) is None
+    assert guard.refusal("/", host, websocket=False) is not None
+    kept = {**host, "Cookie": "skyarm_studio_80=abcdefgh"}
+    assert guard.refusal("/", {**kept, "Origin": "http://lab.example:80"}, websocket=True) is None
+    assert guard.refusal("/", {**kept, "Origin": "http://lab.example"}, websocket=True) is not None
+    assert guard.refusal("/", kept, websocket=True) is not None

@@ -1,0 +1,177 @@
+"""The world in the studio: what is said of its forces, where its nodes are, and that nothing is there without one."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes_without_browser import Scene
+from skyarm import scenario_from
+from skyarm.actuation.tilting import turned
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.simulate.session import Session
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.scene.poses import place, rotor_turns
+from skyarm.view.scene.world_shapes import held_poses, world_shapes
+from skyarm.view.studio.charts import Chart, charts
+from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, toned, touch_arrows
+from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
+from skyarm.view.studio.sights import Watched, sight
+from world_flights import DOCUMENT, WALL_ANGLE
+
+
+@cache
+def session() -> Session:
+    """The flight of the other pictures' tests with the tip in the wall from the start, before its first period."""
+    document = copy.deepcopy(DOCUMENT)
+    document["controller"] = {"preset": "paper_pd"}
+    document["world"]["points"][0]["radius"] = 0.01
+    document["world"]["surfaces"][1]["position"][0] = 0.2715
+    return Session(scenario_from(document), machine_code=False)
+
+
+def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
+    flown = Session(session().scenario, machine_code=False)
+    seen = sight(flown)
+    (wall,) = (each for each in seen.touching if each.normal > 0.0)
+    assert wall.surface == "wall"
+    outward = np.array([-np.cos(WALL_ANGLE), -np.sin(WALL_ANGLE), 0.0])
+    np.testing.assert_allclose(wall.spot, seen.tip - 0.01 * outward, atol=1e-12)
+    assert seen.contact == wall.normal
+    flown.step()
+    assert wall.normal == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
+    across = flown.log.contact_friction[0, 2]
+    assert np.linalg.norm(wall.force) == pytest.approx(np.hypot(wall.normal, across), rel=1e-9)
+
+
+def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once() -> None:
+    scenario, scene = session().scenario, Scene()
+    begin = held_poses(scenario.components, session().now.components)
+    world = SolidNodes(scene, "/world1")
+    world.place(world_shapes(scenario.contacts, np.zeros(1), carried=begin))
+    wall, post, parcel = (scene.nodes[f"/world1/world/{name}"] for name in ("wall", "post", "parcel"))
+    assert "/world1/world/ground" not in scene.nodes
+    before = getattr(wall, "writes", 0)
+    fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
+    world.place(world_shapes(scenario.contacts, np.array([0.25]), carried=fallen))
+    np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45], atol=1e-4)
+    np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5], atol=1e-4)
+    np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0], atol=1e-4)
+    assert getattr(wall, "writes", 0) == before
+
+
+def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
+    scene, seen = Scene(), sight(session())
+    arrows = Arrows(scene, "/touches1", [(1, 2, 3)] * len(seen.touching), 0.01, np.zeros((2, 3)))
+    node, ends = scene.nodes["/touches1"], touch_arrows(seen.touching)
+    arrows.point(0.0 * ends)
+    assert not getattr(node, "visible", False)
+    arrows.point(ends)
+    assert node.visible
+    (acting,) = (i for i, each in enumerate(seen.touching) if each.normal > 0.0)
+    wall = seen.touching[acting]
+    np.testing.assert_allclose(node.points[acting], [wall.spot, wall.spot + NEWTON * wall.force], rtol=1e-5)
+    assert np.all(node.points[[i for i in range(len(seen.touching)) if i != acting]] == node.points[acting][0])
+    arrows.show(False)
+    assert not node.visible
+    arrows.show(True)
+    assert node.visible
+    arrows.point(0.0 * ends)
+    assert not node.visible
+
+
+def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
+    """A picture of a scenario under two laws, on a server without a browser."""
+    scene, camera = Scene(), SimpleNamespace()
+    picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera), plain=True)
+    picture.build(scenario, ["a", "b"])
+    return picture, scene, camera
+
+
+def test_a_world_stands_once_or_beside_each_vehicle_and_a_tab_looks_round_the_wall() -> None:
+    picture, scene, camera = picture_of(session().scenario)
+    assert scene.nodes["/stage/ground"].position[2] == -0.3
+    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, False]
+    picture.choose(View(beside=True))
+    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, True]
+    assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
+    assert "/stage/law1/-1/point/skid" in scene.nodes
+    assert "/stage/ghost/-1/point/skid" not in scene.nodes
+
+
+def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_ground() -> None:
+    picture, scene, _ = picture_of(session().scenario)
+    flown = session()
+    start, seen = flown.state, sight(flown)
+    for follow in (True, False):
+        picture.choose(View(follow=follow))
+        for k in (1, 2):
+            away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
+            flight = Watched()
+            flight.session = SimpleNamespace(  # type: ignore[assignment]
+                state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now
+            )
+            flight.title, flight.sights = "a", [seen]
+            picture.draw([flight], 0.01)
+            base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
+            drawn = np.array(base.position) + stage.position
+            np.testing.assert_allclose(drawn, list(start.position if follow else away.position), atol=1e-3)
+
+
+def test_without_a_world_nothing_of_it_is_there() -> None:
+    document = {key: value for key, value in DOCUMENT.items() if key != "world"}
+    document["reference"] = {key: value for key, value in DOCUMENT["reference"].items() if key != "push"}
+    scenario = scenario_from({**document, "controller": {"preset": "paper_pd"}})
+    _, scene, camera = picture_of(scenario)
+    assert not [name for name in scene.nodes if "world" in name or "touch" in name or "point" in name]
+    assert scene.nodes["/stage/ground"].position[2] == 0.0
+    np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
+    plain = Session(scenario, machine_code=False)
+    assert sight(plain).touching == ()
+    assert "contact force (N)" not in titles(plain)
+    assert "contact force (N)" in titles(session())
+
+
+def titles(flown: Session) -> list[str]:
+    """Titles of the plots beside the scene."""
+    gui = SimpleNamespace(add_uplot=lambda *_, **words: words["title"])
+    flight = SimpleNamespace(first=flown.scenario, title="a", seen=lambda _: [])
+    return [chart._node for chart in charts(gui, [flight])]  # type: ignore[list-item]
+
+
+def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
+    seen = [SimpleNamespace(time=float(i), error=error) for i, error in enumerate((1e-9, 0.0123456, -0.0123456))]
+    gui = SimpleNamespace(add_uplot=lambda data, *_, **__: data)
+    flight = SimpleNamespace(title="a", seen=lambda _: seen)
+    chart = Chart(gui, "tip error (mm)", [flight], {"": lambda one: 1e3 * one.error})  # type: ignore[list-item]
+    time, error = chart._node
+    assert (time.tolist(), error.tolist()) == ([0.0, 1.0, 2.0], [0.0, 12.346, -12.346])
+
+
+def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
+    vehicle, scene = load_vehicle("voliro_like"), Scene()
+    nodes = VehicleNodes(scene, "/law1", vehicle, toned((10, 20, 30)), blades=True)
+    angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
+    turns = rotor_turns(vehicle, angles[None])
+    nodes.tilt({name: turn[0] for name, turn in turns.items()})
+    speeds = np.full(len(vehicle.rotors), 100.0)
+    nodes.spin(speeds, 0.3)
+    placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
+    seen: Any = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
+    ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turns)  # type: ignore[arg-type]
+    blades = scene.nodes["/law1/-1/blades"].batched_wxyzs
+    for i, (rotor, after) in enumerate(zip(vehicle.rotors, turned(vehicle, tuple(angles)).rotors, strict=True)):
+        node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
+        R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])
+        np.testing.assert_allclose(R[:, 2], axis, atol=3e-4)
+        np.testing.assert_allclose(node.position, [float(c) for c in rotor.position], atol=1e-4)
+        B = np.array([[float(c) for c in row] for row in Quaternion(*map(float, blades[i])).rotation().rows])
+        np.testing.assert_allclose(B[:, 2], axis, atol=1e-6)
+        along = ends[i, 1] - ends[i, 0]
+        np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-9)
