@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contact_speed as room
 import numpy as np
 import pytest
 
 import skyarm
-from skyarm.bench import contact_speed as room
 from skyarm.compile.llvm import kernel
 
 

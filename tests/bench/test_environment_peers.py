@@ -10,8 +10,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 
-from skyarm.bench import bench_report
-from skyarm.bench import peers as environment_peers
+import peers as environment_peers
 
 
 @pytest.fixture(autouse=True)
@@ -41,12 +40,13 @@ class Falling:
 
 
 def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkeypatch):
+    peers_known = environment_peers.PEERS
     monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda: ["flown"], "away": pytest.fail})
     monkeypatch.setattr(environment_peers, "installed", lambda name: name in ("gymnasium", "there"))
     assert environment_peers.peers() == [["flown"]]
     monkeypatch.setattr(environment_peers, "installed", lambda name: name == "there")
     assert environment_peers.peers() == []
-    assert {"crazyflow", "PyFlyt", "gym_pybullet_drones"} <= set(bench_report.COMPARED)
+    assert set(peers_known) == {"crazyflow", "PyFlyt", "gym_pybullet_drones"}
 
 
 def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):

@@ -67,19 +67,8 @@ def documented() -> dict[str, set[str]]:
 
 def measured(**_options: Any) -> dict[str, Any]:
     """In place of a benchmark of a minute."""
-    names = (
-        "schema",
-        "machine",
-        "scenario",
-        "speed",
-        "long_arm",
-        "bare",
-        "contact",
-        "not_installed",
-        "accuracy_m",
-        "latency",
-    )
-    return dict.fromkeys((*names, "start_s", "operations", "growth"), 1)
+    names = ("schema", "machine", "scenario", "speed", "accuracy_m", "latency", "start_s", "operations")
+    return dict.fromkeys(names, 1)
 
 
 def reproduced(out: str, **_options: Any) -> dict[str, Any]:

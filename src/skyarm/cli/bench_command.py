@@ -29,7 +29,7 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
     name: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,
 ) -> None:
-    """Measure every engine beside MuJoCo and others.
+    """Measure every engine beside MuJoCo.
 
     Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
     """

@@ -45,7 +45,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
     "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),
     "reproduce": ("bench_command:reproduce", "Fly the paper; write tables, figures, report."),
-    "bench": ("bench_command:bench", "Measure every engine beside MuJoCo and others."),
+    "bench": ("bench_command:bench", "Measure every engine beside MuJoCo."),
     "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
 }
 """Command -> its function, and its line of the help."""

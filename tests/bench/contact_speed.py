@@ -10,8 +10,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from skyarm.bench.engines import Flight
-from skyarm.bench.peers import rollout_of, stepped_model
+from skyarm.bench.engines import Flight, rollout_of, stepped_model
 from skyarm.bench.timing import Contender
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes

@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from skyarm.bench.engines import MUJOCO_STEP as STEP
+from skyarm.bench.engines import Flight, model_of, steps_of
 from skyarm.bench.timing import Contender
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
-
-STEP = 1e-3
-"""s, semi-implicit Euler."""
 
 WORLDS, STEPS, SINGLE_STEPS = 1024, 64, 500
 """Worlds and steps of vector environments; steps a round of single ones."""
@@ -45,75 +47,6 @@ def installed(name: str) -> bool:
         return importlib.util.find_spec(name) is not None
     except ModuleNotFoundError:
         return False
-
-
-def model_of(vehicle: Vehicle, integrator: str = "euler") -> Any:
-    """Description of the vehicle for MuJoCo, with nothing that pushes but gravity."""
-    from skyarm.plant.mujoco_model import build_spec
-
-    return build_spec(vehicle, 9.81, timestep=STEP, integrator=integrator)
-
-
-def mujoco_rollout(vehicle: Vehicle, threads: int, steps: int = 500, integrator: str = "euler") -> Contender:
-    """MuJoCo's own batch engine on all cores."""
-    name = "mujoco.rollout" if integrator == "euler" else f"mujoco.rollout {integrator}"
-    words = f"plant only, {integrator} 1 ms"
-    return rollout_of(model_of(vehicle, integrator).compile(), None, threads, steps, words, name)
-
-
-def mujoco_step(vehicle: Vehicle, steps: int = 2000) -> Contender:
-    """One thread inside MuJoCo's C loop."""
-    return stepped_model(model_of(vehicle).compile(), None, steps, "plant only, Euler 1 ms")
-
-
-def rollout_of(model: Any, positions: Any, threads: int, steps: int, words: str, name: str) -> Contender:
-    """A model of MuJoCo on all threads, again and again from the same start.
-
-    Args:
-        model: of MuJoCo.
-        positions: to start from, (nq,); the model's own if None.
-        threads: of the batch.
-        steps: of an episode.
-        words: for the table.
-        name: for the table.
-    """
-    import mujoco
-    from mujoco.rollout import Rollout
-
-    data = [mujoco.MjData(model) for _ in range(threads)]
-    start, batch = _start(model, data[0], positions), 8 * threads
-    engine, states = Rollout(nthread=threads), np.zeros((batch, steps, start.size))
-
-    def run() -> float:
-        engine.rollout(model, data, np.tile(start, (batch, 1)), nstep=steps, state=states)
-        return float(batch * steps * model.opt.timestep)
-
-    return Contender(name, f"{words}, {threads} threads", run)
-
-
-def stepped_model(model: Any, positions: Any, steps: int, words: str) -> Contender:
-    """A model of MuJoCo on one core, as :func:`rollout_of`."""
-    import mujoco
-
-    data = mujoco.MjData(model)
-    start = _start(model, data, positions)
-
-    def run() -> float:
-        mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        mujoco.mj_step(model, data, nstep=steps)
-        return float(steps * model.opt.timestep)
-
-    return Contender("mj_step", f"{words}, one core, loop in C", run)
-
-
-def _start(model: Any, data: Any, positions: Any) -> Any:
-    import mujoco
-
-    if positions is not None:
-        data.qpos[: len(positions)] = positions
-    start = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    return start
 
 
 def pinocchio(vehicle: Vehicle, calls: int = 4000) -> list[Contender]:
@@ -372,3 +305,85 @@ PEERS: dict[str, Callable[[], list[Contender]]] = {
     "gym_pybullet_drones": beside_pybullet_drones,
 }
 """Name of a library as it is imported -> its environment and ours beside it."""
+
+
+def six_joints(duration: float) -> Scenario:
+    """A hexarotor that holds its six-joint arm still under computed torque."""
+    return scenario_from(
+        {
+            "schema": 1,
+            "name": "six_joints",
+            "duration": duration,
+            "plant": {"vehicle": "hexarotor_arm6"},
+            "controller": {"law": "hybrid_computed_torque"},
+            "reference": {
+                "base": {"kind": "hover", "position": [0.0, 0.0, 2.0]},
+                "joints": [0.0, 0.5, -0.5, 0.0, 0.3, 0.0],
+            },
+        },
+        "six_joints",
+    )
+
+
+BARE_RATE = 500
+"""Hz, of physics and control of the bare quadrotor: crazyflow's own."""
+
+
+def bare_quadrotor(duration: float, threads: int, blocks: int) -> Contender:
+    """The Hummingbird without an arm in hover under its geometric controller, at the rates that crazyflow steps with.
+
+    The whole controller runs at every step; crazyflow's runs its position loop at every fifth.
+    """
+    scenario = scenario_from(
+        {
+            "schema": 1,
+            "name": "bare_quadrotor",
+            "duration": duration,
+            "rates": {"physics": BARE_RATE, "control": BARE_RATE, "reference": 100},
+            "plant": {"vehicle": "hummingbird", "integrator": "euler"},
+            "controller": {"law": "rotors_sim_position"},
+            "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        },
+        "bare_quadrotor",
+    )
+    flight = Flight.of(scenario, lambda seconds: round(BARE_RATE * seconds))
+    lanes = Lanes(host_width(single=True), single=True, contract=True)
+    run = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
+    what = f"closed loop of a quadrotor without an arm, Euler and control at {BARE_RATE} Hz, f32"
+    return Contender("bare f32", what, run)
+
+
+def jax(scenario: Scenario, threads: int) -> list[Contender]:
+    """JAX on the processor, if it is installed."""
+    if importlib.util.find_spec("jax") is None:
+        return []
+    from skyarm.compile.jax.jax_engine import JaxKernel
+
+    flight = Flight.of(scenario, steps_of(scenario), loops=False)
+    found: list[Contender] = []
+    for name in ("f64", "f32"):
+        with _precision(name):
+            kernel = JaxKernel(flight.loop, single=name == "f32")
+        run = flight.runner(kernel, 64 * threads * (2 if name == "f32" else 1), threads)
+        what = f"closed loop, RK4 5 ms, JAX on the processor, {name}"
+        found.append(Contender(f"jax rk4 {name}", what, partial(_run_in, name, run)))
+    return found
+
+
+@contextmanager
+def _precision(name: str) -> Iterator[None]:
+    """JAX in double precision for a while: others in the same process rely on its single."""
+    from jax import config
+
+    settings: Any = config
+    before = settings.read("jax_enable_x64")
+    settings.update("jax_enable_x64", name == "f64")
+    try:
+        yield
+    finally:
+        settings.update("jax_enable_x64", before)
+
+
+def _run_in(name: str, run: Callable[[], float]) -> float:
+    with _precision(name):
+        return run()
