@@ -29,8 +29,12 @@ gc.set_threshold(50_000, 20, 100)
 def pytest_configure(config: pytest.Config) -> None:
     """Keep machine code in one folder for all processes of the tests, and for the next run of them.
 
+    It is made without optimisation, which has the same bits (``tests/compile/test_native``) and is made five times as
+    fast: most tests fly a program of their own for less than a second.
+
     Write byte code where it is told not to: some hundred processes would each compile what they import.
     """
+    os.environ.setdefault("SKYARM_EFFORT", "0")
     os.environ.setdefault("SKYARM_CACHE", str(config.rootpath / ".pytest_cache" / "machine_code"))
     if sys.dont_write_bytecode:
         sys.dont_write_bytecode = False

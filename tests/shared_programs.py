@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.compile.llvm import kernel
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import engine, session
 from skyarm.simulate.engine import Engine, EpisodeCode
@@ -47,19 +46,6 @@ def shared_programs() -> Iterator[None]:
         yield
 
 
-@contextmanager
-def hurried() -> Iterator[None]:
-    """Within it all machine code is made in a hurry, which has the same bits.
-
-    For files that compare lanes with single flights, whose code is made once and flown for a second; what the compiler
-    makes of a loop when it takes its time is in ``test_batch``, ``test_native_loop`` and ``tests/compile/test_native``.
-    """
-    compiled = kernel._compiled
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel, "_compiled", lambda text, effort: compiled(text, 0))
-        yield
-
-
 def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
     made: dict[str, tuple[EpisodeCode, Any]] = {}
 
@@ -74,4 +60,4 @@ def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
     return kept
 
 
-__all__ = ["Flight", "engine", "fly", "hurried", "shared_programs"]
+__all__ = ["Flight", "engine", "fly", "shared_programs"]

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 import skyarm
-from shared_programs import hurried
 from skyarm.env import env_lanes
 from skyarm.environment.environment_tables import wind_from
 
@@ -32,7 +31,7 @@ def one_program_a_task(cache: object) -> Iterator[None]:
             made[text] = program(task)  # which keeps the task, so that no other takes the address of a function in it
         return made[text]
 
-    with hurried(), pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(env_lanes, "EnvProgram", once)
         yield
 

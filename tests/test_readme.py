@@ -21,7 +21,6 @@ def test_every_make_target_shown_exists():
 
 def test_the_readme_shows_commands():
     assert {shlex.split(line)[1] for line in SHOWN} == {
-        "list",
         "check",
         "new",
         "doctor",
@@ -34,12 +33,10 @@ def test_the_readme_shows_commands():
         "sweep",
         "stats",
         "export",
-        "export-c",
         "bench",
         "compare",
         "margins",
         "basin",
-        "cache",
         "studio",
         "film",
     }

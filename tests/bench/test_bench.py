@@ -17,7 +17,6 @@ from skyarm.bench import timing as room
 from skyarm.bench.engines import accuracy
 from skyarm.bench.latency import latency
 from skyarm.bench.timing import Contender, contest
-from skyarm.compile.llvm import kernel
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario
@@ -113,15 +112,10 @@ def test_environments_are_stepped_with_drawn_actions(monkeypatch):
     pytest.importorskip("gymnasium", reason="the extra gym is not installed")
     monkeypatch.setattr(peers, "WORLDS", 3)
     monkeypatch.setattr(peers, "STEPS", 5)
-    monkeypatch.setattr("skyarm.compile.llvm.kernel._compiled", _hurried(kernel._compiled))
     *_, bare = peers.environments()
     assert (bare.name, bare.run()) == ("env no arm", 15.0)
     monkeypatch.setattr(peers, "installed", lambda name: name != "gymnasium")
     assert peers.environments() == []
-
-
-def _hurried(compiled):
-    return lambda text, effort: compiled(text, 0)
 
 
 def test_the_report_shows_every_number_it_is_given():

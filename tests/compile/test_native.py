@@ -23,6 +23,15 @@ from skyarm.scalars import elementary
 from skyarm.scalars.philox import uniforms
 from thorough import sampled
 
+
+@pytest.fixture(autouse=True, scope="module")
+def _optimised():
+    """Code as users fly it; other tests hurry the compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_EFFORT", "2")
+        yield
+
+
 SOURCE = str(Path(native.__file__).parents[3])
 
 

@@ -40,7 +40,7 @@ Budget, Trainer, random_scenario, residuals, samples, learn, training_record = (
     TRAINING[name]
     for name in ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record")
 )
-TINY = Budget(flights=2, rounds=1, duration=0.4, hidden=8, epochs=20, batch=16, seed=5)
+TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
 
 
 def learned(**options):

@@ -18,7 +18,7 @@ from skyarm.paper.published import CLAIMS, TITLES, ordered, tally
 from skyarm.paper.report_pages import MAIN, MOST_FILM, Opening, page_script, report_pages
 from skyarm.paper.report_tables import bound_cell, difference_cell, number_cell, typographic
 from skyarm.paper.variations import GROUPS, variations
-from skyarm.view.figures import paper_figures
+from skyarm.view.figures.paper_figures import paper_figures
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 
 import skyarm
@@ -18,11 +17,6 @@ def test_every_folder_of_tests_is_a_room_of_the_source() -> None:
     strangers = {str(folder) for folder in folders if not (SOURCE / folder / "__init__.py").is_file()} - BESIDE
     assert strangers == set()
     assert len(folders) > 25
-
-
-def test_no_two_files_of_tests_share_a_name() -> None:
-    names = Counter(path.name for path in TESTS.rglob("*.py"))
-    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_a_file_that_several_folders_use_lies_beside_them() -> None:

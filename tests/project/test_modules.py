@@ -29,17 +29,6 @@ def test_no_module_imports_a_private_name_of_another():
     assert [found for path in SOURCES for found in private_imports(path)] == []
 
 
-OF_EVERY_LAW = {"__init__", "__main__", "law", "make", "memory", "parameters"}
-"""The parts that every law has, and the names that Python gives a meaning to."""
-
-
-def test_no_two_modules_share_a_name():
-    here = Path(__file__).resolve().parents[1]
-    stems = [path.stem for path in (*SOURCES, *here.rglob("*.py"))]
-    assert len(stems) > 400
-    assert sorted({stem for stem in stems if stems.count(stem) > 1} - OF_EVERY_LAW) == []
-
-
 INSTALLED_AS = {"mujoco-core": "mujoco", "pillow": "PIL", "pin": "pinocchio"}
 """Distribution -> the name that it is imported by, where that is another."""
 PEERS = {"crazyflow", "rotorpy", "PyFlyt", "gym_pybullet_drones"}

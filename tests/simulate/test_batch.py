@@ -14,6 +14,15 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 
+
+@pytest.fixture(autouse=True, scope="module")
+def _optimised():
+    """Code as users fly it; other tests hurry the compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_EFFORT", "2")
+        yield
+
+
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joint_rates": 0.02, "rotor_speeds": 1.0}
 MASS, GAIN, DAMPING = (
     "plant.vehicle.base.mass",

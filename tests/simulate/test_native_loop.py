@@ -23,6 +23,15 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
+
+@pytest.fixture(autouse=True, scope="module")
+def _optimised():
+    """Code as users fly it; other tests hurry the compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_EFFORT", "2")
+        yield
+
+
 NOISE = {
     "position": 0.003,
     "velocity": 0.02,

@@ -146,7 +146,7 @@ def test_every_law_flies_servo_joints_nearly_as_torque_joints(law):
     ("change", "words"),
     [
         ('kind = "position"', r"drives\.elbow\.kind = 'position': did you mean 'position_servo'\?"),
-        ("stiffness = -1.0", r"drives\.elbow: stiffness = -1\.0: must be "),
+        ("stiffness = -1.0", r"drives\.elbow\.stiffness = -1\.0: must be "),
         ("stiff = 1.0", r"drives\.elbow\.stiff = 1\.0: "),
     ],
 )

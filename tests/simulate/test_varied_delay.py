@@ -24,7 +24,7 @@ def moving(**delays):
 
 
 @pytest.fixture(scope="module")
-def varied(_cache):
+def varied():
     return Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
 
 

@@ -112,7 +112,7 @@ def test_a_whole_flight_ends_after_its_last_period_and_so_after_every_frame_of_i
 def test_names_tell_the_flights_apart() -> None:
     pd, tip = flight(), flight("centroidal_tip")
     assert flight_labels([pd, tip]) == ["decoupled_pd", "centroidal_tip"]
-    assert flight_labels([pd, flight(scenario="case3")]) == ["case3_wind", "case3"]
+    assert flight_labels([pd, flight(scenario="case3")]) == ["decoupled_pd, case3_wind", "decoupled_pd, case3"]
     assert flight_labels([pd, pd]) == ["flight 1", "flight 2"]
     with pytest.raises(ValueError, match=r"labels = .*: must be as many as the flights, 2"):
         film_flights([pd, tip], np.zeros(1), ["one"])

@@ -6,6 +6,7 @@ Needs llvmlite, a core dependency. No C compiler is involved. What is kept: :mod
 from __future__ import annotations
 
 import ctypes
+import os
 import warnings
 from functools import lru_cache
 from typing import Any
@@ -24,6 +25,9 @@ from skyarm.compile.tracing.repeat import operations
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 
 Array = npt.NDArray[Any]
+
+EFFORT = "SKYARM_EFFORT"
+"""Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step
@@ -169,6 +173,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 def _compiled(text: str, effort: int) -> Any:
     """Engine that holds the module's code, from the cache if it is there."""
+    effort = min(effort, int(os.environ.get(EFFORT, effort)))
     # the cache has errors of its own, which say nothing of LLVM
     identity = _identity(text, effort)
     content = object_cache.load(identity)

@@ -195,7 +195,7 @@ class CentroidalParameters:
 def _options(record: Any) -> list[str]:
     """Paths of the fields that may be left out and are not."""
     found = []
-    kinds = type(record).__annotations__
+    kinds = {field.name: field.type for field in dataclasses.fields(record)}
     for name, value in parts(record).items():
         if value is True or ("None" in str(kinds[name]) and value is not None):
             found.append(name)
