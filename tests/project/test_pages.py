@@ -57,7 +57,7 @@ def test_the_options_that_security_names_are_options(option: str, command: tuple
 
 PORTS = {
     "cli/studio_command.py": "`skyarm studio` opens a port",
-    "studio/watched_episode.py": '`render_mode="human"` opens one',
+    "view/studio/watched_episode.py": '`render_mode="human"` opens one',
 }
 """Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""
 
@@ -68,5 +68,5 @@ def test_security_names_all_that_opens_a_port() -> None:
     found = {
         path.relative_to(source).as_posix() for path in source.rglob("*.py") if opens.search(path.read_text("utf-8"))
     }
-    assert found == {*PORTS, "studio/server.py"}
+    assert found == {*PORTS, "view/studio/server.py"}
     assert all(words in " ".join(said.split()) for words in PORTS.values())

@@ -113,7 +113,7 @@ def test_names_tell_the_flights_apart() -> None:
     pd, tip = flight(), flight("centroidal_tip")
     assert flight_labels([pd, tip]) == ["decoupled_pd", "centroidal_tip"]
     assert flight_labels([pd, flight(scenario="case3")]) == ["decoupled_pd, case3_wind", "decoupled_pd, case3"]
-    assert flight_labels([pd, pd]) == ["flight 1", "flight 2"]
+    assert flight_labels([pd, pd]) == ["1: decoupled_pd", "2: decoupled_pd"]
     with pytest.raises(ValueError, match=r"labels = .*: must be as many as the flights, 2"):
         film_flights([pd, tip], np.zeros(1), ["one"])
     with pytest.raises(ValueError, match=r"flights = 7: must be from 1 to 6 in one film"):
