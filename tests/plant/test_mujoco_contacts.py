@@ -15,7 +15,8 @@ from free_scenes import Scene
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
-from skyarm.contact.plant_contact import Felt, plant_contact
+from skyarm.contact.contact import Felt
+from skyarm.contact.plant_contact import plant_contact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Fault, SignalVector, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant

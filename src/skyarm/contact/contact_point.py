@@ -15,7 +15,7 @@ from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
+from skyarm.scalars import Scalar, maximum, sqrt
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -129,6 +129,16 @@ class Touch:
         """Both forces, N."""
         total: Vec3 = self.axis * self.normal + self.friction
         return total
+
+    @property
+    def torque(self) -> Vec3:
+        """Of the force about the point, N m."""
+        return self.spot.cross(self.force)
+
+    @property
+    def logged(self) -> tuple[Any, ...]:
+        """Normal force (N), friction (N) and penetration (m); zeros outside."""
+        return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
 
 
 def touch_of(

@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.contact.plant_contact import PlantContact, PlantContactMemory
+from skyarm.contact.plant_contact import PlantContact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
@@ -223,6 +223,6 @@ def contact_in(around: Around) -> tuple[int, PlantContact]:
     """
     if isinstance(around, Surroundings):
         for place, i in enumerate(around.coupled):
-            if isinstance(around.components[i], PlantContact) and isinstance(around.memories[i], PlantContactMemory):
+            if isinstance(around.components[i], PlantContact):
                 return place, around.components[i]  # type: ignore[return-value]
     raise ValueError("plant.kind = 'mujoco_contacts': must be another without a [world]")

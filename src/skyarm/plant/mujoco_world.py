@@ -21,7 +21,7 @@ from skyarm.contact.carrier import Carrier
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.material import Material
 from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.plant_contact import PlantContact, as_mechanism
+from skyarm.contact.plant_contact import PlantContact
 from skyarm.contact.surface import Surface, rotation_of
 from skyarm.plant.mujoco_material import SLIP_STIFFER, contact_numbers, mean_material, mobility_of
 from skyarm.plant.mujoco_model import LEAST, body_name
@@ -161,7 +161,8 @@ class WorldBuilder:
             body.mass, body.inertia = float(carrier.mass), _array(carrier.moments)
             self._joints.append(body.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE))
             return [_add_shape(body, f"object {carrier.name}", skin, -carrier.com)]
-        mechanism = as_mechanism(carrier)
+        assert isinstance(carrier, Mechanism)
+        mechanism = carrier
         body = _add_body(host, mechanism.position)
         body.quat = _quaternion(rotation_of(mechanism.angles))
         body.mass, body.inertia = LEAST, np.full(3, LEAST)

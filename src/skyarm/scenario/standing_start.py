@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
-from skyarm.contact.carrier import Meeting
-from skyarm.contact.contact import Contact
+from skyarm.contact.contact import Contact, Meeting
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.dynamics.energy import center_of_mass
 from skyarm.dynamics.point_motion import PointMotion
@@ -275,7 +274,7 @@ def _placed(of: FreeObject, memory: ObjectMotion) -> FreeObject:
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
     """A function of the carriers' motions: what touches among objects and surfaces, the vehicle being away."""
-    memory, carried, step = contact.start(1.0, ()), replace(contact, points=()).carried, contact.largest_step
+    bodies, step = replace(contact, points=()), contact.largest_step
+    memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]
-    upright = (Vec3(0.0, 0.0, 0.0),) * carried.count
-    return lambda motions: carried.meetings(motions, (), clock, upright, step)
+    return lambda motions: bodies.meet(motions, (), clock, memory.bristles, step)

@@ -216,13 +216,10 @@ def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMo
     for contact, memory in zip(components, memories, strict=True):
         if not isinstance(contact, Contact):
             continue
-        pairs = zip(contact.pairs, contact.touches(memory, motion), strict=True)
-        own = [(surface.name, point, touch) for (surface, point), touch in pairs]
-        meetings = [each for each in contact.meetings(memory, motion) if each.by == NOBODY]
-        own += [(each.surface, contact.points[each.index], each.touch) for each in meetings]
-        for surface, point, touch in own:
-            spot = motion.position(*point.place(motion.vehicle)) + touch.spot
-            found.append(Touching(surface, float(touch.normal), np.array(floats(spot)), np.array(floats(touch.force))))
+        for each in contact.meetings(memory, motion):
+            if each.by == NOBODY:
+                spot, force = np.array(floats(each.place)), np.array(floats(each.touch.force))
+                found.append(Touching(each.surface, float(each.touch.normal), spot, force))
     return tuple(found)
 
 
