@@ -62,9 +62,9 @@ def hovering_scenario(law: str, vehicle: str, *, seconds: float, offset: float =
     return Scenario(
         name="hover",
         duration=seconds,
-        world=world,
+        plant=world,
         controller=make_law(law, Model(vehicle=flown, gravity=9.81), **options),
-        trajectory=hover(joints),
+        reference=hover(joints),
         initial=start if offset else None,
     )
 

@@ -41,8 +41,8 @@ def noisy(**changes: Any) -> skyarm.Scenario:
     planned = skyarm.load_scenario("case3_wind", **{"controller": "paper_ct", "duration": 0.1, **changes})
     return dataclasses.replace(
         planned,
-        trajectory=skyarm.circle(radius=0.3, frequency_hz=0.5, center=[0.0, 0.0, 1.0], joints=[0.1, 0.2]),
-        sensors=skyarm.SensorNoise(position=0.001, rate=0.01, joints=0.01),
+        reference=skyarm.circle(radius=0.3, frequency_hz=0.5, center=[0.0, 0.0, 1.0], joints=[0.1, 0.2]),
+        noise=skyarm.SensorNoise(position=0.001, rate=0.01, joints=0.01),
         delays=skyarm.Delays(command=0.002, measurement=0.005),
         wind=wind_from(
             {

@@ -42,13 +42,13 @@ def test_the_scenario_shown_loads_and_flies(tmp_path):
 def test_the_scenario_shown_says_what_its_comments_say():
     document = tomllib.loads(blocks("scenario_files.md", "toml")[0])
     scenario = skyarm.scenario_from(document)
-    truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    truth, belief = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     assert float(truth.mass) == pytest.approx(float(skyarm.load_vehicle("hummingbird_arm2_rotors").mass) + 0.02)
     assert float(belief.mass) == pytest.approx(float(skyarm.load_vehicle("hummingbird_arm2").mass))
     assert {float(link.joint.damping) for link in truth.links} == {0.002}
     # circle at its right-most point 2 m up, raised by 0.5 m from 5 to 7 s
-    assert [float(c) for c in scenario.trajectory.at(2.0).position] == pytest.approx([0.3, 0.0, 2.0])
-    assert float(scenario.trajectory.at(7.5).position.z) == pytest.approx(2.5)
+    assert [float(c) for c in scenario.reference.at(2.0).position] == pytest.approx([0.3, 0.0, 2.0])
+    assert float(scenario.reference.at(7.5).position.z) == pytest.approx(2.5)
 
 
 def test_every_table_of_a_scenario_is_in_the_example():
@@ -81,8 +81,8 @@ def test_the_python_shown_runs(capsys):
     assert len(errors) == 3
     assert errors == sorted(errors), "more friction, larger errors"
     assert names["late"].delays.command == 0.003
-    assert names["noisy"].sensors.position == 0.002
-    assert (names["coarse"].plant, names["coarse"].rates.control) == ("mujoco", 100)
+    assert names["noisy"].noise.position == 0.002
+    assert (names["coarse"].kind, names["coarse"].rates.control) == ("mujoco", 100)
     assert names["late"].controller is names["scenario"].controller
 
 

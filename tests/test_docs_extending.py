@@ -97,7 +97,7 @@ def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
     with registry_kept():
         ball = skyarm.load_plugin(file).Ball()
         planned = skyarm.load_scenario("case3", duration=0.05)
-        vehicle, still = planned.world.vehicle, skyarm.Session(planned).state
+        vehicle, still = planned.plant.vehicle, skyarm.Session(planned).state
         motion = PointMotion(vehicle, still, lambda _: skyarm.Vec3(2.0, 0.0, 0.0))
         (wrench,) = ball.wrenches((), 0.0, motion, ())
         drag = 0.5 * 1.2 * 0.47 * 3.14159 * 0.05**2 * 2.0**2

@@ -52,7 +52,7 @@ def test_a_law_of_ones_own(ran: Any) -> None:
     log = skyarm.run(names["planned"])
     assert log.info["controller"] != "climber"
     speeds = names["law"](
-        (), log_measurement(names["planned"]), names["planned"].trajectory.at(0.0), 0.005, par=names["mine"].par
+        (), log_measurement(names["planned"]), names["planned"].reference.at(0.0), 0.005, par=names["mine"].par
     )[1].rotor_speeds
     assert len(set(speeds)) == 1
 

@@ -149,12 +149,12 @@ def test_a_wrong_keyword_of_a_scenario_is_refused(keyword: str, value: Any, fiel
     refused(field, value, "must be", lambda: skyarm.load_scenario("case1", **{keyword: value}), skyarm.ScenarioError)
 
 
-FIELDS = ("wind", "rates", "world", "controller", "trajectory", "sensors", "delays", "title", "ground", "seed")
+FIELDS = ("wind", "rates", "plant", "controller", "reference", "noise", "delays", "title", "ground", "seed")
 
 
-@pytest.mark.parametrize("field", [*FIELDS, "episode", "duration", "name", "plant", "integrator"])
+@pytest.mark.parametrize("field", [*FIELDS, "episode", "duration", "name", "kind", "integrator"])
 def test_replacing_a_field_by_what_it_cannot_hold_is_refused(field: str) -> None:
-    said = {"plant": "plant.kind", "integrator": "plant.integrator"}.get(field, field)
+    said = {"kind": "plant.kind", "integrator": "plant.integrator"}.get(field, field)
     for value in (None, [1]):
         call = functools.partial(dataclasses.replace, scenario(), **{field: value})
         refused(said, value, "must be", call, skyarm.ScenarioError)

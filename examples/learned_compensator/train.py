@@ -76,11 +76,11 @@ def random_scenario(rng: np.random.Generator, controller: Controller, duration: 
     return Scenario(
         name=f"learn {index}",
         duration=duration,
-        world=Truth(vehicle=truth, gravity=9.8),
+        plant=Truth(vehicle=truth, gravity=9.8),
         controller=controller,
-        trajectory=_motion(rng),
+        reference=_motion(rng),
         wind=wind,
-        sensors=NOISE if noisy(index) else SensorNoise(),
+        noise=NOISE if noisy(index) else SensorNoise(),
         seed=int(rng.integers(2**31)),
         ground=False,
     )

@@ -106,11 +106,11 @@ def test_base_and_rotors_keep_their_angular_momentum(kind):
 def test_every_accelerometer_feels_it():
     """The base origin beside the centre of mass: the turning that rotors cause moves it, on each way to ask a plant."""
     scenario = load_scenario("case1", duration=0.1)
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     base = dataclasses.replace(vehicle.base, com=Vec3(0.1, -0.05, 0.02))
     rotors = tuple(dataclasses.replace(each, inertia=SPIN) for each in vehicle.rotors)
-    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(vehicle, base=base, rotors=rotors))
-    scenario = dataclasses.replace(scenario, world=world)
+    world = dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(vehicle, base=base, rotors=rotors))
+    scenario = dataclasses.replace(scenario, plant=world)
     state, command = first_state(scenario), Command(rotor_speeds=(700.0, 300.0, 700.0, 300.0), efforts=(0.0, 0.0))
     around = Surroundings()
     numbers = (*flat(state),), (*command.rotor_speeds, *command.efforts), (0.0,)

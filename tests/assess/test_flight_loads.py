@@ -45,12 +45,12 @@ def demand(scenario):
 
 def thrust(scenario):
     """Of all rotors, (K,), N."""
-    factors = np.array([float(rotor.thrust_coefficient) for rotor in scenario.world.vehicle.rotors])
+    factors = np.array([float(rotor.thrust_coefficient) for rotor in scenario.plant.vehicle.rotors])
     return factors @ demand(scenario).squared
 
 
 def weight(scenario):
-    return float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    return float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
 
 
 @pytest.mark.parametrize("kind", [TimedPayload, HangingPayload])
@@ -59,7 +59,7 @@ def test_a_payload_that_is_too_heavy_is_a_fault_of_thrust_and_along_the_referenc
     said = found(heavy)
     assert said["thrust margin with 8 kg (anvil)"].level == FAULT
     assert said["rotors along the reference"].level == FAULT
-    assert thrust(heavy) == pytest.approx(weight(hover) + 8.0 * float(hover.world.gravity))
+    assert thrust(heavy) == pytest.approx(weight(hover) + 8.0 * float(hover.plant.gravity))
     assert worst_level(along_reference(hover)) != FAULT
 
 
@@ -72,7 +72,7 @@ def test_a_payload_counts_while_it_is_held(hover):
     assert "thrust margin with 0.2 kg (payloads[0])" in found(held)
     time, wanted = demand(held).time, weight(hover)
     more = thrust(held) - wanted
-    assert more[(time > 1.0) & (time < 3.0)] == pytest.approx(0.2 * float(hover.world.gravity))
+    assert more[(time > 1.0) & (time < 3.0)] == pytest.approx(0.2 * float(hover.plant.gravity))
     assert more[(time < 1.0) | (time > 3.0)] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -93,12 +93,12 @@ def test_a_payload_is_picked_where_the_reference_comes_to_its_place():
 def test_a_place_that_is_passed_fast_is_found_in_a_flight_of_any_length(duration):
     """At 2.5 m/s a sphere of 0.1 m takes 80 ms, 16 control periods of which a long flight may skip none."""
     scenario = skyarm.load_scenario("case3", duration=duration)
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     across = Ramp(start=duration - 10.0, duration=3.0, height=7.5)
-    passing = dataclasses.replace(scenario.trajectory, x=across, y=Constant(0.0), joints=(Constant(0.0),) * vehicle.n)
+    passing = dataclasses.replace(scenario.reference, x=across, y=Constant(0.0), joints=(Constant(0.0),) * vehicle.n)
     tip = passing.at(duration - 8.45).position + frame_pose(vehicle, vehicle.frame(), (0.0,) * vehicle.n).p
     payload = TimedPayload(mass=8.0, pick_place=Reach(within=0.1, of=tip))
-    placed = dataclasses.replace(scenario, trajectory=passing, payloads=(payload,))
+    placed = dataclasses.replace(scenario, reference=passing, payloads=(payload,))
     assert [part.words for part in flight_parts(placed)] == ["", " with 8 kg (payloads[0])"]
 
 
@@ -125,8 +125,8 @@ def test_a_force_of_the_wind_tilts_the_thrust(hover):
     beside = dataclasses.replace(hover, wind=ForceWind(force_W=Vec3(0.0, 0.0, -2.0), point_B=Vec3(0.0, 0.05, 0.0)))
     tilting = demand(beside).squared - demand(hover).squared
     assert thrust(beside) == pytest.approx(weight(hover) + 2.0)
-    left, right = (i for i, rotor in enumerate(hover.world.vehicle.rotors) if abs(float(rotor.position.y)) > 0.1)
-    sides = sorted((left, right), key=lambda i: float(hover.world.vehicle.rotors[i].position.y))
+    left, right = (i for i, rotor in enumerate(hover.plant.vehicle.rotors) if abs(float(rotor.position.y)) > 0.1)
+    sides = sorted((left, right), key=lambda i: float(hover.plant.vehicle.rotors[i].position.y))
     assert np.all(tilting[sides[1]] > tilting[sides[0]] + 1.0)
 
 
@@ -140,15 +140,15 @@ def test_air_that_moves_drags(hover):
 def test_a_force_at_the_tip_loads_the_joints(hover):
     down = SignalVector(z=Constant(-2.0))
     pulled = dataclasses.replace(hover, forces=(Disturbance(frame="tip", force=down),))
-    held = dataclasses.replace(hover, payloads=(TimedPayload(mass=2.0 / float(hover.world.gravity), frame="tip"),))
-    bent = dataclasses.replace(hover.trajectory, joints=(Constant(0.4), Constant(0.5)))
-    pulled, held = (dataclasses.replace(each, trajectory=bent) for each in (pulled, held))
+    held = dataclasses.replace(hover, payloads=(TimedPayload(mass=2.0 / float(hover.plant.gravity), frame="tip"),))
+    bent = dataclasses.replace(hover.reference, joints=(Constant(0.4), Constant(0.5)))
+    pulled, held = (dataclasses.replace(each, reference=bent) for each in (pulled, held))
     assert demand(pulled).efforts == pytest.approx(demand(held).efforts, abs=1e-9)
     assert thrust(pulled) == pytest.approx(weight(hover) + 2.0)
 
 
 def test_a_rotor_that_gives_half_turns_faster_and_one_that_gives_none_is_a_fault(hover):
-    name = hover.world.vehicle.rotors[1].name
+    name = hover.plant.vehicle.rotors[1].name
     weak = dataclasses.replace(hover, faults=(Fault(rotor=name, effectiveness=0.5),))
     ratio = demand(weak).squared / demand(hover).squared
     assert ratio == pytest.approx(np.array([[1.0], [2.0], [1.0], [1.0]]) * np.ones_like(ratio), rel=1e-5)

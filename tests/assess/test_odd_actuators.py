@@ -195,8 +195,8 @@ def test_the_battery_over_a_flight_is_held_against_its_duration_and_sags_the_mar
 
 def test_a_reference_faster_than_a_servo_is_a_fault_with_both_speeds():
     scenario = load_scenario(DATA / "servo_flight.toml")
-    slow = dataclasses.replace(scenario.world, vehicle=with_servo(speed_limit=0.1))
-    found = {e.question: e for e in along_reference(dataclasses.replace(scenario, world=slow)) if "speed" in e.question}
+    slow = dataclasses.replace(scenario.plant, vehicle=with_servo(speed_limit=0.1))
+    found = {e.question: e for e in along_reference(dataclasses.replace(scenario, plant=slow)) if "speed" in e.question}
     first, second = (found[f"joints[{each.name}] servo's speed"] for each in arm().drives)
     assert (first.level, first.limit, second.level) == ("fault", 0.1, "ok")
     sine = tomllib.loads((DATA / "servo_flight.toml").read_text("utf-8"))["reference"]["joints"][0]

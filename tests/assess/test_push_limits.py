@@ -31,7 +31,7 @@ def found(scenario, **numbers):
 
 
 def test_the_joint_bears_the_force_by_its_lever(scenario):
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     height = link_poses(vehicle, POSE)[0].p.z - frame_pose(vehicle, vehicle.frame(), POSE).p.z
     question, limit = "joints while pressing", float(vehicle.links[0].joint.effort_limit)
     shares = {force: found(scenario, **{"force.value": force})[question].value for force in (1.0, 2.0, 3.0)}
@@ -47,17 +47,17 @@ def test_the_joint_bears_the_force_by_its_lever(scenario):
 
 
 def test_friction_sideways_turns_the_vehicle(scenario):
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     question, ahead = "yaw while pressing", frame_pose(vehicle, vehicle.frame(), POSE).p.x
     said = found(scenario)[question]
     assert said.value == pytest.approx(0.3 * 1.0 * ahead)
     assert said.level == WARNING
     # of several surfaces the roughest counts
-    contact = scenario.contact
+    contact = scenario.world
     smooth = [dataclasses.replace(contact.surfaces[0].material, friction=mu) for mu in (0.1, 0.2)]
     beside = [dataclasses.replace(contact.surfaces[0], name=f"{m.friction}", material=m) for m in smooth]
     several = dataclasses.replace(contact, surfaces=(beside[0], *contact.surfaces, beside[1]))
-    assert found(dataclasses.replace(scenario, contact=several))[question].value == said.value
+    assert found(dataclasses.replace(scenario, world=several))[question].value == said.value
     assert found(scenario, **{"force.value": 0.5})[question].level == OK
     # on a ceiling or floor it is sideways, too; a wall beside the tip turns the vehicle by the push itself; of one that
     # leans, friction has the largest part that is across the normal
@@ -79,7 +79,7 @@ def test_friction_sideways_turns_the_vehicle(scenario):
 
 def test_a_turned_vehicle_has_the_same_levers(scenario):
     turned = dataclasses.replace(
-        scenario, trajectory=dataclasses.replace(scenario.trajectory, yaw=skyarm.reference.Constant(np.pi / 2.0))
+        scenario, reference=dataclasses.replace(scenario.reference, yaw=skyarm.reference.Constant(np.pi / 2.0))
     )
     there, here = found(turned, **{"normal.0": 0.0, "normal.1": -1.0}), found(scenario)
     assert [there[name].value for name in here] == pytest.approx([each.value for each in here.values()])
@@ -90,8 +90,8 @@ def test_a_law_of_motions_alone_is_named_and_without_a_push_nothing_is_said(scen
     (said, *_) = push_limits(dataclasses.replace(scenario, controller=other))
     assert (said.question, said.level) == ("pressing", WARNING)
     assert "pressing" not in found(scenario)
-    still = dataclasses.replace(scenario.trajectory, push=None)
-    assert push_limits(dataclasses.replace(scenario, trajectory=still)) == []
+    still = dataclasses.replace(scenario.reference, push=None)
+    assert push_limits(dataclasses.replace(scenario, reference=still)) == []
 
 
 PRESS = """

@@ -7,7 +7,6 @@ law; there MuJoCo moves the bodies in the whole closed loop, as ``kind = "mujoco
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from skyarm.bench.engines import Flight, rollout_of, stepped_model
@@ -80,7 +79,7 @@ def pressing_contenders(duration: float, threads: int, blocks: int) -> list[Cont
 
 def _plant(scenario: Scenario) -> RigidBodyPlant:
     around = first_surroundings(scenario, first_loop_state(scenario))
-    return RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
 
 
 def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400) -> list[Contender]:
@@ -95,7 +94,7 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
     from skyarm.plant.mujoco_contacts import MujocoContactPlant
 
     first = first_loop_state(scenario)
-    model = MujocoContactPlant(scenario.world, first_surroundings(scenario, first), scenario.integrator).model
+    model = MujocoContactPlant(scenario.plant, first_surroundings(scenario, first), scenario.integrator).model
     model.opt.timestep = step
     at, words = first.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
     start = [*at.position, *at.quaternion, *at.joints]
@@ -131,7 +130,7 @@ def closed_loop(scenario: Scenario, words: str, begin: float = 0.0, periods: int
 def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
     """The closed loop as machine code, in contact and without the world, in double and single precision."""
     found = []
-    free = dataclasses.replace(scenario, contact=None)
+    free = scenario.with_words(world=None)
     for name, each in (("contact", scenario), ("free", free)):
         plant = _plant(each)
         flight, steps = Flight.of(each, plant.substeps, paths=PATHS), int(plant.substeps(1.0 / each.rates.control))

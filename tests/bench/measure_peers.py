@@ -29,7 +29,7 @@ def groups(quick: bool) -> Iterator[tuple[str, list[Contender], int]]:
     """Title, contenders and how many times the usual rounds; the first of a group is its baseline."""
     threads, seconds = cores(), 3.0 if quick else 10.0
     scenario = load_scenario(SCENARIO, duration=10.0 if quick else None)
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     flown = {"rk4": engines.Flight.of(scenario, engines.steps_of(scenario))}
     ours = engines.native(flown, threads, 16 * threads)
     theirs = [engines.mujoco_rollout(vehicle, threads), *peers.pinocchio(vehicle), *peers.guests(vehicle)]

@@ -20,7 +20,7 @@ def _quick(tmp_path, monkeypatch):
 def test_the_vehicle_stands_on_its_four_skids_all_the_time():
     scenario = room.standing(0.5)
     log = skyarm.run(scenario)
-    weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
     assert log.status == "completed"
     assert (log.contact_force.sum(axis=1) > 0.0).all()
     assert log.contact_force.shape[1] == len(room.SKIDS)

@@ -79,8 +79,8 @@ def test_a_control_period_has_the_peers_number_of_integration_steps(control, phy
     scenario = environment_peers.place_to_reach("hummingbird_arm2_rotors", control, physics, 2.0)
     assert (scenario.rates.control, scenario.rates.physics, scenario.integrator) == (control, physics, "euler")
     assert scenario.steps == 2 * control
-    assert scenario.world.vehicle.n == 2
-    assert environment_peers.place_to_reach("hummingbird", control, physics, 2.0).world.vehicle.n == 0
+    assert scenario.plant.vehicle.n == 2
+    assert environment_peers.place_to_reach("hummingbird", control, physics, 2.0).plant.vehicle.n == 0
 
 
 def test_vector_and_single_environments_of_ours_fly_on(monkeypatch):

@@ -185,7 +185,7 @@ def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, s
         saved(here, shown[name], name)
     assert skyarm("attach", "tilted_hexarotor", "picker.urdf", "-o", "carrier.toml", "--mimic", "couple").code == 0
     scenario = load_scenario(here / "swing.toml", duration=0.1, plant=plant)
-    assert [each.name for each in scenario.world.vehicle.followers] == ["right_finger"]
+    assert [each.name for each in scenario.plant.vehicle.followers] == ["right_finger"]
     # in Python floats: tracing a law costs seconds
     par = scenario.controller.par
     controller = replace(scenario.controller, compiled=False)

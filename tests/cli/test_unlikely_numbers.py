@@ -190,18 +190,18 @@ def test_air_that_moves_about_a_vehicle_without_drag_is_told_of() -> None:
     calm = load_scenario("case3")
     rotors = [
         dataclasses.replace(rotor, drag_coefficient=0, rolling_moment_coefficient=0)
-        for rotor in calm.world.vehicle.rotors
+        for rotor in calm.plant.vehicle.rotors
     ]
-    still = dataclasses.replace(calm.world.vehicle, rotors=tuple(rotors), drag=BodyDrag())
-    calm = dataclasses.replace(calm, world=dataclasses.replace(calm.world, vehicle=still))
+    still = dataclasses.replace(calm.plant.vehicle, rotors=tuple(rotors), drag=BodyDrag())
+    calm = dataclasses.replace(calm, plant=dataclasses.replace(calm.plant, vehicle=still))
     air = MovingAir(velocity_W=(3.0, 0.0, 0.0))
     told = unlikely_numbers(dataclasses.replace(calm, wind=air))
     assert [line for line in told if line.startswith("environment.wind: moves the air about a vehicle without drag")]
     told = unlikely_numbers(dataclasses.replace(calm, air=(air,)))
     assert [line for line in told if line.startswith("environment.air[0]: moves the air")]
     assert unlikely_numbers(dataclasses.replace(calm, wind=MovingAir())) == ()
-    body = dataclasses.replace(calm.world.vehicle, drag=BodyDrag(area=(0.01, 0.01, 0.01)))
-    rotors = [dataclasses.replace(rotor, drag_coefficient=1e-5) for rotor in calm.world.vehicle.rotors]
-    for vehicle in (body, dataclasses.replace(calm.world.vehicle, rotors=tuple(rotors))):
-        world = dataclasses.replace(calm.world, vehicle=vehicle)
-        assert unlikely_numbers(dataclasses.replace(calm, wind=air, world=world)) == ()
+    body = dataclasses.replace(calm.plant.vehicle, drag=BodyDrag(area=(0.01, 0.01, 0.01)))
+    rotors = [dataclasses.replace(rotor, drag_coefficient=1e-5) for rotor in calm.plant.vehicle.rotors]
+    for vehicle in (body, dataclasses.replace(calm.plant.vehicle, rotors=tuple(rotors))):
+        world = dataclasses.replace(calm.plant, vehicle=vehicle)
+        assert unlikely_numbers(dataclasses.replace(calm, wind=air, plant=world)) == ()

@@ -144,7 +144,7 @@ def test_a_vehicle_of_more_joints_than_llvm_bears_is_not_flown() -> None:
     scenario = skyarm.load_scenario("case1")
     arm = long_arm(MOST_JOINTS + 1)
     with pytest.raises(ValueError, match=r"plant\.vehicle = '\w+': has 257 joints, must have at most 256 to fly$"):
-        dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=arm))
+        dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=arm))
 
 
 @pytest.mark.parametrize(("joints", "lines"), [(50, 0), (51, 1)])

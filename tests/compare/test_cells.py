@@ -196,13 +196,13 @@ def test_tables_have_a_row_for_every_law_that_flew():
 def test_conditions_are_what_their_titles_say():
     every = conditions()
     plain, noisy = (every[name].apply(CASES["case3_wind"].build()) for name in ("perfect", "noisy"))
-    assert (plain.sensors, plain.delays) == (SensorNoise(), Delays())
-    assert (noisy.sensors, noisy.delays) == (NOISE, Delays(measurement=0.005))
+    assert (plain.noise, plain.delays) == (SensorNoise(), Delays())
+    assert (noisy.noise, noisy.delays) == (NOISE, Delays(measurement=0.005))
     spread = every["plants_noisy"].apply(CASES["case3_wind"].build())
-    assert (spread.sensors, spread.delays) == (NOISE, Delays(longest_command=0.010))
-    assert every["plants"].apply(CASES["case3"].build()).sensors == SensorNoise()
-    wrong = every["wrong"].apply(CASES["case3_wind"].build()).world.vehicle
-    truth = CASES["case3_wind"].build().world.vehicle
+    assert (spread.noise, spread.delays) == (NOISE, Delays(longest_command=0.010))
+    assert every["plants"].apply(CASES["case3"].build()).noise == SensorNoise()
+    wrong = every["wrong"].apply(CASES["case3_wind"].build()).plant.vehicle
+    truth = CASES["case3_wind"].build().plant.vehicle
     assert wrong.rotors[0].thrust_coefficient == pytest.approx(0.9 * truth.rotors[0].thrust_coefficient)
     assert wrong.mass == pytest.approx(truth.mass + 0.2 * sum(link.body.mass for link in truth.links) + 0.05)
 
@@ -211,7 +211,7 @@ def test_cases_turn_the_wind_and_carry_the_load():
     side, quarter = CASES["case3_wind_side"].build().wind, CASES["case3_wind_45"].build().wind
     assert tuple(side.force_W) == pytest.approx((0.0, 2.0, 0.0))
     assert tuple(quarter.air_velocity_W) == pytest.approx((2.0**0.5, 2.0**0.5, 0.0))
-    loaded, bare = (CASES[name].build().world.vehicle.mass for name in ("case3_wind_payload", "case3_wind"))
+    loaded, bare = (CASES[name].build().plant.vehicle.mass for name in ("case3_wind_payload", "case3_wind"))
     assert loaded - bare == pytest.approx(0.05)
 
 

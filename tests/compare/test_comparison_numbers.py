@@ -16,7 +16,7 @@ COUNT = 2000
 def bounds():
     """Path, lowest and highest value of every kind of number of a spread, about the truth of the case."""
     scenario, spread = CASES["case3_wind"].build(), Spread()
-    truth = scenario.world.vehicle
+    truth = scenario.plant.vehicle
     low, high = spread.thrust
     found = {
         "plant.payload.mass": (0.0, spread.payload),

@@ -59,7 +59,7 @@ def test_worlds_stay_within_their_bounds_and_fill_them(circle):
     assert np.linalg.norm(normal, axis=0) == pytest.approx(np.ones(COUNT))
     wrong = np.degrees(np.arccos(-normal[0]))
     assert 8.0 < wrong.max() <= 10.0
-    told = float(shipped("slide_circle").world.vehicle.rotors[0].thrust_coefficient)
+    told = float(shipped("slide_circle").plant.vehicle.rotors[0].thrust_coefficient)
     thrust = values["plant.vehicle.rotors.0.thrust_coefficient"] / told
     assert 0.9 <= thrust.min() < 0.92
     assert 0.98 < thrust.max() <= 1.0
@@ -154,7 +154,7 @@ def test_rivals_that_press_fly_the_task_as_it_is_shipped_with_tuned_gains():
         assert found.controller.name == law
         assert found.controller == controller_by_name(found, f"{law}_tuned")
         assert found.controller.par.gains != make_controller(law, found.controller.par.model).par.gains
-        assert found.trajectory == own.trajectory
+        assert found.reference == own.reference
 
 
 def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():

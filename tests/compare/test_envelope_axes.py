@@ -35,17 +35,17 @@ def test_noise_is_where_an_axis_says_so():
     setting = setting_of(PAPER, 10.0)
     for axis in AXES.values():
         flown = axis.scenario(setting, axis.of(setting)[1])
-        assert (flown.sensors.position > 0.0) == axis.noisy, axis.name
+        assert (flown.noise.position > 0.0) == axis.noisy, axis.name
         age = axis.of(setting)[1] if axis.name == "measurement_delay" else 0.005 * axis.noisy
         assert flown.delays.measurement == age, axis.name
 
 
 def test_the_circle_goes_at_its_speed_about_its_radius():
     setting = setting_of(PAPER, 10.0)
-    at = AXES["circle"].scenario(setting, 2.0).trajectory.at(np.array([6.0, 8.5]))
+    at = AXES["circle"].scenario(setting, 2.0).reference.at(np.array([6.0, 8.5]))
     assert np.hypot(at.velocity.x, at.velocity.y) == pytest.approx([2.0, 2.0])
     assert np.hypot(at.position.x, at.position.y) == pytest.approx([1.0, 1.0])
-    assert AXES["circle"].scenario(setting, 2.0).trajectory.at(1.9).velocity.x == 0.0
+    assert AXES["circle"].scenario(setting, 2.0).reference.at(1.9).velocity.x == 0.0
 
 
 @pytest.mark.parametrize("name", sampled(ARMED, 4))
@@ -55,7 +55,7 @@ def test_joints_stay_within_their_limits_and_other_vehicles_are_asked_for_what_t
     times = np.linspace(0.0, 10.0, 2001)
     for axis in (AXES["swing"], AXES["swing_amplitude"], AXES["circle"]):
         flown = axis.scenario(setting, axis.of(setting)[-1])
-        for link, signal in zip(truth.links, flown.trajectory.joints, strict=True):
+        for link, signal in zip(truth.links, flown.reference.joints, strict=True):
             angle = np.broadcast_to(signal.derivatives(times)[0], times.shape)
             assert link.joint.lower <= angle.min() <= angle.max() <= link.joint.upper, (axis.name, link.joint.name)
     weight = float(truth.mass) / float(load_vehicle(PAPER).mass)
@@ -63,7 +63,7 @@ def test_joints_stay_within_their_limits_and_other_vehicles_are_asked_for_what_t
     speeds = AXES["circle"].of(setting)
     assert (speeds[-1] / 3.0) ** 2 == pytest.approx(setting.climb, rel=1e-2)
     assert 0.0 < setting.climb <= paper.climb == 1.0
-    assert setting.hover.trajectory.z.derivatives(0.0)[0] >= 1.5
+    assert setting.hover.reference.z.derivatives(0.0)[0] >= 1.5
 
 
 def test_a_vehicle_without_an_arm_is_refused():
@@ -90,13 +90,13 @@ def test_the_wind_turns_once_in_its_time_with_its_air():
 
 
 def test_rotors_become_as_slow_as_the_table_says():
-    rotor = AXES["motor_lag"].scenario(setting_of(), 4.0).world.vehicle.rotors[0]
+    rotor = AXES["motor_lag"].scenario(setting_of(), 4.0).plant.vehicle.rotors[0]
     assert (rotor.time_constant_up, rotor.time_constant_down) == pytest.approx((0.05, 0.08))
 
 
 def test_turbulence_has_half_the_mean_and_a_hull_in_it():
     flown = AXES["turbulence"].scenario(setting_of(), 6.0)
-    drag = flown.world.vehicle.drag
+    drag = flown.plant.vehicle.drag
     assert 0.5 * drag.air_density * drag.area.x == pytest.approx(0.02)
     assert tuple(flown.wind.turbulence.intensity) == (3.0, 3.0, 3.0)
     assert math.isclose(flown.wind.turbulence.scale_length.x / flown.wind.turbulence.airspeed, 0.5)

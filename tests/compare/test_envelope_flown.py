@@ -55,7 +55,7 @@ def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_
     vehicle = setting.truth
     level = np.zeros((len(log.time), 4))
     level[:, 0] = 1.0
-    at = axis.scenario(setting, speed).trajectory.at(log.time)
+    at = axis.scenario(setting, speed).reference.at(log.time)
     wanted = np.stack([np.broadcast_to(c, log.time.shape) for c in at.position], axis=1)
     joints = np.stack([np.broadcast_to(c, log.time.shape) for c in at.joints], axis=1)
     tip, _ = frame_pose_world(vehicle, log.position, log.quaternion, log.joints)
@@ -118,7 +118,7 @@ def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_t
     for path in values:
         assert np.array_equal(values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])), path
     assert widened(Spread(), 0.5).thrust == (-0.05, 0.025)
-    nominal = scenario.world.vehicle.links[1].body.mass
+    nominal = scenario.plant.vehicle.links[1].body.mass
     assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
     few = dataclasses.replace(cell, points=(2.0,))
     assert np.array_equal(few.values(scenario)[mass], values[mass][-PLANTS:])
@@ -136,7 +136,7 @@ def test_wrong_plants_of_another_vehicle_are_its_own_spread():
     (cell,) = axis_flights("centroidal_tip", AXES["wrong_plants"], setting_of("hexarotor_arm6", 8.0))
     scenario = cell.scenario()
     masses = cell.values(scenario)["plant.payload.mass"]
-    weight = float(scenario.world.vehicle.mass)
+    weight = float(scenario.plant.vehicle.mass)
     assert 0.1 < masses.max() / (2.0 * 0.1 * weight / 0.806) <= 1.0
     assert masses[:PLANTS] == pytest.approx(0.25 * masses[-PLANTS:])
 

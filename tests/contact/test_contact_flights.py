@@ -58,11 +58,11 @@ def test_far_from_every_surface_a_flight_has_the_bits_and_the_steps_of_a_free_on
     away = copy.deepcopy(press) | {"duration": 0.3}
     away["world"]["surfaces"][0]["position"][0] = 0.5
     scenario = scenario_from(away)
-    near, free = skyarm.run(scenario), skyarm.run(dataclasses.replace(scenario, contact=None))
+    near, free = skyarm.run(scenario), skyarm.run(dataclasses.replace(scenario, world=None))
     assert np.array_equal(near.position, free.position)
     assert np.array_equal(near.joints, free.joints)
     around = first_surroundings(scenario, first_loop_state(scenario))
-    steps = RigidBodyPlant(scenario.world, around).substeps(0.005)
+    steps = RigidBodyPlant(scenario.plant, around).substeps(0.005)
     assert (int(steps), steps.far, steps.rounds, steps.verlet) == (4, 1, 3, True)
 
 
@@ -72,7 +72,7 @@ def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp
         assert named[f"contact_{word}_wall_tip"].unit == unit
     again = skyarm.load_log(pressed.save_npz(tmp_path / "a.npz"))
     assert np.array_equal(again.contact_force, pressed.contact_force)
-    assert again.scenario.contact == pressed.scenario.contact
+    assert again.scenario.world == pressed.scenario.world
 
 
 def test_both_plants_fly_the_same(press, pressed):
@@ -163,7 +163,7 @@ def landing():
 def test_what_stands_at_rest_does_not_jump(landing):
     """With a law that gives nothing its joints would move: the bodies' motion of the first 20 ms is looked at."""
     scenario = scenario_from(landing)
-    weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
     log = skyarm.run(scenario_from({**landing, "duration": 0.05, "delays": {"command": 0.05}}))
     assert log.contact_force[0].sum() == pytest.approx(weight, rel=1e-9)
     assert [*log.position[0, :2], log.euler[0, 2]] == pytest.approx([0.0] * 3, abs=1e-12)
@@ -181,7 +181,7 @@ def test_beside_turbulence_and_a_payload_every_engine_keeps_what_contact_remembe
     quick, slow = skyarm.run(found), run_in_python(found)
     assert np.array_equal(quick.contact_friction, slow.contact_friction)
     assert np.array_equal(quick.position, slow.position)
-    theirs = skyarm.run(dataclasses.replace(found, plant="mujoco"))
+    theirs = skyarm.run(dataclasses.replace(found, kind="mujoco"))
     assert quick.contact_friction[3:8].max() > 1e-3
     assert theirs.contact_friction[:8] == pytest.approx(quick.contact_friction[:8], abs=0.02)
 

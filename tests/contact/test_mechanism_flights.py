@@ -66,7 +66,7 @@ def test_a_button_goes_in_as_far_as_what_pushes_it_and_the_log_says_so(pushed):
 def test_files_keep_what_a_mechanism_did_and_give_its_scenario_back(pushed, tmp_path):
     again = skyarm.load_log(pushed.save_npz(tmp_path / "a.npz"))
     assert np.array_equal(again.mechanism_position, pushed.mechanism_position)
-    assert again.scenario.contact == pushed.scenario.contact
+    assert again.scenario.world == pushed.scenario.world
 
 
 def test_both_plants_push_the_same(push, pushed):

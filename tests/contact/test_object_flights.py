@@ -118,7 +118,7 @@ def test_columns_are_named_after_objects_and_grippers_and_files_keep_them(lifted
     assert np.array_equal(named["object_position_box_z"].of(lifted), lifted.object_position[:, 2])
     again = skyarm.load_log(lifted.save_npz(tmp_path / "a.npz"))
     assert np.array_equal(again.object_quaternion, lifted.object_quaternion)
-    assert again.scenario.contact == lifted.scenario.contact
+    assert again.scenario.world == lifted.scenario.world
     assert again.grasp_periods == lifted.grasp_periods
 
 
@@ -182,10 +182,10 @@ def handled(*phases, **gripper):
 
 def test_phases_close_and_open_a_gripper_half_way_through_their_dwell():
     scenario = scenario_from(handled({"kind": "grasp"}, {"kind": "release"}, {"kind": "grasp"}))
-    closed = scenario.contact.grippers[0].closed
+    closed = scenario.world.grippers[0].closed
     found = [bool(closed.at(t)) for t in (0.045, 0.05, 0.145, 0.15, 0.245, 0.25, 9.0)]
     assert found == [False, True, True, False, False, True, True]
-    once = scenario_from(handled({"kind": "grasp"}, {"kind": "release"})).contact.grippers[0].closed
+    once = scenario_from(handled({"kind": "grasp"}, {"kind": "release"})).world.grippers[0].closed
     assert [bool(once.at(t)) for t in (0.045, 0.05, 0.145, 0.15)] == [False, True, True, False]
 
 
@@ -232,9 +232,9 @@ def resting(**numbers):
 def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
     """Nothing accelerates: the sum of what the table does is the weight, without a moment."""
     scenario = scenario_from(resting(**numbers))
-    body, memory = scenario.contact.objects[0], scenario.contact.start(0.005, ())
-    motion = PointMotion(scenario.world.vehicle, first_state(scenario), gravity=9.81)
-    rates = scenario.contact.slope(memory, 0.0, motion, ()).carried[0]
+    body, memory = scenario.world.objects[0], scenario.world.start(0.005, ())
+    motion = PointMotion(scenario.plant.vehicle, first_state(scenario), gravity=9.81)
+    rates = scenario.world.slope(memory, 0.0, motion, ()).carried[0]
     assert [*rates.velocity] == pytest.approx([0.0] * 3, abs=1e-8)
     assert [*rates.rate] == pytest.approx([0.0] * 3, abs=1e-5)
     pressed = 0.785 - float(body.position.z)
@@ -244,12 +244,12 @@ def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
 def test_one_that_stands_already_stays_where_it_is():
     from skyarm.scenario.standing_start import with_standing_objects
 
-    contact = scenario_from(resting()).contact
+    contact = scenario_from(resting()).world
     assert with_standing_objects(contact, 9.81) == contact
 
 
 def test_one_that_begins_a_little_inside_is_lifted_first():
-    above, inside = (scenario_from(resting(position=[0.2, 0.0, z])).contact.objects[0] for z in (0.785, 0.7791))
+    above, inside = (scenario_from(resting(position=[0.2, 0.0, z])).world.objects[0] for z in (0.785, 0.7791))
     assert float(inside.position.z) == pytest.approx(float(above.position.z), abs=1e-12)
 
 
@@ -323,7 +323,7 @@ def test_what_asks_for_short_steps_is_named(capsys):
     say_steps(scenario_from(DOCUMENT))  # 0.8 ms in place of 1 ms are not worth a line
     assert capsys.readouterr().err == ""
     light = scenario_from(resting(mass=0.005))
-    assert [divisions(0.005, float(each.contact.largest_step)) for each in (scenario_from(resting()), light)] == [7, 22]
+    assert [divisions(0.005, float(each.world.largest_step)) for each in (scenario_from(resting()), light)] == [7, 22]
     say_steps(light)
     told = capsys.readouterr().err
     assert "the mass of 'box' asks for integration steps of 0.24 ms in contact; they are taken by themselves" in told

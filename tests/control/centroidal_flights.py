@@ -56,7 +56,7 @@ def planned(
     changed = dataclasses.replace(loaded, controller=law, duration=20.0)
     if not noisy:
         return changed
-    return dataclasses.replace(changed, sensors=NOISE, delays=Delays(measurement=PERIOD))
+    return dataclasses.replace(changed, noise=NOISE, delays=Delays(measurement=PERIOD))
 
 
 def _table(record: Any, count: int) -> Any:
@@ -68,7 +68,7 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
     """Fly the scenario with several draws of its noise; every episode must live to its end."""
     inputs = episode_inputs(scenario)
     traced = EpisodeCode(scenario, commands=False, effort=0)
-    count, vehicle = scenario.steps, scenario.world.vehicle
+    count, vehicle = scenario.steps, scenario.plant.vehicle
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(count, -1)])
     start = np.array(leaves(traced.carry), dtype=float)
     kernel = Kernel(traced.loop, Lanes(seeds), logging=True)

@@ -53,7 +53,7 @@ def trial(name, value, law, vehicle, log=0):
     axis, setting = AXES[name], setting_of(vehicle)
     built = axis.scenario(setting, value)
     if axis.noisy:
-        built = dataclasses.replace(built, sensors=HEARD)
+        built = dataclasses.replace(built, noise=HEARD)
     told = {"mode": "tip", "delay": built.delays.measurement, **LAWS[law]}
     built = dataclasses.replace(built, controller=make_controller("centroidal", built.controller.par.model, **told))
     numbers = axis.numbers(setting, value) if axis.numbers else {}

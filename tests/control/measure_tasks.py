@@ -151,7 +151,7 @@ def noisy_task(name):
     """A shipped scenario under the noise of all rows."""
     scenario = skyarm.load_scenario(name)
     delays = dataclasses.replace(scenario.delays, measurement=0.005)
-    return dataclasses.replace(scenario, sensors=SensorNoise(**NOISE), delays=delays)
+    return dataclasses.replace(scenario, noise=SensorNoise(**NOISE), delays=delays)
 
 
 def together(title, scenario, values, metrics, seeds, seed, read):
@@ -193,7 +193,7 @@ def pegs(seeds, seed):
     """A peg 1.5 mm beside its hole, and 3 mm beside it with a search; in is 90 % of the hole's 30 mm."""
     for title, (file, below) in PEGS.items():
         scenario = noisy_task(file)
-        surface = next(each for each in scenario.contact.surfaces if each.shape == "hole")
+        surface = next(each for each in scenario.world.surfaces if each.shape == "hole")
         mouth = float(surface.position.z) + below
 
         def read(found, mouth=mouth):

@@ -155,7 +155,7 @@ def planned(law):
     """A hover under a law."""
     vehicle = law.par.model.vehicle
     trajectory = hover((0.0, 0.0, 2.0), joints=(0.0,) * vehicle.n)
-    return Scenario(name="hover", duration=0.1, world=Truth(vehicle=vehicle), controller=law, trajectory=trajectory)
+    return Scenario(name="hover", duration=0.1, plant=Truth(vehicle=vehicle), controller=law, reference=trajectory)
 
 
 @pytest.mark.parametrize("kind", ["tilts", "servos", "tilts and servos"])

@@ -201,14 +201,14 @@ def test_drag_that_is_known_is_led_on_a_circle_in_wind():
     setting = setting_of()
     built = motions.circle(setting, 3.0, 3.0)
     drag = BodyDrag(area=Vec3(*(2.0 * 0.02 / RHO,) * 3), air_density=RHO)
-    world = dataclasses.replace(built.world, vehicle=dataclasses.replace(built.world.vehicle, drag=drag))
+    world = dataclasses.replace(built.plant, vehicle=dataclasses.replace(built.plant.vehicle, drag=drag))
     believed = built.controller.par.model
     model = dataclasses.replace(believed, vehicle=dataclasses.replace(believed.vehicle, drag=drag))
     errors = []
     for options in ({}, {"hull_drag": True}, {"hull_drag": True, "wind": (3.0, 0.0, 0.0)}):
         law = make_centroidal(model, mode="tip", preset="adaptive", **options)
         air = MovingAir(velocity_W=Vec3(3.0, 0.0, 0.0))
-        flown = dataclasses.replace(built, world=world, controller=law, wind=air)
+        flown = dataclasses.replace(built, plant=world, controller=law, wind=air)
         metric = "ee_error_mean_continuous"
         batch = Batch(flown, (), metrics=(metric,), windows=Windows(steady=Window(7.0, 20.0)), effort=0)
         errors.append(float(batch.fly({}, episodes=np.arange(1)).metrics[metric][0]))

@@ -88,7 +88,7 @@ def test_files_keep_what_was_learned(log, tmp_path):
 
 
 def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
-    trajectory = scenario.trajectory
+    trajectory = scenario.reference
     assert restore(plain(trajectory)) == trajectory
     assert trajectory.shifted(1.0).at(DROP + 0.9).load == (1.0,)
     assert trajectory.shifted(1.0).at(PICK + 0.9).load == (0.0,)
@@ -98,7 +98,7 @@ def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
         trajectory + trajectory
     assert (trajectory + dataclasses.replace(trajectory, load=None)).load == trajectory.load
     changed = with_numbers(scenario, {"reference.load.stop": 1.5, "controller.parts.load.size": 0.03})
-    assert changed.trajectory.at(1.6).load == (0.0,)
+    assert changed.reference.at(1.6).load == (0.0,)
     assert number_at(changed, "controller.parts.load.size") == 0.03
 
 

@@ -175,8 +175,8 @@ def test_what_is_learned_stays_within_its_bounds():
 
 def planned_at(scenario, time):
     """The plan of the joint mode for a vehicle that is where it should be, at a time of a scenario."""
-    par, reference = scenario.controller.par, scenario.trajectory
-    state = trimmed_state(scenario.world, reference.at(time).position, 0.0, (0.1, -0.2))
+    par, reference = scenario.controller.par, scenario.reference
+    state = trimmed_state(scenario.plant, reference.at(time).position, 0.0, (0.1, -0.2))
     # rotors that stand have no drag, whose change with the attitude the plan leaves out
     state = dataclasses.replace(state, rotor_speeds=(0.0,) * len(state.rotor_speeds))
     nothing = Disturbance(force=Vec3(0.4, -0.3, 0.2), torque=ZERO, efforts=(0.0, 0.0))
@@ -205,7 +205,7 @@ def test_the_plan_is_the_references_motion_at_the_attitude_its_force_asks_for():
     change = (array(after.rate) - array(before.rate)) / (2.0 * h)
     np.testing.assert_allclose(array(plan.alpha), change, atol=1e-5)
     assert np.abs(change).max() > 0.001
-    acceleration = array(scenario.trajectory.at(t).acceleration)
+    acceleration = array(scenario.reference.at(t).acceleration)
     up = np.array([0.0, 0.0, scenario.controller.par.model.gravity])
     np.testing.assert_allclose(array(plan.proper), R.T @ (acceleration + up), atol=1e-12)
     assert np.abs(acceleration).max() > 0.05
@@ -229,7 +229,7 @@ def test_what_is_learned_acts_as_what_is_observed(mode):
     )
     plain = with_parts(dataclasses.replace(flown, slow_force=observed.force), adaptation=none)
     reading = measurement_of(observed)
-    wanted = scenario.trajectory.at(20.0).dense()
+    wanted = scenario.reference.at(20.0).dense()
     one, other = (law(memory, reading, wanted, 0.005, par=par)[1] for memory in (plain, moved))
     # the slow force moves by a share of the period towards the observed one
     np.testing.assert_allclose(other.rotor_speeds, one.rotor_speeds, rtol=2e-4)
@@ -245,7 +245,7 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     reading = measurement_of(calm)
     pushed = dataclasses.replace(reading, joint_rates=tuple(rate + 0.1 for rate in reading.joint_rates))
     memory = with_parts(dataclasses.replace(flown, observed=calm), adaptation=still)
-    wanted = scenario.trajectory.at(20.0).dense()
+    wanted = scenario.reference.at(20.0).dense()
     following, _ = scenario.controller.law(memory, pushed, wanted, 0.005, par=scenario.controller.par)
     assert np.abs(following.observed.efforts).min() > 1e-4
     for joint, found in zip(following.parts.adaptation.joints, following.observed.efforts, strict=True):
@@ -270,8 +270,8 @@ def test_the_largest_damping_is_that_of_the_joints_inertia():
 
 
 def loaded(scenario, kg):
-    vehicle = scenario.world.vehicle.with_payload(kg)
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+    vehicle = scenario.plant.vehicle.with_payload(kg)
+    return dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
 
 
 def dampings(flown):
@@ -286,8 +286,8 @@ def without(scenario, **structure):
 
 
 def sticky(scenario, damping):
-    vehicle = scenario.world.vehicle.with_joints(damping=damping)
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+    vehicle = scenario.plant.vehicle.with_joints(damping=damping)
+    return dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
 
 
 @pytest.mark.parametrize("noisy", sampled([True, False], 2))
@@ -330,7 +330,7 @@ def test_an_oscillation_of_the_loop_teaches_nothing(mode):
 
 def swinging(scenario, amplitude, hertz, duration, phase=0.0):
     arm = [Sine(amplitude=amplitude, frequency_hz=hertz, phase=each) for each in (0.0, phase)]
-    return dataclasses.replace(scenario, trajectory=skyarm.hover([0, 0, 1], joints=arm), duration=duration)
+    return dataclasses.replace(scenario, reference=skyarm.hover([0, 0, 1], joints=arm), duration=duration)
 
 
 @pytest.mark.parametrize("noisy", [False, True])

@@ -262,7 +262,7 @@ ZERO = Constant(0.0)
 def test_a_step_of_three_metres_is_braked_in_time():
     step = still(x=Ramp(start=0.5, duration=0.005, height=3.0))
     law = make_centroidal(CASE3.controller.par.model, mode="tip", preset="adaptive")
-    log = skyarm.run(dataclasses.replace(CASE3, trajectory=step, controller=law, wind=NO_WIND, duration=4.0))
+    log = skyarm.run(dataclasses.replace(CASE3, reference=step, controller=law, wind=NO_WIND, duration=4.0))
     x, t = log.position[:, 0], log.time
     assert x.max() < 3.01
     assert np.abs(x[t > 0.5 + 2.2] - 3.0).max() < 0.05
@@ -288,7 +288,7 @@ def test_pushes_on_the_tip_that_take_all_roll_torque_do_not_lose_the_vehicle(see
 
     assert status() == "completed"
     assert status(yaw_slack=0.0) != "completed"
-    held = {"forces": (Turning(size=2.3, hertz=0.0, phase=np.pi / 2, at_tip=True),), "sensors": NOISE}
+    held = {"forces": (Turning(size=2.3, hertz=0.0, phase=np.pi / 2, at_tip=True),), "noise": NOISE}
     assert tip_error("adaptive", trajectory=still(), delays=Delays(measurement=0.005), seed=seed, **held) < 5.0
 
 
@@ -299,7 +299,7 @@ def test_it_flies_near_free_fall_under_noise():
 
 
 def test_it_bears_commands_20_ms_late_that_nobody_told():
-    late = {"sensors": NOISE, "delays": Delays(measurement=0.005, command=0.02)}
+    late = {"noise": NOISE, "delays": Delays(measurement=0.005, command=0.02)}
     assert tip_error("adaptive", **late) < 8.0
     assert tip_error("robust", **late) > 50.0
 
@@ -327,10 +327,10 @@ def test_it_holds_the_tip_while_the_arm_swings():
 
 @pytest.mark.thorough
 def test_it_bears_motors_four_times_slower_than_believed():
-    truth = CASE3.world.vehicle
+    truth = CASE3.plant.vehicle
     slow = (dataclasses.replace(r, time_constant_up=0.05, time_constant_down=0.08) for r in truth.rotors)
-    world = dataclasses.replace(CASE3.world, vehicle=dataclasses.replace(truth, rotors=tuple(slow)))
-    late = {"sensors": NOISE, "delays": Delays(measurement=0.005), "world": world}
+    world = dataclasses.replace(CASE3.plant, vehicle=dataclasses.replace(truth, rotors=tuple(slow)))
+    late = {"noise": NOISE, "delays": Delays(measurement=0.005), "plant": world}
     assert tip_error("adaptive", **late) < 20.0
     assert tip_error("robust", **late) > 100.0
 
@@ -338,7 +338,7 @@ def test_it_bears_motors_four_times_slower_than_believed():
 def test_lanes_and_floats_fly_it_to_the_same_bits():
     law = skyarm.make_controller("centroidal", CASE3.controller.par.model, mode="tip", preset="adaptive", delay=0.005)
     scenario = dataclasses.replace(
-        CASE3, duration=0.3, controller=law, sensors=NOISE, delays=Delays(measurement=0.005, command=0.01)
+        CASE3, duration=0.3, controller=law, noise=NOISE, delays=Delays(measurement=0.005, command=0.01)
     )
     log, floats = skyarm.run(scenario), run_in_python(scenario)
     assert np.array_equal(log.position, floats.position)

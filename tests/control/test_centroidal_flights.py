@@ -25,13 +25,13 @@ def blown(scenario, *force):
 
 def loaded(scenario, kg):
     """The same flight with a payload at the true tip."""
-    vehicle = scenario.world.vehicle.with_payload(kg)
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+    vehicle = scenario.plant.vehicle.with_payload(kg)
+    return dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
 
 
 def spoiled(scenario):
     """Arm 20 % heavier, rotors 10 % weaker, 50 g at the tip."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     links = tuple(
         dataclasses.replace(
             link, body=dataclasses.replace(link.body, mass=1.2 * link.body.mass, inertia=link.body.inertia * 1.2)
@@ -40,7 +40,7 @@ def spoiled(scenario):
     )
     rotors = tuple(dataclasses.replace(r, thrust_coefficient=0.9 * r.thrust_coefficient) for r in vehicle.rotors)
     vehicle = dataclasses.replace(vehicle, links=links, rotors=rotors).with_payload(0.05)
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+    return dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
 
 
 def late(scenario, seconds):
@@ -156,7 +156,7 @@ def delayed_later(vehicle, motion, delay, onset, *, known=0.005, seed=0):
     planned = dataclasses.replace(
         planned,
         seed=seed,
-        sensors=NOISE,
+        noise=NOISE,
         controller=make_centroidal(model, mode="tip", preset="adaptive", delay=known),
         delays=Delays(measurement=known, command=0.0, longest_command=delay),
         changes=(skyarm.Change(at=onset, path="delays.command", value=delay),),

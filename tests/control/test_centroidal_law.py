@@ -180,17 +180,17 @@ def test_the_disturbance_is_frozen_while_the_rotors_are_at_their_limit():
 def windy():
     """Hover for four seconds in a force of known size at a known point, with a model that is the truth."""
     loaded = planned("case2")
-    truth = loaded.world.vehicle.with_joints(damping=0.0)
+    truth = loaded.plant.vehicle.with_joints(damping=0.0)
     force = ForceWind(force_W=Vec3(0.6, -0.4, 0.3), point_B=Vec3(0.03, -0.02, 0.0))
     law = make_centroidal(Model(vehicle=truth, gravity=9.8), preset="robust")
     return fly(
         dataclasses.replace(
             loaded,
             duration=4.0,
-            world=Truth(vehicle=truth, gravity=9.8),
+            plant=Truth(vehicle=truth, gravity=9.8),
             wind=force,
             controller=law,
-            trajectory=hover((0.0, 0.0, 1.0), joints=(0.2, -0.1)),
+            reference=hover((0.0, 0.0, 1.0), joints=(0.2, -0.1)),
         )
     )
 
@@ -231,9 +231,9 @@ def test_any_vehicle_flies(name, mode):
     scenario = Scenario(
         name="any",
         duration=2.5,
-        world=Truth(vehicle=vehicle),
+        plant=Truth(vehicle=vehicle),
         controller=make_centroidal(Model(vehicle=vehicle), mode=mode),
-        trajectory=hover((0.0, 0.0, 1.5), yaw=heading, joints=joints),
+        reference=hover((0.0, 0.0, 1.5), yaw=heading, joints=joints),
         wind=ForceWind(force_W=Vec3(0.5, 0.3, 0.0)),
         ground=False,
     )
@@ -250,9 +250,9 @@ def test_an_arm_beside_the_tips_is_no_lever(preset_name):
     scenario = Scenario(
         name="beside",
         duration=4.0,
-        world=Truth(vehicle=vehicle),
+        plant=Truth(vehicle=vehicle),
         controller=make_centroidal(Model(vehicle=vehicle), mode="tip", preset=preset_name),
-        trajectory=hover((0.0, 0.0, 2.0), joints=(0.0,) * vehicle.n),
+        reference=hover((0.0, 0.0, 2.0), joints=(0.0,) * vehicle.n),
         ground=False,
     )
     start = dataclasses.replace(first_state(scenario), position=Vec3(0.1, 0.05, 2.0))
@@ -270,9 +270,9 @@ def test_a_weak_joint_hangs_low_and_the_base_stays(mode):
         Scenario(
             name="weak",
             duration=4.0,
-            world=Truth(vehicle=vehicle),
+            plant=Truth(vehicle=vehicle),
             controller=make_centroidal(Model(vehicle=vehicle), mode=mode),
-            trajectory=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.4, frequency_hz=0.3),) * 2),
+            reference=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.4, frequency_hz=0.3),) * 2),
             ground=False,
         )
     )
@@ -290,9 +290,9 @@ def test_dry_friction_that_the_model_knows_costs_little():
             Scenario(
                 name="dry",
                 duration=4.0,
-                world=Truth(vehicle=vehicle),
+                plant=Truth(vehicle=vehicle),
                 controller=make_centroidal(Model(vehicle=model)),
-                trajectory=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.3, frequency_hz=0.5),) * 2),
+                reference=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.3, frequency_hz=0.5),) * 2),
                 ground=False,
             )
         )
@@ -322,7 +322,7 @@ def test_the_trim_stays_within_its_bound_whatever_is_sent():
 def test_mujocos_plant_sees_the_same_tip():
     pytest.importorskip("mujoco")
     scenario = dataclasses.replace(planned("case3_wind", mode="tip"), duration=12.0)
-    log = run(dataclasses.replace(scenario, plant="mujoco"))
+    log = run(dataclasses.replace(scenario, kind="mujoco"))
     at = log.time >= 10.0
     error = 1e3 * np.linalg.norm(log.tool - log.tool_reference, axis=1)[at].mean()
     assert log.status == "completed"

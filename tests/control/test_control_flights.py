@@ -33,7 +33,7 @@ def moving(vehicle):
 def flight(vehicle):
     found = make_controller("hybrid_computed_torque", Model(vehicle=vehicle))
     trajectory = hover((0.0, 0.0, 2.0), joints=moving(vehicle))
-    log = run(Scenario(name="x", duration=5.0, world=Truth(vehicle=vehicle), controller=found, trajectory=trajectory))
+    log = run(Scenario(name="x", duration=5.0, plant=Truth(vehicle=vehicle), controller=found, reference=trajectory))
     assert log.status == "completed"
     return log
 
@@ -73,9 +73,9 @@ def upset(axis, degrees, *, law, policy="clip", height=60.0, seconds=6.0, ground
         Scenario(
             name="upset",
             duration=seconds,
-            world=TRUTH,
+            plant=TRUTH,
             controller=found,
-            trajectory=hover((0.0, 0.0, height), joints=(0.0, 0.0)),
+            reference=hover((0.0, 0.0, height), joints=(0.0, 0.0)),
             initial=dataclasses.replace(start, quaternion=Quaternion(w, x, y, z)),
             ground=ground,
         )

@@ -216,9 +216,9 @@ def hover(**changes):
     law = {name: changes.pop(name) for name in ("accelerometer",) if name in changes}
     return dataclasses.replace(
         found,
-        world=dataclasses.replace(found.world, vehicle=vehicle),
-        controller=make_centroidal(Model(vehicle=vehicle, gravity=float(found.world.gravity)), **law),
-        trajectory=Trajectory(z=Constant(1.0)),
+        plant=dataclasses.replace(found.plant, vehicle=vehicle),
+        controller=make_centroidal(Model(vehicle=vehicle, gravity=float(found.plant.gravity)), **law),
+        reference=Trajectory(z=Constant(1.0)),
         forces=(Disturbance(force=push),),
         **changes,
     )
@@ -260,12 +260,12 @@ def test_a_bias_is_forgotten_in_flight(hovers):
 def test_a_true_model_feels_nothing_beside_itself_on_a_moving_vehicle():
     """Base and arm in motion, thrust changing by a fifth: what is left is of the period's length, no force, no bias."""
     found = skyarm.load_scenario("case3", duration=3.0)
-    belief = Model(vehicle=found.world.vehicle, gravity=float(found.world.gravity))
+    belief = Model(vehicle=found.plant.vehicle, gravity=float(found.plant.gravity))
     swing = Sine(amplitude=0.3, frequency_hz=1.0)
     scenario = dataclasses.replace(
         found,
         controller=make_centroidal(belief, accelerometer=(40.0, 5.0)),
-        trajectory=Trajectory(z=Sum((Constant(1.0), Sine(amplitude=0.05, frequency_hz=1.0))), joints=(swing, swing)),
+        reference=Trajectory(z=Sum((Constant(1.0), Sine(amplitude=0.05, frequency_hz=1.0))), joints=(swing, swing)),
     )
     observed = fly(scenario).memory.observed
     assert np.linalg.norm(list(observed.bias)) < 0.02

@@ -292,10 +292,10 @@ def test_the_sensor_of_a_flight_tells_the_torque_about_the_tip_wherever_on_the_h
     tip = HEXAROTOR.frame()
     place = Frame(name="inside", link=tip.link, position=Vec3(0.01, 0.02, -0.02), rotation=axis_rotation(E_Z, 0.7))
     vehicle = dataclasses.replace(HEXAROTOR, frames=(*HEXAROTOR.frames, place))
-    (wrist,) = scenario.instruments
+    (wrist,) = scenario.sensors
     inside = dataclasses.replace(wrist, sensor=dataclasses.replace(wrist.sensor, frame="inside"))
-    world = dataclasses.replace(scenario.world, vehicle=vehicle)
-    other = dataclasses.replace(scenario, world=world, instruments=(inside,))
+    world = dataclasses.replace(scenario.plant, vehicle=vehicle)
+    other = dataclasses.replace(scenario, plant=world, sensors=(inside,))
     at_tip, elsewhere = skyarm.run(scenario), skyarm.run(other)
     turned = turning(at_tip)[1]
     assert np.abs(turned[-1]).max() > 0.02

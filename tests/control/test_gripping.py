@@ -158,7 +158,7 @@ def test_only_what_presses_slides():
 
 
 def test_a_grip_is_kept_moved_and_read():
-    trajectory = scenario()[0].trajectory
+    trajectory = scenario()[0].reference
     assert restore(plain(trajectory)) == trajectory
     assert trajectory.at(1.0).push[5:] == pytest.approx((1.0, *trajectory.push.pivot, 0.0, 1.0, 0.0))
     assert trajectory.shifted(1.0).at(1.0).push[5] == 0.0

@@ -139,7 +139,7 @@ def test_of_a_hover_the_shift_is_that_of_the_lever(model):
 def test_wind_steps_move_the_tip_less(model):
     """Steps of 3 N from the side, perfect state; and the axis of the envelope is flown to its end."""
     setting = setting_of(duration=9.5)
-    hover = dataclasses.replace(AXES["wind_steps"].scenario(setting, 3.0), sensors=setting.hover.sensors)
+    hover = dataclasses.replace(AXES["wind_steps"].scenario(setting, 3.0), noise=setting.hover.noise)
     errors = []
     for share in (0.0, 1.0):
         law = make_centroidal(

@@ -109,7 +109,7 @@ def document(**controller: Any) -> dict[str, Any]:
 
 def test_a_file_gives_each_joint_its_friction_in_plant_and_model() -> None:
     read = scenario_from(document(friction_compensation=[1.0, 0.9], rate_weights=[1.0, 0.0]))
-    joints = [link.joint for link in read.world.vehicle.links]
+    joints = [link.joint for link in read.plant.vehicle.links]
     believed = [link.joint for link in read.controller.par.model.vehicle.links]
     assert [j.damping for j in joints] == [0.06, 0.0003]
     assert [(j.damping, j.coulomb) for j in believed] == [(0.05, 0.01), (0.0, 0.01)]

@@ -149,7 +149,7 @@ def test_a_reference_beyond_a_limit_is_followed_up_to_it():
         }
     )
     law = make_centroidal(Model(vehicle=vehicle), joint_limits=True)
-    world = dataclasses.replace(scenario.world, vehicle=vehicle)
-    log = skyarm.run(dataclasses.replace(scenario, world=world, controller=law))
+    world = dataclasses.replace(scenario.plant, vehicle=vehicle)
+    log = skyarm.run(dataclasses.replace(scenario, plant=world, controller=law))
     assert log.status == "completed"
     assert log.joints[-1, 0] == pytest.approx(0.5, abs=2e-3)

@@ -210,11 +210,11 @@ def test_wind_moves_it_a_tenth_of_what_it_moves_the_paper_s_law():
 def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
     controller = load_scenario("case3").controller
     scenario = random_scenario(np.random.default_rng(1), controller, 1.0, 0)
-    belief = scenario.world.vehicle
+    belief = scenario.plant.vehicle
     wind = dataclasses.replace(scenario.wind, air_velocity_W=scenario.wind.force_W * 0.0, gust=None)
     still = tuple(dataclasses.replace(r, drag_coefficient=0.0, rolling_moment_coefficient=0.0) for r in belief.rotors)
     truth = dataclasses.replace(belief, rotors=still).with_joints(damping=0.0)
-    flown = dataclasses.replace(scenario, wind=wind, world=dataclasses.replace(scenario.world, vehicle=truth))
+    flown = dataclasses.replace(scenario, wind=wind, plant=dataclasses.replace(scenario.plant, vehicle=truth))
     log = run(flown)
     found = residuals(Model(vehicle=truth, gravity=9.8), log)
     turned = Rotation.from_quat(log.quaternion[:-1][:, [1, 2, 3, 0]]).inv()

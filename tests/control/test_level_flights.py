@@ -34,9 +34,9 @@ def scenario(vehicle, trajectory, wind=(0.0, 0.0, 0.0), *, duration=4.0, delay=0
     return Scenario(
         name="level",
         duration=duration,
-        world=Truth(vehicle=vehicle),
+        plant=Truth(vehicle=vehicle),
         controller=make_centroidal(Model(vehicle=vehicle), mode=mode, delay=delay, **options),
-        trajectory=trajectory,
+        reference=trajectory,
         wind=ForceWind(force_W=Vec3(*wind)),
         delays=Delays(measurement=delay),
         ground=False,
@@ -81,7 +81,7 @@ def test_under_noise_the_tip_is_kept_where_a_tilting_base_does_not():
     found = []
     for options in ({}, {"sideways": 0.9}):
         planned = scenario(ARM, across(2.0, SWINGING), (0.0, 4.0, 0.0), delay=PERIOD, **options)
-        flown = fly(dataclasses.replace(planned, sensors=NOISE))
+        flown = fly(dataclasses.replace(planned, noise=NOISE))
         found.append((flown.mean("tip", 1.0, 4.0), tilt(flown.quaternion[0][flown.time >= 1.0]).max()))
     (tip, most), (level, least) = found
     assert level < 1.0 < 3.0 * level < tip
@@ -109,7 +109,7 @@ def test_a_force_beyond_the_rotors_reach_is_flown_by_tilting(plant, tmp_path):
     text, *_ = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     (tmp_path / "level.toml").write_text(text, "utf-8")
     planned = load_scenario(tmp_path / "level.toml", duration=4.0)
-    log = run(dataclasses.replace(planned, plant=plant, wind=ForceWind(force_W=Vec3(8.0, -9.0, 0.0))))
+    log = run(dataclasses.replace(planned, kind=plant, wind=ForceWind(force_W=Vec3(8.0, -9.0, 0.0))))
     assert log.status == "completed"
     late = log.time >= 3.0
     assert np.linalg.norm((log.position - log.position_reference)[late], axis=1).max() < 1.0

@@ -38,5 +38,5 @@ def test_a_vehicle_that_has_moved_stands_where_it_was_sent(law):
     moved = Ramp(start=0.5, duration=2.0, height=2.0, shape="quintic")
     there = Trajectory(x=moved, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=still)
     law_of = preset(law, start.controller.par.model)
-    log = skyarm.run(dataclasses.replace(start, trajectory=there, controller=law_of, duration=8.0))
+    log = skyarm.run(dataclasses.replace(start, reference=there, controller=law_of, duration=8.0))
     assert np.abs(log.position[-1] - [2.0, 0.0, 1.5]).max() < 1e-4

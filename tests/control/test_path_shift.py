@@ -166,8 +166,8 @@ def test_the_tip_stays_on_a_fast_circle():
     x, y = Sine(amplitude=1.0, frequency_hz=turn, phase=0.5 * np.pi), Sine(amplitude=1.0, frequency_hz=turn)
     motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), x=x, y=y, joints=(Constant(0.0), Constant(0.0)))
     # the law believes what it flies
-    model = Model(vehicle=scenario.world.vehicle, gravity=scenario.world.gravity)
+    model = Model(vehicle=scenario.plant.vehicle, gravity=scenario.plant.gravity)
     windows = Windows(steady=Window(3.0, 5.0), gust=Window(3.0, 5.0), last=2.0)
     controller = preset("centroidal_tip", model)
-    log = skyarm.run(dataclasses.replace(scenario, trajectory=motion, controller=controller, windows=windows))
+    log = skyarm.run(dataclasses.replace(scenario, reference=motion, controller=controller, windows=windows))
     assert skyarm.score(log, [TIP])[TIP] < 0.001

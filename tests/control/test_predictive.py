@@ -253,7 +253,7 @@ def test_known_dry_friction_costs_the_tip_nothing():
     base, off = scenario_from(MOVING), {}
     for coulomb, believed in ((0, 0), (0.02, 0.02), (0.02, 0)):
         law = make_controller("nmpc", Model(vehicle=dry_arm(believed, 0.5)))
-        log = run(dataclasses.replace(base, world=Truth(vehicle=dry_arm(coulomb, 0.5)), controller=law))
+        log = run(dataclasses.replace(base, plant=Truth(vehicle=dry_arm(coulomb, 0.5)), controller=law))
         late = log.time > 2.5
         off[coulomb, believed] = np.sqrt(np.mean(np.sum((log.tool - log.tool_reference)[late] ** 2, axis=1)))
     # 0.113, 0.104 and 0.70 mm
@@ -547,7 +547,7 @@ def test_machine_code_is_made_once_for_a_belief_and_its_options():
 def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(episode):
     flights = Flights(entrant=ENTRANTS["nmpc"], case=CASES["case3_wind_45"], condition=conditions()["noisy"], seed=0)
     scenario = flights.scenario()
-    late = {"trajectory": scenario.trajectory.shifted(-20.0), "duration": 2.5, "episode": episode}
+    late = {"reference": scenario.reference.shifted(-20.0), "duration": 2.5, "episode": episode}
     log = run(dataclasses.replace(scenario, **late))
     assert log.status == "completed"
     # the circle ends after 1 s with a step of 0.3 m
@@ -558,7 +558,7 @@ def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(ep
 def early_case3(controller=None, **changes):
     """Two seconds of Case 3 that begin on the circle."""
     scenario = load_scenario("case3")
-    early = {"duration": 2.0, "trajectory": scenario.trajectory.shifted(-8.0)}
+    early = {"duration": 2.0, "reference": scenario.reference.shifted(-8.0)}
     return dataclasses.replace(scenario, controller=controller or scenario.controller, **(early | changes))
 
 
@@ -579,7 +579,7 @@ def test_it_flies_case_3_nearer_to_the_tip_s_reference_than_the_paper_s_law(plan
 def test_a_known_trajectory_and_a_delayed_measurement_are_made_use_of():
     scenario = early_case3()
     delays = dataclasses.replace(scenario.delays, measurement=4 * DT)
-    options = {"preview": scenario.trajectory, "delay_periods": 4, "every": 4}
+    options = {"preview": scenario.reference, "delay_periods": 4, "every": 4}
     log = run(early_case3(make_controller("nmpc", scenario.controller.par.model, **options), delays=delays))
     assert tool_error(log) < 0.002
 

@@ -146,7 +146,7 @@ def test_a_session_goes_back_to_a_snapshot_of_it():
 @pytest.mark.thorough
 def test_a_plant_that_changes_in_flight_leaves_the_law_its_memory():
     base = skyarm.load_scenario("case3", controller="nmpc", duration=0.3)
-    mass = float(base.world.vehicle.base.mass)
+    mass = float(base.plant.vehicle.base.mass)
     session = skyarm.Session(base)
     for _ in range(30):
         session.step()
@@ -176,7 +176,7 @@ def flight(duration, z=None, joints=STILL, controller=None, **more):
     delay = more["delays"].measurement if "delays" in more else 0.0
     law = controller or make_controller("nmpc", BASE.controller.par.model, delay_periods=round(delay / 0.005))
     window = Windows(steady=Window(0.5 * duration, duration))
-    changed = {"trajectory": trajectory, "duration": duration, "wind": ForceWind(), "windows": window}
+    changed = {"reference": trajectory, "duration": duration, "wind": ForceWind(), "windows": window}
     return skyarm.run(dataclasses.replace(BASE, controller=law, **changed, **more))
 
 
@@ -233,7 +233,7 @@ def test_sensors_that_freeze_for_0_3_s_are_flown_through():
 @pytest.mark.thorough
 @pytest.mark.parametrize("noisy", [False, True])
 def test_it_flies_near_free_fall(noisy):
-    more = {"sensors": NOISE, "delays": Delays(measurement=0.005)} if noisy else {}
+    more = {"noise": NOISE, "delays": Delays(measurement=0.005)} if noisy else {}
     z = Sum((Constant(1.5), Sine(amplitude=0.2, frequency_hz=1.0)))
     log = flight(6.0, z=z, joints=CALM, **more)
     assert log.status == "completed"

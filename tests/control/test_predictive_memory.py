@@ -242,7 +242,7 @@ def test_the_horizon_is_a_time_from_50_ms_to_5_s():
 
 
 def test_the_preview_is_samples_or_a_trajectory():
-    trajectory = load_scenario("case1").trajectory
+    trajectory = load_scenario("case1").reference
     assert make_predictive_controller(MODEL, preview=trajectory).par.preview is trajectory
     assert make_predictive_controller(MODEL, preview="samples").par.preview == "samples"
     for value in ("sample", "", None, 3):

@@ -67,19 +67,19 @@ def test_the_wanted_force_is_held_while_the_tip_slides_and_the_tip_returns(log):
 
 
 def test_the_impact_is_that_of_the_tips_mass(scenario, log):
-    mass = tip_mass(scenario.world.vehicle, (-0.45, -0.9))
+    mass = tip_mass(scenario.plant.vehicle, (-0.45, -0.9))
     assert log.contact_force[log.time < UNTIL].max() < 1.3 * max(WANTED, SPEED * np.sqrt(5000.0 * mass))
 
 
 def test_the_wanted_contact_and_the_thresholds_are_numbers_of_the_scenario(scenario):
     assert number_at(scenario, "reference.push.force.value") == WANTED
     changed = with_numbers(scenario, {"reference.push.normal.2": 0.2, "controller.parts.interaction.touch": 0.4})
-    assert changed.trajectory.at(2.0).push[4] == pytest.approx(0.2 / np.sqrt(1.04))
+    assert changed.reference.at(2.0).push[4] == pytest.approx(0.2 / np.sqrt(1.04))
     assert changed.controller.par.parts.interaction.touch == 0.4
 
 
 def test_a_push_is_kept_with_the_scenario(scenario):
-    assert restore(plain(scenario.trajectory)) == scenario.trajectory
+    assert restore(plain(scenario.reference)) == scenario.reference
 
 
 def test_exported_c_is_told_of_the_push(scenario):
@@ -137,7 +137,7 @@ UP = {"z": [1.5, {"kind": "ramp", "start": 5.0, "duration": 5.0, "height": 0.5, 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_a_hexarotor_slides_up_on_a_rough_wall_by_its_joints_alone(seed, plant):
-    log = skyarm.run(dataclasses.replace(hexarotor(5.0, base=UP, seed=seed), plant=plant))
+    log = skyarm.run(dataclasses.replace(hexarotor(5.0, base=UP, seed=seed), kind=plant))
     force = held(log, 10.0)
     assert (log.status, losses(log, 10.0)) == ("completed", 0)
     assert force.mean() == pytest.approx(5.0, abs=0.05)
@@ -155,7 +155,7 @@ def test_a_hexarotor_with_weak_rotors_holds_the_force(force):
             scenario,
             {
                 f"plant.vehicle.rotors.{i}.thrust_coefficient": 0.9 * float(rotor.thrust_coefficient)
-                for i, rotor in enumerate(scenario.world.vehicle.rotors)
+                for i, rotor in enumerate(scenario.plant.vehicle.rotors)
             },
         )
         log = skyarm.run(weak)

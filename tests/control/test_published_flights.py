@@ -49,7 +49,7 @@ def test_at_rest_on_its_reference_a_law_asks_for_the_hover_trim_of_any_vehicle(l
     joints = tuple(0.3 / (i + 1) for i in range(flown.n))
     trim = hover_trim(flown, joints, 9.81)
     still = (0.0,) * flown.n
-    goal = scenario.trajectory.at(0.0)
+    goal = scenario.reference.at(0.0)
     reading = Measurement(
         time=0.0,
         position=Vec3(0.0, 0.0, 2.0),
@@ -82,10 +82,10 @@ def test_a_law_flies_a_bare_quadrotor_and_a_six_joint_arm(law, vehicle):
 def disturbed(law, *, wind=0.0, com=0.0, load=0.0, seconds=15.0, **options):
     """Base error (m) and joint error (rad) at the end of a hover whose truth has what the belief has not."""
     planned = hovering_scenario(law, ARM, seconds=seconds, **options)
-    vehicle = planned.world.vehicle
+    vehicle = planned.plant.vehicle
     base = dataclasses.replace(vehicle.base, com=Vec3(com, 0.0, 0.0), mass=vehicle.base.mass + load)
-    world = dataclasses.replace(planned.world, vehicle=dataclasses.replace(vehicle, base=base))
-    blown = dataclasses.replace(planned, world=world, wind=ForceWind(force_W=Vec3(wind, 0.0, 0.0)))
+    world = dataclasses.replace(planned.plant, vehicle=dataclasses.replace(vehicle, base=base))
+    blown = dataclasses.replace(planned, plant=world, wind=ForceWind(force_W=Vec3(wind, 0.0, 0.0)))
     state = flown_to_the_end(blown)
     base_error = [float(c[0]) for c in state.position] - np.array([0.0, 0.0, 2.0])
     joints = [float(q[0]) - 0.3 / (i + 1) for i, q in enumerate(state.joints)]

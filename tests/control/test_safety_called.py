@@ -157,7 +157,7 @@ def test_a_called_law_rests_while_the_recovery_flies_and_starts_anew():
         return (memory or 0) + 1, nan(command) if 0.2 <= measurement.time < 0.3 else command
 
     called, calls = counted(dataclasses.replace(inner, law=law, memory=None))
-    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=1.5, initial=None, trajectory=HOVER)
+    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=1.5, initial=None, reference=HOVER)
     run(dataclasses.replace(calm, controller=with_safety_layer(called, {"calm": 0.4})))
     silent = np.diff(calls).max()
     # given up at 0.2 s, calm for 0.4 s and asked again in the period after
@@ -186,7 +186,7 @@ def test_a_measurement_that_is_not_finite_is_not_shown_to_a_called_law():
 
 @pytest.mark.thorough
 def test_a_predictive_law_that_turns_the_vehicle_over_is_replaced_by_the_recovery():
-    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=3.0, initial=None, trajectory=HOVER)
+    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=3.0, initial=None, reference=HOVER)
     law = failing(leaning, 0.1)
     alone, log = (
         run(dataclasses.replace(calm, controller=each))

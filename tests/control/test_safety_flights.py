@@ -72,7 +72,7 @@ def test_an_ordinary_flight_is_not_touched():
 
 def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
     moved = held(x=30.0)
-    state = skyarm.scenario.scenario_record.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     log = Flown(planned(trajectory=moved, duration=14.0, initial=state))
     free = Flown(planned(None, trajectory=moved, duration=14.0, initial=state))
     assert log.status == "completed"
@@ -84,7 +84,7 @@ def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
 
 
 def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
-    truth = planned(None).world
+    truth = planned(None).plant
     world = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
     model = dataclasses.replace(planned(None).controller.par.model, vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     model = dataclasses.replace(model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6))
@@ -111,7 +111,7 @@ def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
         return following, Command(rotor_speeds=command.rotor_speeds, efforts=(0.05, 0.0))
 
     law = dataclasses.replace(inner, law=pushing)
-    world = dataclasses.replace(planned(None).world)
+    world = dataclasses.replace(planned(None).plant)
     world = dataclasses.replace(world, vehicle=world.vehicle.with_joints(lower=-0.4, upper=0.6))
     scenario = planned(None, world=world, trajectory=held(), duration=2.0)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
@@ -208,7 +208,7 @@ def test_an_observer_learns_what_was_really_sent():
         return Sent(command, command), command
 
     watching = dataclasses.replace(inner, law=law, memory=Sent(none, none))
-    state = skyarm.scenario.scenario_record.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = planned(None, trajectory=held(x=0.5), duration=0.1, initial=state)
     carry = Flown(dataclasses.replace(scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0}))).carry
     memory = carry.memory
@@ -228,7 +228,7 @@ def test_an_observer_learns_what_was_really_sent():
 )
 def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options):
     scenario = planned(None, trajectory=held(x=0.5), duration=0.1)
-    state = skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     model = scenario.controller.par.model
     slow = with_safety_layer(make_controller(law, model, **options), {"rotor_slew": 200.0})
     memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.memory
@@ -347,10 +347,10 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
     scenario = skyarm.load_scenario("case1", controller="bulut2019", duration=6.0)
     half = 0.25 * math.pi
     state = dataclasses.replace(
-        skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0)),
+        skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0)),
         quaternion=skyarm.algebra.Quaternion(math.cos(half), 0.0, math.sin(half), 0.0),
     )
-    scenario = dataclasses.replace(scenario, initial=state, trajectory=held())
+    scenario = dataclasses.replace(scenario, initial=state, reference=held())
     assert run(scenario).status == "controller_undefined"
     log = Flown(dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller)))
     assert log.status == "completed"
@@ -359,7 +359,7 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
 
 def test_limits_vary_from_lane_to_lane():
     scenario = planned(trajectory=held(x=3.0), duration=1.5)
-    state = skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = dataclasses.replace(scenario, initial=state)
     outcome = Batch(scenario, ("controller.limits.tilt",)).fly({"controller.limits.tilt": np.array([0.1, 0.6])})
     assert outcome.completed.all()

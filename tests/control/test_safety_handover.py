@@ -124,7 +124,7 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
     made = make_controller(law, base.controller.par.model, **options)
     # tracking joints, the centroidal law does not fly on rotors that are slewed and an arm that does not follow at once
     controller = squeezed(made, math.inf if (law, options) == ("centroidal", {}) else SLEW)
-    scenario = dataclasses.replace(base, trajectory=MOVED, initial=None, controller=controller)
+    scenario = dataclasses.replace(base, reference=MOVED, initial=None, controller=controller)
     log = run(scenario)
     memory = at_release(scenario)
     # a memory may hold programs: names of their own keep it out of what a failing test prints
@@ -151,7 +151,7 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
 def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_sent_is_not_what_it_wished(changed):
     scenario = skyarm.load_scenario("case1", duration=0.05)
     law = make_controller("centroidal", scenario.controller.par.model, mode="tip", adaptation=1.0)
-    reading = reading_of(run(dataclasses.replace(scenario, trajectory=MOVED)))
+    reading = reading_of(run(dataclasses.replace(scenario, reference=MOVED)))
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)
     learned = dataclasses.replace(memory.parts.adaptation, tip_mass=0.01)
@@ -215,7 +215,7 @@ def test_a_memory_is_told_which_actuators_did_something_else(several):
 def test_the_learned_laws_history_is_of_what_was_sent():
     scenario = skyarm.load_scenario("case1", duration=0.05)
     law = make_controller("learned_compensator", scenario.controller.par.model)
-    reading, wanted = reading_of(run(dataclasses.replace(scenario, trajectory=MOVED))), MOVED.at(0.0).dense()
+    reading, wanted = reading_of(run(dataclasses.replace(scenario, reference=MOVED))), MOVED.at(0.0).dense()
     memory, _ = law.law(law.memory, reading, wanted, 0.005, par=law.par)
     for k, effort in enumerate((0.4, 0.1)):
         sent = Command(rotor_speeds=(500.0,) * 4, efforts=(effort, 0.0))

@@ -239,9 +239,9 @@ def test_a_belief_with_another_rotor_has_its_own_mixer():
     scenario = Scenario(
         name="x",
         duration=1.0,
-        world=Truth(vehicle=HEXA),
+        plant=Truth(vehicle=HEXA),
         controller=controller,
-        trajectory=hover((0.0, 0.0, 1.5)),
+        reference=hover((0.0, 0.0, 1.5)),
         ground=False,
     )
     path = "model.vehicle.rotors.0.thrust_coefficient"

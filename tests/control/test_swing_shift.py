@@ -79,10 +79,10 @@ def swung(**options):
     scenario = skyarm.load_scenario("case3", duration=6.0)
     joints = tuple(Sine(amplitude=0.5, frequency_hz=1.0, phase=phase) for phase in (0.0, 0.9))
     motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), joints=joints)
-    model = Model(vehicle=scenario.world.vehicle, gravity=scenario.world.gravity)
+    model = Model(vehicle=scenario.plant.vehicle, gravity=scenario.plant.gravity)
     controller = preset("centroidal_tip", model, options)
     scenario = dataclasses.replace(
-        scenario, trajectory=motion, controller=controller, wind=ForceWind(force_W=Vec3(0.0, 2.0, 0.0))
+        scenario, reference=motion, controller=controller, wind=ForceWind(force_W=Vec3(0.0, 2.0, 0.0))
     )
     windows = Windows(steady=Window(4.0, 6.0), gust=Window(4.0, 6.0), last=2.0)
     log = skyarm.run(dataclasses.replace(scenario, windows=windows))

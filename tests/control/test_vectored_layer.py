@@ -254,9 +254,9 @@ def scenario(vehicle, trajectory, duration, *, truth=None, delay=0.0, wind=(0.0,
     return Scenario(
         name="vectored",
         duration=duration,
-        world=Truth(vehicle=truth or vehicle),
+        plant=Truth(vehicle=truth or vehicle),
         controller=with_safety_layer(law) if guarded else law,
-        trajectory=trajectory,
+        reference=trajectory,
         wind=ForceWind(force_W=wind),
         delays=Delays(measurement=delay),
         ground=False,
@@ -299,7 +299,7 @@ def test_logged_angles_follow_their_commands_as_the_servos_do():
 
 def test_a_linearisation_holds_the_rotors_at_rest_or_says_that_it_cannot():
     plain = scenario(BARE, across(1.5), 1.0, sideways=0.0)
-    assert nominal(plain).world.vehicle.tilts == ()
+    assert nominal(plain).plant.vehicle.tilts == ()
     with pytest.raises(skyarm.ScenarioError, match="must be left out of margins"):
         nominal(scenario(BARE, across(1.5), 1.0))
 
@@ -310,7 +310,7 @@ SWINGING = tuple(Sine(amplitude=0.3, frequency_hz=0.4, phase=0.6 * i) for i in r
 @pytest.mark.thorough
 def test_with_its_arm_swinging_the_tip_is_kept_level_and_within_a_millimetre():
     for plant in ("rigid_body", "mujoco"):
-        log = run(dataclasses.replace(scenario(VOLIRO, across(3.0, SWINGING), 5.0), plant=plant))
+        log = run(dataclasses.replace(scenario(VOLIRO, across(3.0, SWINGING), 5.0), kind=plant))
         late = log.time >= 0.5
         assert tilt(log)[late].max() < 0.1
         assert errors(log, "tip")[late].max() < 0.5
@@ -323,7 +323,7 @@ def test_servos_of_another_lag_than_believed_cost_little(seconds):
         dataclasses.replace(r, tilt=dataclasses.replace(r.tilt, time_constant=seconds)) for r in VOLIRO.rotors
     )
     flown = scenario(VOLIRO, across(1.5, SWINGING), 4.0, truth=dataclasses.replace(VOLIRO, rotors=rotors), delay=0.005)
-    log = run(dataclasses.replace(flown, sensors=NOISE))
+    log = run(dataclasses.replace(flown, noise=NOISE))
     late = log.time >= 0.5
     assert tilt(log)[late].max() < 2.0
     assert errors(log, "tip")[late].mean() < 1.5

@@ -90,7 +90,7 @@ def test_a_law_that_is_told_no_number_may_answer_with_none(told):
     scenario = load_scenario("case1")
     controller = dataclasses.replace(scenario.controller, law=law, memory=())
     seen = measurement_of(first_state(scenario), Vec3(0.0, 0.0, 9.81))
-    wanted = scenario.trajectory.at(0.0)
+    wanted = scenario.reference.at(0.0)
     lost = Vec3(0.0, 0.0, math.nan)
     try_law(controller, 0.005, seen, (wanted,) * 20)
     blind = dataclasses.replace(seen, position=lost) if told == "measurement" else seen

@@ -91,7 +91,7 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
                 result = Result(
                     state=session.state,
                     reference=session.reference,
-                    vehicle=session.scenario.world.vehicle,
+                    vehicle=session.scenario.plant.vehicle,
                     action=tuple(a),
                     action_before=before[lane],
                     command=skyarm.Command(),
@@ -259,7 +259,7 @@ class Gate(skyarm.Ending):
 def test_endings_look_at_the_reference_of_the_next_period_and_after_the_last_at_its_own(line, ended):
     """As a session does: the reference is at 0.04 m in the last of five periods, and at 0.05 after it."""
     moving = dataclasses.replace(skyarm.hover([0.0, 0.0, 1.0]), x=skyarm.Ramp(height=1.0, duration=1.0, start=0.0))
-    planned = dataclasses.replace(bare()["scenario"], trajectory=moving, duration=0.05, endings=(Gate(x=line),))
+    planned = dataclasses.replace(bare()["scenario"], reference=moving, duration=0.05, endings=(Gate(x=line),))
     one = Environment(**bare(scenario=planned))
     one.reset(seed=0)
     flags = [one.step(np.zeros(4))[2:4] for _ in range(4 if ended else 5)]
@@ -281,7 +281,7 @@ def test_numbers_are_drawn_as_a_sweep_draws_them_and_the_stiffest_sets_the_steps
     for k, (seed, episode) in enumerate(zip(seeds.tolist(), episodes.tolist(), strict=True)):
         study = Study(name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={})
         assert drawn_here[:, k].tolist() == [float(column[0]) for column in values(study, [episode]).values()]
-    assert float(found.stiffest.world.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)
+    assert float(found.stiffest.plant.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)
 
 
 def test_a_lane_is_told_its_own_ending():

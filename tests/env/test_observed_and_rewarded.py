@@ -83,7 +83,7 @@ def test_observed_quantities_are_what_they_say(planned):
 
 
 def test_reward_terms_are_what_they_say(planned):
-    vehicle = planned.world.vehicle
+    vehicle = planned.plant.vehicle
     state = skyarm.State(**{name: getattr(SIGHTED, name) for name in skyarm.State.__dataclass_fields__})
     command = skyarm.Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0))
     tip, base = np.linalg.norm(of_tip(vehicle)), np.linalg.norm(ERROR)

@@ -257,7 +257,7 @@ def test_the_push_that_the_model_lacks_is_found():
     wind = {"mode": "force_wind", "force": [1.0, 0.0, 0.0]}
     scenario = estimated(duration=3.0, environment__wind=wind, estimator__force="modelled", estimator__push_walk=0.1)
     memory = flown(scenario, 2.5)
-    mass = sum(b.mass for b in (scenario.world.vehicle.base, *(link.body for link in scenario.world.vehicle.links)))
+    mass = sum(b.mass for b in (scenario.plant.vehicle.base, *(link.body for link in scenario.plant.vehicle.links)))
     assert memory.belief.push.x * mass == pytest.approx(1.0, abs=0.25)
 
 
@@ -336,7 +336,7 @@ def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_mode
 
 def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
     scenario = estimated(estimator__force="modelled")
-    memory = scenario.estimator.start(scenario.world.vehicle)
+    memory = scenario.estimator.start(scenario.plant.vehicle)
     reading = dataclasses.replace(memory.inertial[0], rate=skyarm.Vec3(0.3, -1.0, 2.0))
     belief = dataclasses.replace(memory.belief, push=skyarm.Vec3(1.0, 2.0, -3.0))
     found = scenario.estimator.added_variances(belief, reading, PERIOD)
@@ -350,7 +350,7 @@ def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
 def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():
     """Through the plant's loads and its accelerations, with joint efforts, rates and hub drag; its wind is still."""
     scenario = estimated()
-    world = scenario.world
+    world = scenario.plant
     state = dataclasses.replace(tumbling(world.vehicle), rotor_speeds=(480.0, 500.0, 470.0, 510.0))
     efforts = (0.11, -0.07)
     around = first_surroundings(scenario, first_loop_state(scenario))

@@ -299,7 +299,7 @@ def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pyte
     class Asked:
         def __init__(self, scenario: Any, paths: Any, metrics: Any, stiffest: Any, effort: int) -> None:
             self.base = dict.fromkeys(paths, 0.0)
-            self.made = (tuple(paths), friction_rate(stiffest.world.vehicle), effort)
+            self.made = (tuple(paths), friction_rate(stiffest.plant.vehicle), effort)
 
         def values(self, columns: Any, threads: int) -> Any:
             told.append(self.made)

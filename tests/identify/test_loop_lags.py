@@ -38,10 +38,10 @@ DELAY, SLOWER, DRIVE = 0.012, 1.5, 0.02
 def flown():
     """Two noisy seconds of a vehicle whose commands are late and whose motors and drives are slow."""
     base = excited(of_vehicle(VEHICLE, "paper_ct"))
-    plant = dataclasses.replace(base.world, vehicle=with_slower_motors(VEHICLE, SLOWER))
+    plant = dataclasses.replace(base.plant, vehicle=with_slower_motors(VEHICLE, SLOWER))
     delays = skyarm.Delays(measurement=PERIOD, command=DELAY)
     return skyarm.run(
-        dataclasses.replace(base, duration=2.0, world=plant, drives=lagging_drives(VEHICLE, DRIVE), delays=delays)
+        dataclasses.replace(base, duration=2.0, plant=plant, drives=lagging_drives(VEHICLE, DRIVE), delays=delays)
     )
 
 

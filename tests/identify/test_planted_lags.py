@@ -44,7 +44,7 @@ def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
         seed=23,
         drives=lagging_drives(believed, drive),
         delays=skyarm.Delays(measurement=0.005, command=late),
-        world=dataclasses.replace(base.world, vehicle=with_slower_motors(believed, slower)),
+        plant=dataclasses.replace(base.plant, vehicle=with_slower_motors(believed, slower)),
     )
     log = as_measured(scenario)
     assert log.time[-1] > 2.0  # the hexarotor with all of it is lost after 2.2 s, and has told by then

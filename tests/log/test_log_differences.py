@@ -125,9 +125,9 @@ def test_flights_of_other_vehicles_say_what_only_one_has() -> None:
     scenario = skyarm.load_scenario("case1", duration=0.2)
     other = dataclasses.replace(
         scenario,
-        world=dataclasses.replace(scenario.world, vehicle=bare),
+        plant=dataclasses.replace(scenario.plant, vehicle=bare),
         controller=skyarm.make_controller("decoupled_pd", skyarm.Model(vehicle=bare)),
-        trajectory=dataclasses.replace(scenario.trajectory, joints=()),
+        reference=dataclasses.replace(scenario.reference, joints=()),
     )
     found = log_differences(skyarm.run(scenario), skyarm.run(other))
     assert "joint_1" in found.unmatched
@@ -143,7 +143,7 @@ def test_scenarios_differ_by_the_sweeps_paths() -> None:
     found = scenario_differences(*logs)
     own = float(scenario.controller.par.gains.position.x)
     assert found == {
-        "plant.gravity": (float(scenario.world.gravity), 9.7),
+        "plant.gravity": (float(scenario.plant.gravity), 9.7),
         "controller.gains.position.x": (own, 9.0),
         "seed": (0, 4),
     }

@@ -67,7 +67,7 @@ def sensing(plant: str = "rigid_body", seconds: float = 0.3) -> skyarm.Scenario:
     )  # fmt: skip
     own = {"fix": Fix(rate=20.0, delay=0.01), "altimeter": Altimeter(), "camera": Camera()}
     named = tuple(NamedSensor(name=name, sensor=sensor) for name, sensor in own.items())
-    return dataclasses.replace(scenario, instruments=(*scenario.instruments, *named))
+    return dataclasses.replace(scenario, sensors=(*scenario.sensors, *named))
 
 
 @cache
@@ -158,7 +158,7 @@ def test_without_sensors_or_estimator_nothing_is_added_and_measured_is_what_the_
     assert "received" not in log.info
     assert not [name for name in log.arrays() if "." in name]
     late = dataclasses.replace(
-        scenario, sensors=SensorNoise(position=0.01, joints=0.01), delays=Delays(measurement=0.015)
+        scenario, noise=SensorNoise(position=0.01, joints=0.01), delays=Delays(measurement=0.015)
     )
     session = skyarm.Session(late)
     given = []
@@ -173,7 +173,7 @@ def test_without_sensors_or_estimator_nothing_is_added_and_measured_is_what_the_
 
 
 def test_the_full_states_reading_stands_beside_an_estimate_where_it_is_not_the_truth():
-    noisy = dataclasses.replace(sensing(), sensors=SensorNoise(position=0.01))
+    noisy = dataclasses.replace(sensing(), noise=SensorNoise(position=0.01))
     log = run_in_python(dataclasses.replace(noisy, duration=0.05))
     state = log.readings["state"]
     assert 0.0 < np.abs(state["position"] - log.position).max() < 0.06
@@ -301,7 +301,7 @@ def test_messages_are_those_of_ros_at_the_instants_at_which_readings_arrive(tmp_
         assert {(each.header.frame_id, each.orientation_covariance[0]) for each in imu} == {("base_link", -1.0)}
         wrench = found["/sensors/wrist"][2]
         assert [each.wrench.force.x for each in wrench] == log.readings["wrist"]["force"][:, 0].tolist()
-        assert {each.header.frame_id for each in wrench} == {sensing().world.vehicle.end_effector}
+        assert {each.header.frame_id for each in wrench} == {sensing().plant.vehicle.end_effector}
         camera = found["/sensors/camera"][2]
         assert camera[0].name == ["place_x", "place_y", "place_z", "sharp"]
         assert camera[1].value[3] == log.readings["camera"]["sharp"][11]
@@ -322,7 +322,7 @@ def test_a_sensor_that_reads_nothing_of_a_vehicle_has_no_messages(tmp_path):
     made = {"schema": 1, "name": "bare", "duration": 0.05, "plant": vehicle, "reference": {"base": base}}
     scenario = skyarm.scenario_from(made | {"controller": {"preset": "centroidal_joint"}})
     named = NamedSensor(name="encoders", sensor=Encoders())
-    log = skyarm.run(dataclasses.replace(scenario, instruments=(named,)))
+    log = skyarm.run(dataclasses.replace(scenario, sensors=(named,)))
     assert list(log.readings["encoders"]) == ["time"]
     assert log.measured_joints.shape == (10, 0)
     for suffix in ("mcap", "npz"):

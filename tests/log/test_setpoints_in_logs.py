@@ -74,9 +74,9 @@ def test_layouts_plot_setpoints_by_their_unit():
 
 def test_torques_that_are_not_known_are_no_metrics():
     scenario = load_scenario(Path(SERVOS).parent / "servo_flight.toml")
-    assert scenario.told == (True, True)
+    assert scenario.commands_setpoints == (True, True)
     assert [unit is not None for unit in names_of(mixed()).setpoints] == [True, False]
-    assert not [name for name in metric_names(["all"], 2, scenario.told) if name.startswith("tau")]
+    assert not [name for name in metric_names(["all"], 2, scenario.commands_setpoints) if name.startswith("tau")]
     assert [name for name in metric_names(["effort"], 2, (True, False)) if "tau" in name] == ["tau2_rms"]
     with pytest.raises(ValueError, match="'tau1_rms': must be left out: joint 1 is told setpoints"):
         metric_names(["tau1_rms"], 2, (True, False))

@@ -101,7 +101,7 @@ def test_a_hinge_is_where_the_mechanism_turns_about():
 def test_a_handle_on_a_wrong_arc_is_turned_in_flight(name, away):
     """The hinge is 6 % further than is believed: 1 N of radial force in the mean, 5 N at most, 10 degrees behind."""
     scenario = skyarm.load_scenario(name)
-    what = scenario.contacts[0].mechanisms[0].name
+    what = scenario.worlds[0].mechanisms[0].name
     values = {f"world.mechanisms.{what}.position.{i}": value for i, value in enumerate(away) if value}
     log = skyarm.run(with_numbers(scenario, values))
     found = score(log, ("contact",))

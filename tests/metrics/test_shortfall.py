@@ -99,7 +99,7 @@ def test_a_command_that_is_no_number_counts(hover):
 
 def test_what_has_no_limit_is_never_at_it(hover):
     info = copy.deepcopy(hover.info)
-    for link in info["scenario_record"]["world"]["vehicle"]["links"]:
+    for link in info["scenario_record"]["agent"]["plant"]["vehicle"]["links"]:
         link["joint"]["effort_limit"] = "inf"
     assert changed(hover, info=info, efforts=1e9 + hover.efforts).shortfall.saturation is None
 

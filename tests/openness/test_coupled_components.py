@@ -56,7 +56,7 @@ def test_momentum_of_both_is_what_thrust_and_weight_give_on_both_plants(swinging
     """Both plants, at their own steps (5 ms of RK4; 1 ms of its stages), and floats beside machine code."""
     ours = skyarm.run(swinging)
     slow = run_in_python(swinging)
-    theirs = skyarm.run(dataclasses.replace(swinging, plant="mujoco"))
+    theirs = skyarm.run(dataclasses.replace(swinging, kind="mujoco"))
     free = skyarm.run(dataclasses.replace(swinging, forces=()))
     assert np.array_equal(slow.position, ours.position)
     assert np.abs(theirs.position - ours.position).max() < 1e-6

@@ -144,7 +144,7 @@ def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.M
 
 def test_the_assumed_damping_is_that_of_the_table_and_needs_no_flight() -> None:
     plain = scenario(Flight("case2", "CT", "rigid_body"))
-    assert [float(link.joint.damping) for link in plain.world.vehicle.links] == [0.001, 0.001]
+    assert [float(link.joint.damping) for link in plain.plant.vehicle.links] == [0.001, 0.001]
     assert variation("joint_damping", "0.001").change is None
     assert all(variation("joint_damping", f"{d:g}").change is not None for d in DAMPINGS if d != 0.001)
 
@@ -158,15 +158,15 @@ def test_a_varied_job_is_the_changed_scenario_measured() -> None:
 
 def test_damping_of_the_first_joint_leaves_the_second() -> None:
     varied = damped_first_joint(scenario(Flight("case2", "CT", "rigid_body")))
-    assert [float(link.joint.damping) for link in varied.world.vehicle.links] == [0.05, 0.001]
+    assert [float(link.joint.damping) for link in varied.plant.vehicle.links] == [0.05, 0.001]
 
 
 def test_damping_changes_the_truth_and_not_the_belief() -> None:
     plain = scenario(Flight("case2", "CT", "rigid_body"))
     varied = with_damping(plain, 0.05)
-    assert [float(link.joint.damping) for link in varied.world.vehicle.links] == [0.05, 0.05]
+    assert [float(link.joint.damping) for link in varied.plant.vehicle.links] == [0.05, 0.05]
     assert varied.controller is plain.controller
-    assert varied.trajectory is plain.trajectory
+    assert varied.reference is plain.reference
 
 
 def test_latency_is_three_physics_steps() -> None:
@@ -178,16 +178,16 @@ def test_other_ramps_have_the_heights_and_times_of_the_linear_ones() -> None:
     smooth, stepped = reshaped_ramps(plain, "quintic"), reshaped_ramps(plain, "step")
     times = np.array([0.0, 6.0, 7.0, 11.9, 12.0, 13.0, 14.0, 18.0, 19.0, 20.0, 25.0])
     for t in times:
-        a, b = plain.trajectory.at(float(t)), smooth.trajectory.at(float(t))
+        a, b = plain.reference.at(float(t)), smooth.reference.at(float(t))
         assert [float(q) for q in a.joints] == pytest.approx([float(q) for q in b.joints], abs=1e-12), t
     # a quarter of the way: 10/64 - 15/256 + 6/1024 of the height; a step is there at once
-    assert float(smooth.trajectory.at(6.25).joints[0]) == pytest.approx(0.3 * (10 / 64 - 15 / 256 + 6 / 1024))
-    assert float(plain.trajectory.at(6.25).joints[0]) == pytest.approx(0.3 * 0.25)
+    assert float(smooth.reference.at(6.25).joints[0]) == pytest.approx(0.3 * (10 / 64 - 15 / 256 + 6 / 1024))
+    assert float(plain.reference.at(6.25).joints[0]) == pytest.approx(0.3 * 0.25)
     for t, height in ((5.99, 0.0), (6.02, 0.3), (11.99, 0.3), (12.02, 0.0), (13.02, -0.3), (18.99, -0.3), (19.02, 0.0)):
-        assert float(stepped.trajectory.at(t).joints[0]) == pytest.approx(height, abs=1e-12), t
+        assert float(stepped.reference.at(t).joints[0]) == pytest.approx(height, abs=1e-12), t
     linear = sequence(6.0, ((1.0, 0.3), (5.0, 0.3), (1.0, 0.0), (1.0, -0.3), (5.0, -0.3), (1.0, 0.0)))
     for t in np.arange(0.0, 30.0, 0.05):
-        assert float(plain.trajectory.at(float(t)).joints[0]) == pytest.approx(
+        assert float(plain.reference.at(float(t)).joints[0]) == pytest.approx(
             float(linear.derivatives(float(t))[0]), abs=1e-12
         )
 

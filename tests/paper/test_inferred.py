@@ -87,15 +87,15 @@ def test_the_settings_reach_every_flight() -> None:
     for case, law in (("case2", "CT"), ("case3", "PD"), ("case1", "PD"), ("case3_wind", "CT")):
         planned = inferred_scenario(Flight(case, law, "mujoco"), found)
         believed = planned.controller.par
-        assert planned.plant == "mujoco"
-        assert planned.world.vehicle.links[0].joint.damping == found["friction_1"]
-        assert planned.world.vehicle.links[1].joint.damping == 0.001
+        assert planned.kind == "mujoco"
+        assert planned.plant.vehicle.links[0].joint.damping == found["friction_1"]
+        assert planned.plant.vehicle.links[1].joint.damping == 0.001
         assert believed.friction_compensation == ((1.0, 1.0) if law == "CT" else (0.0, 0.0))
         assert (planned.delays.rotors, planned.delays.joints) == (found["rotors_late"], 0)
         assert planned.delays.longest_command is None
         joined = {"case1 PD": "pd_joins_case1", "case2 CT": "ct_joins", "case3 PD": "pd_joins"}.get(f"{case} {law}")
-        assert planned.joined == (found[joined] if joined else 0)
-    case1 = inferred_scenario(Flight("case1", "PD", "rigid_body"), found).trajectory.joints[0]
+        assert planned.tracking_start == (found[joined] if joined else 0)
+    case1 = inferred_scenario(Flight("case1", "PD", "rigid_body"), found).reference.joints[0]
     at = [case1.derivatives(t)[0] for t in (0.0, 0.02, found["pd_joins_case1"] + 5.98, found["pd_joins_case1"] + 6.0)]
     assert at == pytest.approx([0.0, 0.3, 0.3, 0.0])
     # a step is published with the rate of a hold

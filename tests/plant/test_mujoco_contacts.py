@@ -337,11 +337,11 @@ def test_what_it_cannot_do_is_refused_in_one_line():
     load = TimedPayload(name="load", mass=0.1, inertia=(1e-4,) * 3, pick=0.5)
     stuck = Fault(joint=BIRD.links[0].joint.name, stuck=True, start=0.1)
     cases = (
-        ({"contact": None}, "plant.kind = 'mujoco_contacts': must be 'rigid_body' or 'mujoco' without a [world]"),
+        ({"world": None}, "plant.kind = 'mujoco_contacts': must be 'rigid_body' or 'mujoco' without a [world]"),
         ({"integrator": "rk4"}, "plant.integrator = 'rk4': must be 'euler' of plant.kind = 'mujoco_contacts'"),
-        ({"contact": Contact(surfaces=(hole,))}, "with a hole ('h')"),
-        ({"contact": Contact(mechanisms=(part,))}, "with a hole ('h')"),
-        ({"world": dataclasses.replace(ours.world, vehicle=coupled)}, "whose joints follow others"),
+        ({"world": Contact(surfaces=(hole,))}, "with a hole ('h')"),
+        ({"world": Contact(mechanisms=(part,))}, "with a hole ('h')"),
+        ({"plant": dataclasses.replace(ours.plant, vehicle=coupled)}, "whose joints follow others"),
         ({"payloads": (load,)}, "with [[payloads]]"),
         ({"faults": (stuck,)}, "with a joint that gets stuck"),
     )

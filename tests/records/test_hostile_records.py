@@ -61,7 +61,7 @@ def scenarios() -> dict[str, Callable[[], skyarm.Scenario]]:
     wall = skyarm.Surface(name="wall", shape="box", size=(0.1, 1.0, 1.0), position=(2.0, 0.0, 0.0))
     points = (skyarm.ContactPoint(name="skid", body="base", position=(0.0, 0.0, -0.1), radius=0.01),)
     found["contact"] = lambda: dataclasses.replace(
-        base(), contact=skyarm.Contact(surfaces=(wall, skyarm.Surface(name="ground")), points=points, rotor_radius=0.1)
+        base(), world=skyarm.Contact(surfaces=(wall, skyarm.Surface(name="ground")), points=points, rotor_radius=0.1)
     )
     for law in LAWS:
         found[law] = functools.partial(skyarm.load_scenario, "case1", duration=SECONDS, controller=law)
@@ -87,11 +87,11 @@ def places_of(name: str) -> tuple[Place, ...]:
     scenario, found = MADE[name](), {}
     for place in places(scenario):
         owner = functools.reduce(step, place[:-1], scenario)
-        if name not in LAWS or place[:2] == ("controller", "par"):
+        if name not in LAWS or place[:3] == ("agent", "controller", "par"):
             found.setdefault((type(owner), place[-1], place[0]), place)
     # a first memory is made by the law, and functions are laws of one's own: neither is a record that users give
-    own = (("controller", "memory"), ("controller", "law"), ("controller", "margin"))
-    return tuple(place for place in found.values() if place[:2] not in own)
+    own = tuple(("agent", "controller", field) for field in ("memory", "law", "margin"))
+    return tuple(place for place in found.values() if place[:3] not in own)
 
 
 def step(record: Any, name: str) -> Any:
@@ -278,7 +278,7 @@ CALLS: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     "load_scenario": (skyarm.load_scenario, ("case1",)),
     "load_vehicle": (skyarm.load_vehicle, ("hummingbird",)),
     "with_payload": (lambda mass: skyarm.load_vehicle("hummingbird_arm2").with_payload(mass), (0.1,)),
-    "Payload": (lambda mass: skyarm.Payload(mass=mass).held_by(MADE["case1"]().world.vehicle), (0.1,)),
+    "Payload": (lambda mass: skyarm.Payload(mass=mass).held_by(MADE["case1"]().plant.vehicle), (0.1,)),
 }
 
 

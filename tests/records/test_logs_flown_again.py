@@ -72,7 +72,7 @@ def test_so_is_a_guarded_law_traced_or_called(law: str, tmp_path: Path) -> None:
 def test_keywords_replace_what_the_log_says(tmp_path: Path) -> None:
     _, path = logged(skyarm.load_scenario("case1", duration=0.05), tmp_path)
     changed = skyarm.load_scenario(path, plant="mujoco", controller="indi", seed=7, duration=0.1)
-    assert (changed.plant, changed.controller.name, changed.seed, changed.duration) == ("mujoco", "indi", 7, 0.1)
+    assert (changed.kind, changed.controller.name, changed.seed, changed.duration) == ("mujoco", "indi", 7, 0.1)
     for keywords, field in (({"plant": "tank"}, "plant.kind = 'tank'"), ({"controller": "lqr"}, "controller = 'lqr'")):
         with pytest.raises(ScenarioError, match=rf"^{path}: .*{field}"):
             skyarm.load_scenario(path, **keywords)
@@ -133,7 +133,7 @@ def test_a_plant_that_only_a_plugin_has_names_the_plugin(tmp_path: Path) -> None
     (tmp_path / "breath.py").write_text(PLUGIN)
     with registry_kept():
         load_plugin(tmp_path / "breath.py")
-        _, path = logged(dataclasses.replace(skyarm.load_scenario("case1", duration=0.05), plant="tank"), tmp_path)
+        _, path = logged(dataclasses.replace(skyarm.load_scenario("case1", duration=0.05), kind="tank"), tmp_path)
     refused(path, "plant.kind = 'tank'")
     refused(path, "it was flown with the plugins breath.py")
 
@@ -203,16 +203,16 @@ def test_the_law_that_is_replaced_is_not_asked_for(tmp_path: Path) -> None:
     for named in ("paper_pd", "indi"):
         again = skyarm.load_scenario(path, controller=named)
         assert again.controller.par.model == believed
-        assert again.world == planned.world
+        assert again.plant == planned.plant
     file.write_text(OWN_LAW.replace("470.0", "480.0"))
     load_plugin(file)
     assert skyarm.load_scenario(path, controller="paper_pd").controller.name == "decoupled_pd"
     with registry_kept():
         (tmp_path / "breath.py").write_text(PLUGIN)
         load_plugin(tmp_path / "breath.py")
-        _, path = logged(dataclasses.replace(planned, plant="tank", name="of_a_tank"), tmp_path)
+        _, path = logged(dataclasses.replace(planned, kind="tank", name="of_a_tank"), tmp_path)
     refused(path, "plant.kind = 'tank'")
-    assert skyarm.load_scenario(path, plant="mujoco").plant == "mujoco"
+    assert skyarm.load_scenario(path, plant="mujoco").kind == "mujoco"
     with pytest.raises(ScenarioError, match=r"plant\.kind = 'tank'.*it was flown with the plugins breath\.py"):
         skyarm.load_scenario(path, controller="paper_pd")
 
@@ -222,7 +222,7 @@ def test_a_forged_log_whose_law_is_replaced_is_refused_in_one_line(change: dict[
     _, path = logged(skyarm.load_scenario("case1", duration=0.05), tmp_path)
 
     def forged(info: dict[str, Any]) -> None:
-        info["scenario_record"].update(change)
+        (info["scenario_record"] if "rates" in change else info["scenario_record"]["agent"]).update(change)
         info["digest"] = digest(info["scenario_record"])
 
     changed(path, forged)
@@ -264,7 +264,7 @@ def older(info: dict[str, Any]) -> None:
 DAMAGE: dict[str, Callable[[dict[str, Any]], Any]] = {
     "a log from before": older,
     "a log without it": lambda info: info.pop("scenario_record"),
-    "another number": lambda info: info["scenario_record"]["world"].update(gravity=1.62),
+    "another number": lambda info: info["scenario_record"]["agent"]["plant"].update(gravity=1.62),
     "another digest": lambda info: info.update(digest="0"),
     "no digest": lambda info: info.pop("digest"),
     "text": lambda info: info.update(scenario_record="case1"),

@@ -250,8 +250,8 @@ def test_own_code_is_found_wherever_it_stands(thing: object) -> None:
 def test_a_plant_of_ones_own_is_found_by_its_name() -> None:
     scenario = dataclasses.replace(skyarm.load_scenario("case1"))
     skyarm.register.plant("push_plant")(Mine)
-    assert own_files(dataclasses.replace(scenario, plant="push_plant")) == HERE
-    assert own_files(dataclasses.replace(scenario, plant="mujoco")) == {}
+    assert own_files(dataclasses.replace(scenario, kind="push_plant")) == HERE
+    assert own_files(dataclasses.replace(scenario, kind="mujoco")) == {}
 
 
 def test_a_plugin_brings_the_modules_of_its_folder_that_it_imported(

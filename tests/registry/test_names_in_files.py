@@ -59,11 +59,11 @@ def test_tables_of_registered_names_are_the_records_they_describe(plugin):
     scenario = described()
     assert scenario.air == (own.Turbulence(sigma=0.5), own.Shear())
     assert scenario.forces == (own.Tether(anchor=Vec3(0.3, 0.2, 1.5), body=1, stiffness=0.25),)
-    assert scenario.instruments == (NamedSensor(name="fix", sensor=own.Fix(rate=20.0, delay=0.01, sigma=0.01)),)
+    assert scenario.sensors == (NamedSensor(name="fix", sensor=own.Fix(rate=20.0, delay=0.01, sigma=0.01)),)
     assert scenario.estimator == own.Blend(gain=0.05, sensor="fix")
     assert scenario.drives == (JointDrive(joint="joint2", drive=own.Lag(lag=0.01)),)
     assert scenario.endings == (own.Ceiling(height=5.0),)
-    assert scenario.sensors.position == 0.001
+    assert scenario.noise.position == 0.001
     log = run(scenario)
     assert log.status == "completed"
     assert same_logs(log, run_in_python(scenario))
@@ -74,8 +74,8 @@ def test_laws_motions_and_plants_have_their_names_in_files_too(plugin):
     load_plugin(plugin)
     base = {"kind": "own_motion", "height": 1.5}
     scenario = described(controller={"law": "own_law"}, reference__base=base, plant__kind="own_plant")
-    assert (scenario.controller.name, scenario.plant) == ("own_law", "own_plant")
-    assert scenario.trajectory.at(0.0).position.z == 1.5
+    assert (scenario.controller.name, scenario.kind) == ("own_law", "own_plant")
+    assert scenario.reference.at(0.0).position.z == 1.5
     log = run(scenario)
     assert log.status == "completed"
     assert log.position[0, 2] == pytest.approx(1.5)

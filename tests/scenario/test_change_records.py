@@ -44,7 +44,7 @@ def changing(*changes: Any, **more: Any) -> Scenario:
 
 
 def mass_of(scenario: Scenario) -> float:
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     return float(vehicle.base.mass + sum(link.body.mass for link in vehicle.links))
 
 
@@ -114,7 +114,7 @@ def test_a_list_of_changes_is_a_list_and_the_wrong_one_is_named() -> None:
 def test_sensors_whose_readings_are_on_their_way_keep_their_clocks() -> None:
 
     fix = NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01))
-    scenario = dataclasses.replace(scenario_from(BASE), instruments=(fix,))
+    scenario = dataclasses.replace(scenario_from(BASE), sensors=(fix,))
     louder = dataclasses.replace(scenario, changes=(Change(at=0.1, path="sensors.fix.sigma", value=0.1),))
     require_changes(louder)
     for path, value in (("sensors.fix.rate", 50.0), ("sensors.fix.delay", 0.02)):
@@ -191,7 +191,7 @@ def test_at_one_instant_the_order_is_the_files() -> None:
 def test_of_one_number_under_two_names_the_latest_change_holds() -> None:
     every, one = "plant.joints.damping", "plant.vehicle.links.0.joint.damping"
     scenario = changing(at(0.1, every, 0.01), at(0.2, one, 0.02), at(0.3, every, 0.03))
-    found = [overrides_at(scenario, tick).of(scenario).world.vehicle.links for tick in (20, 40, 60)]
+    found = [overrides_at(scenario, tick).of(scenario).plant.vehicle.links for tick in (20, 40, 60)]
     assert [[link.joint.damping for link in links] for links in found] == [[0.01, 0.01], [0.02, 0.01], [0.03, 0.03]]
 
 

@@ -35,11 +35,11 @@ def test_a_preset_flies_rotors_without_priorities_and_says_so(preset):
     scenario = skyarm.scenario_from(HOVER)
     law = make_centroidal(Model(vehicle=PUSHED), preset=preset)
     assert law.par.mixer.policy == "clip"
-    world = dataclasses.replace(scenario.world, vehicle=PUSHED)
+    world = dataclasses.replace(scenario.plant, vehicle=PUSHED)
     initial = dataclasses.replace(scenario.initial, rotor_speeds=(400.0,) * 5) if scenario.initial else None
     (line,) = [
         each
-        for each in unlikely_numbers(dataclasses.replace(scenario, world=world, controller=law, initial=initial))
+        for each in unlikely_numbers(dataclasses.replace(scenario, plant=world, controller=law, initial=initial))
         if each.startswith("controller")
     ]
     assert "has no yaw_slack" in line
@@ -65,7 +65,7 @@ def lines(law):
     trajectory = hover((0.0, 0.0, 2.0), joints=(0.0,) * law.par.model.vehicle.n)
     world = Truth(vehicle=law.par.model.vehicle)
     return list(
-        law_without_priorities(Scenario(name="hover", duration=0.1, world=world, controller=law, trajectory=trajectory))
+        law_without_priorities(Scenario(name="hover", duration=0.1, plant=world, controller=law, reference=trajectory))
     )
 
 

@@ -44,7 +44,7 @@ REST = Trajectory(z=Constant(2.0), joints=(Constant(0.0), Constant(0.0)))
 
 
 def flight(duration=5.0, **signals):
-    return dataclasses.replace(HOVER, trajectory=dataclasses.replace(REST, **signals), duration=duration)
+    return dataclasses.replace(HOVER, reference=dataclasses.replace(REST, **signals), duration=duration)
 
 
 CIRCLE = flight(x=eased(1.0, 1.0, math.pi / 2.0), y=eased(1.0, 1.0))
@@ -72,7 +72,7 @@ def accelerations(scenario):
     h = 1e-3
 
     def position(t):
-        return np.stack([c + 0.0 * t for c in governed(scenario.trajectory, scenario.path_time, t).position])
+        return np.stack([c + 0.0 * t for c in governed(scenario.reference, scenario.path_time, t).position])
 
     return (position(TIME + h) - 2.0 * position(TIME) + position(TIME - h)) / h**2
 
@@ -90,7 +90,7 @@ def test_the_path_s_time_runs_forward_and_never_ahead(name):
 
 @pytest.mark.parametrize("name", ["circle", "drop", "swing"])
 def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
-    vehicle = HOVER.world.vehicle
+    vehicle = HOVER.plant.vehicle
     most = float(highest_thrust(vehicle)) / float(vehicle.mass)
     force = accelerations(led(name)) + np.array([[0.0], [0.0], [9.81]])
     size = np.linalg.norm(force, axis=0)
@@ -103,7 +103,7 @@ def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
 @pytest.mark.parametrize("name", ["circle", "drop", "swing"])
 def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
     def shares(scenario):
-        demand, vehicle = follow(flight_parts(scenario)).demand, scenario.world.vehicle
+        demand, vehicle = follow(flight_parts(scenario)).demand, scenario.plant.vehicle
         top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
         limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[:, None]
         return demand.squared / top, np.abs(demand.efforts) / limits
@@ -119,12 +119,12 @@ def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
 def test_a_climb_keeps_below_the_rotors_most():
     up = Ramp(start=0.4, duration=0.3, height=0.9, shape="quintic")
     climb = skyarm.govern(flight(2.0, z=Sum((Constant(1.0), up))), reserve=0.5)
-    demand, most = follow(flight_parts(climb)).demand, float(climb.world.vehicle.rotors[0].max_speed) ** 2
+    demand, most = follow(flight_parts(climb)).demand, float(climb.plant.vehicle.rotors[0].max_speed) ** 2
     assert 0.4 * most < demand.squared.max() < 0.5 * most * 1.01
 
 
 def test_joints_keep_their_efforts_and_servos_theirs():
-    swing = flight(3.0, joints=SWING.trajectory.joints)
+    swing = flight(3.0, joints=SWING.reference.joints)
     weak = skyarm.with_numbers(swing, {"model.vehicle.links.link1.joint.effort_limit": 0.06})
     efforts = np.abs(follow(flight_parts(skyarm.govern(weak))).demand.efforts[0])
     # the plan's attitude is smoother than this one's: that is what the reserve is for
@@ -238,7 +238,7 @@ def test_less_tilt_is_kept_and_more_reserve_is_slower():
 
 def test_joints_keep_their_speed():
     path = skyarm.govern(SWING, joint_speed=2.0).path_time
-    told = governed(SWING.trajectory, path, TIME)
+    told = governed(SWING.reference, path, TIME)
     assert max(np.abs(rate).max() for rate in told.joint_rates) < 2.01
 
 
@@ -304,7 +304,7 @@ def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
     assert skyarm.govern(blind).payloads == blind.payloads
     for closed, refused in ((Constant(1), False), (Windowed(Constant(1), 1.0, 2.0), True)):
         hand = SimpleNamespace(name="hand", closed=Command(closed))
-        flight = SimpleNamespace(contact=SimpleNamespace(grippers=(hand,)), payloads=(), changes=())
+        flight = SimpleNamespace(world=SimpleNamespace(grippers=(hand,)), payloads=(), changes=())
         if not refused:
             _require_no_instants(flight)
             continue

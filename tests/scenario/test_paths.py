@@ -24,13 +24,13 @@ def scenario():
         air=(Shear(rate=0.3),),
         forces=(RandomPush(sigma=0.25), SteadyWrench(force=Vec3(1.0, 2.0, 3.0))),
         estimator=Blend(gain=0.02),
-        instruments=(NamedSensor(name="fix", sensor=Fix(sigma=0.01)),),
+        sensors=(NamedSensor(name="fix", sensor=Fix(sigma=0.01)),),
         drives=(JointDrive(joint="joint2", drive=Lag(lag=0.04)),),
         endings=(Ceiling(height=7.0),),
         faults=(Fault(rotor="front", effectiveness=0.9, start=2.0),),
         changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
         payloads=(TimedPayload(mass=0.05, pick=0.01, name="parcel"),),
-        contact=Contact(surfaces=(Surface(name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()),)),
+        world=Contact(surfaces=(Surface(name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()),)),
     )
 
 

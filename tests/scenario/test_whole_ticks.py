@@ -47,7 +47,7 @@ def test_no_time_is_no_tick_and_less_than_half_a_tick_is_none():
 @pytest.mark.parametrize("steps", [0, 3, 12])
 def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
     scenario = load_scenario("case1", duration=0.05)
-    late = dataclasses.replace(scenario, plant="mujoco", delays=Delays(command=steps * 0.001))
+    late = dataclasses.replace(scenario, kind="mujoco", delays=Delays(command=steps * 0.001))
     skyarm.Session(late)
 
 
@@ -58,7 +58,7 @@ def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped
     # machine code takes any delay up to a longest one
     late = Delays(command=(3 + side * off) * 0.001, longest_command=0.02)
     with pytest.raises(ScenarioError, match=r"delays\.command = .*whole number of physics steps"):
-        skyarm.Session(dataclasses.replace(scenario, plant="mujoco", delays=late))
+        skyarm.Session(dataclasses.replace(scenario, kind="mujoco", delays=late))
 
 
 @SIDES

@@ -26,9 +26,9 @@ def test_a_reading_is_off_by_the_signals_at_its_instant():
     path = "sensors.gps.position.offset.signals.0.height"
     assert number_at(scenario, path) == 0.4
     for height, changed in ((0.4, scenario), (0.8, with_numbers(scenario, {path: 0.8}))):
-        sensor = changed.instruments[0].sensor
+        sensor = changed.sensors[0].sensor
         state = skyarm.Session(changed, machine_code=False).state
-        vehicle = changed.world.vehicle
+        vehicle = changed.plant.vehicle
         draws = [0.5] * sensor.uniforms(vehicle)
         for t, share in ((0.5, 0.0), (2.0, 0.5), (5.0, 1.0)):
             _, reading = sensor.measure(sensor.start(vehicle), t, state, state.velocity, draws, 0.1)

@@ -61,10 +61,10 @@ def scenario():
 def test_the_law_is_told_what_pushes_the_tip_in_its_axes(scenario):
     plain = scenario_from(DOCUMENT | {"controller": {"preset": "paper_ct"}})
     for plant in ("rigid_body", "mujoco"):
-        session = skyarm.Session(dataclasses.replace(plain, plant=plant), machine_code=False)
+        session = skyarm.Session(dataclasses.replace(plain, kind=plant), machine_code=False)
         for _ in range(2):
             session.step()
-        total = FORCE - [0.0, 0.0, WEIGHT * float(scenario.world.gravity)]
+        total = FORCE - [0.0, 0.0, WEIGHT * float(scenario.plant.gravity)]
         told = np.array(session.measurement.tip_force, dtype=float)
         assert told == pytest.approx(pose_of(session.state).T @ total, abs=1e-9)
 
@@ -191,7 +191,7 @@ def test_where_nothing_can_push_the_sensors_feel_nothing():
 def test_the_sensor_on_the_page_is_one():
     page = Path(__file__).resolve().parents[2] / "docs" / "sensors.md"  # its toml without a title
     (text,) = re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
-    found = scenario_from(DOCUMENT | tomllib.loads(text)).instruments[0].sensor
+    found = scenario_from(DOCUMENT | tomllib.loads(text)).sensors[0].sensor
     assert found == ForceTorque(force=Channel(sigma=0.05, turn_on=0.1), bandwidth=600.0)
 
 

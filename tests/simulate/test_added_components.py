@@ -30,11 +30,11 @@ EVERYTHING = dataclasses.replace(
         RandomPush(sigma=0.2),
         Tether(anchor=Vec3(0.3, 0.2, 1.5), point=Vec3(0.0, 0.0, -0.1), body=1, stiffness=0.3),
     ),
-    instruments=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
+    sensors=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
     estimator=Blend(gain=0.02),
     drives=(JointDrive(joint="joint1", drive=Lag(lag=0.01)),),
     endings=(Ceiling(height=3.0),),
-    sensors=SensorNoise(position=0.002, rate=0.01),
+    noise=SensorNoise(position=0.002, rate=0.01),
     delays=Delays(measurement=0.005, command=0.002),
     seed=11,
     episode=3,
@@ -69,7 +69,7 @@ def test_each_of_them_is_felt(flown, what):
 
 def test_both_plants_fly_it(flown):
     pytest.importorskip("mujoco")
-    theirs = run(dataclasses.replace(EVERYTHING, plant="mujoco"))
+    theirs = run(dataclasses.replace(EVERYTHING, kind="mujoco"))
     assert theirs.status == "completed"
     # the same draws and memories; MuJoCo's plant holds forces for a millisecond, and the noise is fed back
     assert np.abs(theirs.position - flown.position).max() < 1e-3
@@ -98,11 +98,11 @@ def at(scenario, path):
         "environment.forces.0.sigma": lambda s: s.forces[0].sigma,
         "environment.forces.1.stiffness": lambda s: s.forces[1].stiffness,
         "environment.forces.1.anchor.x": lambda s: s.forces[1].anchor.x,
-        "sensors.fix.sigma": lambda s: s.instruments[0].sensor.sigma,
+        "sensors.fix.sigma": lambda s: s.sensors[0].sensor.sigma,
         "estimator.gain": lambda s: s.estimator.gain,
         "plant.drives.joint1.lag": lambda s: s.drives[0].drive.lag,
         "endings.0.height": lambda s: s.endings[0].height,
-        "sensors.position": lambda s: s.sensors.position,
+        "sensors.position": lambda s: s.noise.position,
     }[path](scenario)
 
 

@@ -66,7 +66,7 @@ def test_rounds_of_slices_have_the_bits_of_this_processor():
 
 def short(**changes):
     scenario = load_scenario("case3")
-    return dataclasses.replace(scenario, duration=0.3, sensors=NOISE, seed=7, **changes)
+    return dataclasses.replace(scenario, duration=0.3, noise=NOISE, seed=7, **changes)
 
 
 def on_arm(scenario, lanes):

@@ -27,7 +27,7 @@ def scenario(**changes):
 
 def noisy(**changes):
     return dataclasses.replace(
-        scenario(**changes), sensors=skyarm.SensorNoise(position=0.001), delays=skyarm.Delays(command=0.002)
+        scenario(**changes), noise=skyarm.SensorNoise(position=0.001), delays=skyarm.Delays(command=0.002)
     )
 
 

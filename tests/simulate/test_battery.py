@@ -48,8 +48,8 @@ def hovering(battery: Battery = BATTERY, duration: float = 0.5, **fields: Any) -
     document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}}
     document["controller"] = {"preset": "paper_pd"}
     found = scenario_from(document, DATA, {"duration": duration})
-    vehicle = dataclasses.replace(found.world.vehicle, battery=battery)
-    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=vehicle), **fields)
+    vehicle = dataclasses.replace(found.plant.vehicle, battery=battery)
+    return dataclasses.replace(found, plant=dataclasses.replace(found.plant, vehicle=vehicle), **fields)
 
 
 def test_voltage_under_a_load_is_ohms_law():
@@ -95,7 +95,7 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     flight = Session(scenario, machine_code=False)
     while flight.step():
         pass
-    use = battery_use(flight.log, scenario.world.vehicle)
+    use = battery_use(flight.log, scenario.plant.vehicle)
     charge, voltage = flight.now.components[-1]
     last = BATTERY.drained(use.charge[-1], use.power[-1], 0.005)
     assert charge == pytest.approx(last, rel=1e-12)
@@ -144,13 +144,13 @@ def test_an_empty_battery_lets_it_fall_on_every_engine():
     scenario = hovering(nearly, duration=2.0)
     log = run(scenario)
     assert log.status == "ground"
-    use = battery_use(log, scenario.world.vehicle)
+    use = battery_use(log, scenario.plant.vehicle)
     empty = int(np.argmax(use.charge == 0.0))
     assert 0 < empty < len(use.charge) - 1
     assert log.position[empty, 2] > 1.9
     assert np.all(np.diff(log.rotor_speeds[empty + 2 :, 0]) < 0.0)
     assert np.array_equal(log.rotor_speeds, run_in_python(scenario).rotor_speeds)
-    theirs = run(dataclasses.replace(scenario, plant="mujoco"))
+    theirs = run(dataclasses.replace(scenario, kind="mujoco"))
     assert theirs.status == "ground"
     assert theirs.time[-1] == pytest.approx(log.time[-1], abs=0.011)
 
@@ -165,7 +165,7 @@ def test_its_numbers_vary_in_a_batch():
 
 
 def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
-    vehicle = hovering().world.vehicle
+    vehicle = hovering().plant.vehicle
     flat = CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9))
     simple = dataclasses.replace(BATTERY, open_circuit=flat, resistance=0.0)
     found = time_aloft(dataclasses.replace(vehicle, battery=simple))

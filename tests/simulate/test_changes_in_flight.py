@@ -97,7 +97,7 @@ def test_a_run_in_python_floats_has_the_same_bits(flown: Log) -> None:
 @pytest.mark.thorough
 def test_mujocos_plant_flies_changes_as_a_session_of_it_does() -> None:
     pytest.importorskip("mujoco")
-    scenario = dataclasses.replace(changing(*CHANGES), plant="mujoco")
+    scenario = dataclasses.replace(changing(*CHANGES), kind="mujoco")
     log = run(scenario)
     assert same_logs(by_hand(scenario).log, log)
     assert log.status == "completed"
@@ -185,15 +185,15 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     session = Session(changing(Change(at=0.05, path=PAYLOAD, value=0.1), Change(at=0.1, path=PAYLOAD, value=0.0)))
     masses = []
     while session.step():
-        masses.append(session.scenario.world.vehicle.links[-1].body.mass)
-    own = BASE.world.vehicle.links[-1].body.mass
+        masses.append(session.scenario.plant.vehicle.links[-1].body.mass)
+    own = BASE.plant.vehicle.links[-1].body.mass
     assert set(masses[:9]) == {own} == set(masses[19:])
     assert masses[9:19] == pytest.approx([own + 0.1] * 10)
     # by hand too: a slider sets the payload, and does not pile it up
     session = Session(BASE)
     for mass in (0.1, 0.2, 0.05):
         session.change({PAYLOAD: mass})
-    assert session.scenario.world.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
+    assert session.scenario.plant.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
 
 
 def test_what_is_added_begins_anew_and_what_was_there_goes_on() -> None:
@@ -426,7 +426,7 @@ def test_lanes_that_are_stepped_have_no_changes() -> None:
 
 
 def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
-    quiet = dataclasses.replace(BASE, sensors=SensorNoise(), delays=Delays())
+    quiet = dataclasses.replace(BASE, noise=SensorNoise(), delays=Delays())
     log = run(changing(Change(at=0.1, path="sensors.position", value=0.01), base=quiet))
     noise = np.abs(log.measured_position - log.position).max(axis=1)
     assert not noise[:20].any()

@@ -49,11 +49,11 @@ def _at(record: Any, k: int) -> Any:
 def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     """Fly with plain floats: 200 Hz control, 50 Hz reference, RK4 over each stretch of one command."""
     ticks = np.arange(scenario.steps)
-    held = [scenario.trajectory.at((k - k % 4) / 200) for k in range(scenario.steps)]
+    held = [scenario.reference.at((k - k % 4) / 200) for k in range(scenario.steps)]
     blowing = blown(scenario.wind, ticks / 200)
-    world, controller = scenario.world, scenario.controller
+    world, controller = scenario.plant, scenario.controller
     n, rotors = world.vehicle.n, len(world.vehicle.rotors)
-    noisy = bool(leaves(scenario.sensors))
+    noisy = bool(leaves(scenario.noise))
     draws = normal(scenario.seed, scenario.episode, 0, ticks, 15 + 2 * n + rotors) if noisy else None
     late_readings = round(scenario.delays.measurement * 200)
     late_steps = round(scenario.delays.command * 1000)
@@ -67,7 +67,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
         before = acting[5 * k - 1] if k and 5 * k - 1 < len(acting) else standing
         base, _ = accelerate(world, x, x.rotor_speeds, before.efforts, wind)
         noise = tuple(float(d) for d in draws[k]) if draws is not None else (0,) * (15 + 2 * n + rotors)
-        readings.append(measure(scenario.sensors, k / 200, x, Vec3(*base.linear), noise))
+        readings.append(measure(scenario.noise, k / 200, x, Vec3(*base.linear), noise))
         reading = readings[max(0, k - late_readings)]
         memory, command = controller.law(memory, reading, held[k], 0.005, par=controller.par)
         states.append(x)

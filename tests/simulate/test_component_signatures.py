@@ -40,7 +40,7 @@ def flown(base: type, **members: Any) -> Any:
         skyarm.Air: lambda: {"air": (record,)},
         skyarm.Force: lambda: {"forces": (record,)},
         skyarm.Drive: lambda: {"drives": (JointDrive(joint="joint2", drive=record),)},
-        skyarm.Sensor: lambda: {"instruments": (NamedSensor(name="gps", sensor=record),)},
+        skyarm.Sensor: lambda: {"sensors": (NamedSensor(name="gps", sensor=record),)},
         skyarm.Estimator: lambda: {"estimator": record},
         skyarm.Ending: lambda: {"endings": (record,)},
     }

@@ -70,7 +70,7 @@ def test_a_step_arrives_exactly_as_late_as_its_delays_say(
 
 def test_before_the_first_command_the_vehicle_hovers_with_its_arm_held() -> None:
     base = load_scenario("case1", duration=0.1)
-    start = trimmed_state(base.world, Vec3(0.0, 0.0, 50.0), 0.0, (0.5, 0.3))
+    start = trimmed_state(base.plant, Vec3(0.0, 0.0, 50.0), 0.0, (0.5, 0.3))
     log = run(dataclasses.replace(base, initial=start, delays=Delays(command=0.02)))
     # an equilibrium: 20 ms without torque on the joints would move them by 1e-2 rad
     assert np.abs(log.joints[:5] - start.joints).max() < 1e-12

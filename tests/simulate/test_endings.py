@@ -66,11 +66,11 @@ def test_a_controller_that_gives_nonsense_ends_as_diverged(plant: str, value: fl
 
 def test_a_joint_past_its_limit_ends_the_episode_by_name() -> None:
     base = load_scenario("case1", duration=10.0)
-    vehicle = base.world.vehicle
+    vehicle = base.plant.vehicle
     links = list(vehicle.links)
     links[0] = dataclasses.replace(links[0], joint=dataclasses.replace(links[0].joint, lower=-0.2, upper=0.2))
     limited = dataclasses.replace(vehicle, links=tuple(links))
-    log = run(dataclasses.replace(base, world=dataclasses.replace(base.world, vehicle=limited)))
+    log = run(dataclasses.replace(base, plant=dataclasses.replace(base.plant, vehicle=limited)))
     _same_ending(log, "joint_limit")
     assert "joint 'joint1'" in log.info["cause"]
     assert log.info["cause"].endswith(" passed 0.2")
@@ -122,7 +122,7 @@ def test_the_body_form_flies_from_a_pitch_of_90_degrees() -> None:
 
 
 def test_the_lowest_point_is_the_tip_of_a_hanging_arm_and_a_rotor_when_inverted() -> None:
-    vehicle = load_scenario("case1").world.vehicle
+    vehicle = load_scenario("case1").plant.vehicle
     at = {
         "position": Vec3(0.0, 0.0, 2.0), "velocity": Vec3(0.0, 0.0, 0.0), "rate": Vec3(0.0, 0.0, 0.0),
         "joint_rates": (0.0, 0.0), "rotor_speeds": (0.0,) * 4,
@@ -185,12 +185,12 @@ def test_a_joint_and_the_limit_it_passed_are_told_apart(value: float, limit: flo
 
 def test_a_joint_just_past_its_limit_says_which_and_by_how_much() -> None:
     base = load_scenario("case1", duration=0.1)
-    vehicle = base.world.vehicle
+    vehicle = base.plant.vehicle
     first = vehicle.links[0]
     held = dataclasses.replace(first, joint=dataclasses.replace(first.joint, lower=-1.0, upper=0.2))
-    world = dataclasses.replace(base.world, vehicle=dataclasses.replace(vehicle, links=(held, *vehicle.links[1:])))
+    world = dataclasses.replace(base.plant, vehicle=dataclasses.replace(vehicle, links=(held, *vehicle.links[1:])))
     start = dataclasses.replace(first_state(base), joints=(0.20004, 0.0))
-    log = run(dataclasses.replace(base, world=world, initial=start))
+    log = run(dataclasses.replace(base, plant=world, initial=start))
     assert (log.status, log.info["cause"]) == ("joint_limit", "joint 'joint1' at 0.20004 passed 0.2")
 
 

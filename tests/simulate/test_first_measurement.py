@@ -58,7 +58,7 @@ def test_until_the_first_measurement_has_arrived_the_law_sees_that_one(old):
     period, carry = make_period(stages, RigidBodySteps(stages, lambda _: 1)), first_loop_state(scenario)
     taken = []
     for k in range(7):
-        carry, sample = period(carry, Row(time=0.005 * k, reference=scenario.trajectory.at(0.0)), ())
+        carry, sample = period(carry, Row(time=0.005 * k, reference=scenario.reference.at(0.0)), ())
         assert sample.alive == 1.0
         assert sample.measurement == seen[k]
         taken.append(sample.state)

@@ -124,13 +124,13 @@ def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> No
     record = log.info["scenario_record"]
     kind = "skyarm.scenario.scenario_record:Delays"
     delays = {"measurement": 0.005, "command": 0.003, "rotors": 0, "joints": 0, "longest_command": None}
-    assert record["delays"] == {"type": kind, **delays}
-    assert record["controller"]["law"]["name"].endswith(":hybrid_computed_torque")
-    assert record["controller"]["par"]["terms"]["coupling"] is False
-    assert record["world"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
-    assert record["world"]["vehicle"]["links"][0]["joint"]["lower"] == "-inf"
-    assert record["wind"]["type"] == "skyarm.environment.wind:MovingAir"
-    assert record["trajectory"]["yaw"]["shape"] == "quintic"
+    assert record["agent"]["delays"] == {"type": kind, **delays}
+    assert record["agent"]["controller"]["law"]["name"].endswith(":hybrid_computed_torque")
+    assert record["agent"]["controller"]["par"]["terms"]["coupling"] is False
+    assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
+    assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["lower"] == "-inf"
+    assert record["environment"]["wind"]["type"] == "skyarm.environment.wind:MovingAir"
+    assert record["agent"]["reference"]["yaw"]["shape"] == "quintic"
 
 
 class Wobble:
@@ -188,7 +188,7 @@ def test_records_of_other_classes_differ_even_with_equal_fields() -> None:
     base = load_scenario("case1")
 
     def with_x(signal: Any) -> Scenario:
-        return dataclasses.replace(base, trajectory=dataclasses.replace(base.trajectory, x=signal))
+        return dataclasses.replace(base, reference=dataclasses.replace(base.reference, x=signal))
 
     sines = [with_x(Sine(amplitude=0.0, frequency_hz=1.0)), with_x(Constant(0.0))]
     assert len({digest(plain(scenario)) for scenario in sines}) == 2

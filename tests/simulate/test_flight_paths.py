@@ -53,12 +53,12 @@ def planned(name: str = "case2", **changes: Any) -> Scenario:
 
 
 def with_joint_limits(scenario: Scenario, limit: float) -> Scenario:
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     links = [
         dataclasses.replace(k, joint=dataclasses.replace(k.joint, lower=-limit, upper=limit)) for k in vehicle.links
     ]
-    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(vehicle, links=tuple(links)))
-    return dataclasses.replace(scenario, world=world)
+    world = dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(vehicle, links=tuple(links)))
+    return dataclasses.replace(scenario, plant=world)
 
 
 def with_law(scenario: Scenario, value: float) -> Scenario:

@@ -151,7 +151,7 @@ def test_without_a_model_the_controller_believes_the_plant_but_no_payload() -> N
     model = scenario.controller.par.model
     assert model.vehicle.name == "hummingbird_arm2_rotors"
     assert model.gravity == 9.8
-    assert float(scenario.world.vehicle.mass - model.vehicle.mass) == pytest.approx(0.05)
+    assert float(scenario.plant.vehicle.mass - model.vehicle.mass) == pytest.approx(0.05)
 
 
 def test_noisy_sensors_fly_and_are_worse_than_perfect_ones() -> None:
@@ -185,7 +185,7 @@ def test_other_rates_fly() -> None:
     base = load_scenario("case2", duration=1.0)
     for rates in (Rates(physics=500, control=500, reference=500), Rates(physics=2000, control=100, reference=20)):
         for plant in ("rigid_body", "mujoco"):
-            log = run(dataclasses.replace(base, rates=rates, plant=plant))
+            log = run(dataclasses.replace(base, rates=rates, kind=plant))
             assert log.status == "completed"
             assert log.time.size == rates.control
             assert log.time[1] == 1.0 / rates.control

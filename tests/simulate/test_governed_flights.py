@@ -75,11 +75,11 @@ def test_the_law_is_told_the_governed_sample_and_errors_are_taken_against_the_co
     skyarm.run(dataclasses.replace(SLOWED, controller=heard, duration=1.0))
     for k in (0, 60, 130):
         # samples are published at 50 Hz and held for four periods of 200 Hz
-        wanted = governed(SLOWED.trajectory, SLOWED.path_time, (k // 4 * 4) / 200.0)
+        wanted = governed(SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0)
         for name in ("position", "velocity", "acceleration", "joints", "joint_rates"):
             given = np.array(list(getattr(told[-200 + k], name)), dtype=float)
             assert np.allclose(given, np.array(list(getattr(wanted, name)), dtype=float), rtol=1e-12, atol=1e-12)
-    commanded = SLOWED.trajectory.at(log.time)
+    commanded = SLOWED.reference.at(log.time)
     assert np.allclose(log.position_reference[:, 0], commanded.position.x, atol=1e-12)
 
 

@@ -98,7 +98,7 @@ def planned(folder, plant="rigid_body", **phase):
 
 
 def finger_at(scenario, t):
-    return float(scenario.trajectory.at(t).joints[1])
+    return float(scenario.reference.at(t).joints[1])
 
 
 def test_fingers_move_within_their_phases_and_are_at_rest_between(folder):
@@ -112,9 +112,9 @@ def test_fingers_move_within_their_phases_and_are_at_rest_between(folder):
     assert [finger_at(scenario, t) for t in (box.pick, 1.5, box.drop - 0.3)] == pytest.approx([0.01] * 3)
     assert finger_at(scenario, box.drop) == pytest.approx(0.04)
     for t in (0.4, 0.9, box.pick, box.drop):
-        assert float(scenario.trajectory.at(t).joint_rates[1]) == pytest.approx(0.0, abs=1e-12)
+        assert float(scenario.reference.at(t).joint_rates[1]) == pytest.approx(0.0, abs=1e-12)
     still = tomllib.loads(TASK)["reference"]["tip"]["posture"][0]
-    assert [float(scenario.trajectory.at(t).joints[0]) for t in (0.0, 1.0, 3.0)] == [still] * 3
+    assert [float(scenario.reference.at(t).joints[0]) for t in (0.0, 1.0, 3.0)] == [still] * 3
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])

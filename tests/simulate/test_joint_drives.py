@@ -31,7 +31,7 @@ def driven(scenario=BASE, **drives: Any):
 
 def out_arm(**fields: Any):
     """High up, the arm stretched out, so that gravity pulls on it."""
-    start = trimmed_state(BASE.world, Vec3(0.0, 0.0, 50.0), 0.0, (0.5, 0.3))
+    start = trimmed_state(BASE.plant, Vec3(0.0, 0.0, 50.0), 0.0, (0.5, 0.3))
     return dataclasses.replace(BASE, initial=start, **fields), start
 
 
@@ -97,7 +97,7 @@ def test_a_servo_brings_its_joint_to_its_setpoint(plant):
         return memory, Command(rotor_speeds=(480.0,) * 4, efforts=(0.3, -0.2))
 
     servo = Servo(stiffness=0.5, damping=0.02)
-    scenario = dataclasses.replace(with_law(load_scenario("case1", duration=1.0), law), plant=plant, ground=False)
+    scenario = dataclasses.replace(with_law(load_scenario("case1", duration=1.0), law), kind=plant, ground=False)
     log = run(driven(scenario, joint1=servo, joint2=servo))
     # what gravity and the falling base leave: below 1 % of the way
     np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.05)
@@ -109,7 +109,7 @@ def test_every_engine_drives_alike():
     log = run(scenario)
     assert np.ptp(log.joints[:, 0]) > 1e-3
     assert same_logs(log, run_in_python(scenario))
-    theirs = run(dataclasses.replace(scenario, plant="mujoco", integrator="euler"))
+    theirs = run(dataclasses.replace(scenario, kind="mujoco", integrator="euler"))
     ours = run(dataclasses.replace(scenario, integrator="euler"))
     np.testing.assert_allclose(ours.joints, theirs.joints, rtol=0.0, atol=1e-9)
 
@@ -119,7 +119,7 @@ def test_the_joints_own_limit_and_faults_act_on_what_the_drive_gives():
     from skyarm.plant.loads import applied_force
 
     scenario, start = out_arm()
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     joints = [dataclasses.replace(link.joint, effort_limit=0.25) for link in vehicle.links]
     limited = dataclasses.replace(
         vehicle, links=tuple(dataclasses.replace(k, joint=j) for k, j in zip(vehicle.links, joints, strict=True))
@@ -154,9 +154,9 @@ def test_two_drives_of_one_joint_are_refused():
 
 
 def test_a_drive_of_a_scenario_on_a_joint_without_torque_is_refused():
-    world = BASE.world
+    world = BASE.plant
     links = list(world.vehicle.links)
     links[1] = dataclasses.replace(links[1], joint=dataclasses.replace(links[1].joint, effort_limit=0.0))
     passive = dataclasses.replace(world, vehicle=dataclasses.replace(world.vehicle, links=tuple(links)))
     with pytest.raises(ScenarioError, match=r"joints\[joint2\].effort_limit = 0: must be above 0.*plant.drives.joint2"):
-        driven(dataclasses.replace(BASE, world=passive), joint2=Servo())
+        driven(dataclasses.replace(BASE, plant=passive), joint2=Servo())

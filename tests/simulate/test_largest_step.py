@@ -80,7 +80,7 @@ def pushed(step: float | None, **changes: Any) -> Any:
 
 def plant_of(scenario: Any, kind: Any = RigidBodyPlant) -> Any:
     around = first_surroundings(scenario, first_loop_state(scenario))
-    return kind(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics), around
+    return kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics), around
 
 
 STIFF = StiffServo()  # 20 N m/rad at 8e-5 kg m^2 are 500 rad/s; 0.06 N m s/rad are 750 /s: 1.33 ms
@@ -92,7 +92,7 @@ DAMPED = StiffServo(damping=0.2)  # 2500 /s: 0.4 ms, shorter than Euler's 1 ms t
     [(None, 1, 5), (0.1, 1, 5), (0.005, 1, 5), (0.00499, 2, 5), (0.0025, 2, 5), (0.001, 5, 5), (0.0004, 13, 15)],
 )
 def test_the_step_is_divided_by_the_smallest_whole_number_that_will_do(step, rk4, euler):
-    calm = dataclasses.replace(pushed(step), world=dataclasses.replace(BASE.world, vehicle=_smooth()))
+    calm = dataclasses.replace(pushed(step), plant=dataclasses.replace(BASE.plant, vehicle=_smooth()))
     assert plant_of(calm)[0].substeps(0.005) == rk4
     assert plant_of(dataclasses.replace(calm, integrator="euler"))[0].substeps(0.005) == euler
     theirs = plant_of(dataclasses.replace(calm, integrator="euler"), MujocoPlant)[0]
@@ -101,7 +101,7 @@ def test_the_step_is_divided_by_the_smallest_whole_number_that_will_do(step, rk4
 
 def _smooth() -> Any:
     """The arm without friction, which would ask for shorter steps by itself."""
-    return BASE.world.vehicle.with_joints(damping=0.0, coulomb=0.0)
+    return BASE.plant.vehicle.with_joints(damping=0.0, coulomb=0.0)
 
 
 def test_where_none_states_one_nothing_changes():
@@ -112,10 +112,10 @@ def test_where_none_states_one_nothing_changes():
 
 
 def test_a_stiff_servo_flies_where_it_says_so_and_blows_up_where_it_does_not():
-    strong = dataclasses.replace(BASE.world, vehicle=BASE.world.vehicle.with_joints(effort_limit=math.inf))
+    strong = dataclasses.replace(BASE.plant, vehicle=BASE.plant.vehicle.with_joints(effort_limit=math.inf))
     silent = Servo(stiffness=20.0, damping=0.2)
     assert run(served(silent, world=strong)).status == "diverged"
-    for world in (BASE.world, strong):
+    for world in (BASE.plant, strong):
         log = run(served(DAMPED, world=world))
         assert log.status == "completed"
         # 9 Hz at a damping ratio of two to five: settled after a quarter of a second, but for the falling base
@@ -174,8 +174,8 @@ def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
     plant, around = plant_of(scenario)
     count = plant.substeps(0.005)
     silent = dataclasses.replace(around, drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
-    alone = RigidBodyPlant(scenario.world, silent, integrator, 0.005 / count)
-    start = trimmed_state(scenario.world, Vec3(0.0, 0.0, 5.0), 0.0, (0.25, -0.15))
+    alone = RigidBodyPlant(scenario.plant, silent, integrator, 0.005 / count)
+    start = trimmed_state(scenario.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.25, -0.15))
     command, told = (485.0,) * 4 + (0.3, -0.2), tuple(leaves(around))
     by_hand = flat(start)
     for _ in range(count):
@@ -186,9 +186,9 @@ def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
 
 def test_halved_steps_converge_with_the_order_of_the_method():
     """RK4: each halving of the largest step leaves a sixteenth of the error, towards sixteen times shorter steps."""
-    start = flat(trimmed_state(BASE.world, Vec3(0.0, 0.0, 5.0), 0.0, (0.28, -0.18)))
+    start = flat(trimmed_state(BASE.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.28, -0.18)))
     command = (485.0,) * 4 + (0.3, -0.2)
-    vehicle = dataclasses.replace(BASE.world, vehicle=_smooth())
+    vehicle = dataclasses.replace(BASE.plant, vehicle=_smooth())
 
     def after(step: float) -> Any:
         push = Stepped(force=Vec3(0.1, 0.0, 0.0), largest_step=step)

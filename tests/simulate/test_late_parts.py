@@ -78,10 +78,10 @@ def test_each_part_arrives_when_its_own_delay_is_over(plant: str, rotors: float,
 
 @pytest.mark.parametrize(("rotors", "joints"), sampled([(0.012, 0.003), (0.003, 0.0), (0.0, 0.002), (0.001, 0.009)], 4))
 def test_engines_agree_on_late_parts(rotors: float, joints: float) -> None:
-    scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=0.7), joined=0.4)
+    scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=0.7), tracking_start=0.4)
     compiled = run(scenario)
     floats = fly(scenario, python=True)
-    staged, other = run_in_python(scenario), run_in_python(dataclasses.replace(scenario, plant="mujoco"))
+    staged, other = run_in_python(scenario), run_in_python(dataclasses.replace(scenario, kind="mujoco"))
     assert np.array_equal(floats.engine.samples(0, floats.engine.tick).states[:, :3], compiled.position)
     assert np.allclose(staged.joints, compiled.joints, rtol=0.0, atol=1e-12)
     # held forces make MuJoCo's steps first order
@@ -158,7 +158,7 @@ def running(joined: Any, plant: str = "rigid_body") -> Any:
     table = {
         "base": {"kind": "circle", "radius": 0.3, "frequency_hz": 0.08, "center": [0.0, 0.0, 1.0], "start": 0.01},
         "joints": [{"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.5, "start": 0.01}, 0.1],
-    } | ({} if joined is None else {"joined": joined})
+    } | ({} if joined is None else {"tracking_start": joined})
     return scenario_from(
         {
             "name": "running",
@@ -176,7 +176,7 @@ def test_until_it_joins_the_law_rests_at_the_reference_of_the_start(plant: str) 
     late = run(running(1.0, plant))
     start = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.0, 0.1]}
     hover = run(
-        dataclasses.replace(running(None, plant), trajectory=scenario_from({**BARE, "reference": start}).trajectory)
+        dataclasses.replace(running(None, plant), reference=scenario_from({**BARE, "reference": start}).reference)
     )
     before = late.time < 1.0
     assert np.array_equal(late.rotor_commands[before], hover.rotor_commands[before])
@@ -201,14 +201,14 @@ def test_errors_are_taken_against_the_running_reference_all_the_time() -> None:
 
 
 def test_a_law_that_joins_at_the_start_follows_from_the_first_instant() -> None:
-    assert running(None).joined == 0
-    assert type(running(None).joined) is int
+    assert running(None).tracking_start == 0
+    assert type(running(None).tracking_start) is int
     assert np.array_equal(run(running(0.0)).position, run(running(None)).position)
 
 
 def test_the_instant_varies_by_path_with_the_bits_of_single_flights() -> None:
     assert number_at(running(None), "reference.joined") == 0.0
-    assert with_numbers(running(None), {"reference.joined": 1.0}).joined == 1.0
+    assert with_numbers(running(None), {"reference.joined": 1.0}).tracking_start == 1.0
     batch = Batch(running(None), ("reference.joined", "reference.joints.0.amplitude"), bit_exact=True)
     flown = batch.fly({"reference.joined": np.array([0.0, 0.5, 1.0]), "reference.joints.0.amplitude": np.full(3, 0.2)})
     alone_only = Batch(running(None), ("reference.joined",), bit_exact=True)
@@ -259,9 +259,9 @@ def test_what_acts_within_a_period_until_both_have_heard() -> None:
 def test_a_law_that_waits_is_told_a_pose_and_no_rates() -> None:
     moving = dataclasses.replace(
         running(1.0),
-        trajectory=skyarm.hover([0, 0, 1], joints=[skyarm.Sine(amplitude=0.2, frequency_hz=0.5, phase=0.3), 0.1]),
+        reference=skyarm.hover([0, 0, 1], joints=[skyarm.Sine(amplitude=0.2, frequency_hz=0.5, phase=0.3), 0.1]),
     )
-    going = moving.trajectory.at(0.7).dense()
+    going = moving.reference.at(0.7).dense()
     rests, follows = (joined_reference(moving, going, time) for time in (0.7, 1.0))
     assert rests.joints == pytest.approx((0.2 * np.sin(0.3), 0.1))
     assert rests.joint_rates == rests.joint_accelerations == (0.0, 0.0)

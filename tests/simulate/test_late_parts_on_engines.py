@@ -51,9 +51,14 @@ def flight() -> Any:
         friction_compensation=(0.5, 0.5),
         rate_weights=(1.0, 1.0),
     )
-    moving = dataclasses.replace(base.trajectory, joints=load_scenario("case2").trajectory.joints)
+    moving = dataclasses.replace(base.reference, joints=load_scenario("case2").reference.joints)
     planned = dataclasses.replace(
-        base, controller=law, trajectory=moving, integrator="euler", delays=Delays(longest_command=0.02), joined=0.1
+        base,
+        controller=law,
+        reference=moving,
+        integrator="euler",
+        delays=Delays(longest_command=0.02),
+        tracking_start=0.1,
     )
     return with_numbers(planned, {"reference.joints.0.start": 0.0, "reference.joints.1.start": 0.0})
 
@@ -107,7 +112,7 @@ def test_machine_code_flies_all_lanes_as_one_by_one_to_the_bit(program: Any, flo
 def pieces(time: Any, *values: Any) -> list[Any]:
     """What the law is told and answers, which commands act, and when within the period."""
     varied = with_numbers(FLIGHT, dict(zip(VALUES, values, strict=True)))
-    told = joined_reference(varied, varied.trajectory.at(time), time)
+    told = joined_reference(varied, varied.reference.at(time), time)
     measured = measurement_of(first_loop_state(FLIGHT).state, Vec3(0.0, 0.0, 9.8))
     moving = dataclasses.replace(measured, joint_rates=(0.3, -0.4))
     _, command = varied.controller.law((), moving, told.dense(), 0.005, par=varied.controller.par)

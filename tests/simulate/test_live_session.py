@@ -33,10 +33,10 @@ def scenario() -> skyarm.Scenario:
     wind = skyarm.ForceWind(force_W=(0, 0, 0))
     joints = tuple(
         dataclasses.replace(joint, start=0.5, signal=dataclasses.replace(joint.signal, delay=0.5))
-        for joint in hover.trajectory.joints
+        for joint in hover.reference.joints
     )
     motion = skyarm.hover((0.0, 0.0, 1.0), joints=joints)
-    return dataclasses.replace(hover, wind=wind, trajectory=motion)
+    return dataclasses.replace(hover, wind=wind, reference=motion)
 
 
 def flown(session: skyarm.Session | LiveSession) -> np.ndarray:
@@ -120,7 +120,7 @@ def test_a_number_that_cannot_be_leaves_the_session_as_it_was(scenario) -> None:
     with pytest.raises(ValueError, match="at least 0"):
         session.change({"sensors.position": -1.0})
     session.step()
-    assert session.scenario.sensors.position == 0.0
+    assert session.scenario.noise.position == 0.0
 
 
 def with_changes(scenario: skyarm.Scenario, *changes: tuple[float, str, float], **fields: object) -> skyarm.Scenario:
@@ -154,7 +154,7 @@ def test_a_scheduled_change_may_name_a_number_of_the_session_in_other_words(
 
 
 def test_a_scheduled_change_of_several_numbers_of_which_one_is_a_path_is_flown_by_a_session(scenario) -> None:
-    joint = scenario.world.vehicle.links[0].name
+    joint = scenario.plant.vehicle.links[0].name
     changed = with_changes(scenario, (0.1, "plant.joints.damping", 0.02))
     with pytest.raises(NoMachineCodeError, match="is the same number as"):
         LiveSession(changed, [f"plant.vehicle.links.{joint}.joint.damping"])

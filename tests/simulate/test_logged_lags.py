@@ -20,7 +20,7 @@ LATE = 0.02
 @pytest.fixture(scope="module")
 def scenario():
     planned = skyarm.load_scenario("case3", controller="centroidal_tip", duration=0.6)
-    return dataclasses.replace(planned, sensors=NOISE, delays=skyarm.Delays(command=LATE))
+    return dataclasses.replace(planned, noise=NOISE, delays=skyarm.Delays(command=LATE))
 
 
 @pytest.fixture(scope="module")

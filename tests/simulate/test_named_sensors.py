@@ -30,7 +30,7 @@ BASE = load_scenario("case1", duration=0.2)
 
 def with_sensors(scenario=BASE, **sensors: Any):
     return dataclasses.replace(
-        scenario, instruments=tuple(NamedSensor(name=name, sensor=each) for name, each in sensors.items())
+        scenario, sensors=tuple(NamedSensor(name=name, sensor=each) for name, each in sensors.items())
     )
 
 
@@ -56,7 +56,7 @@ def heard_in_floats(scenario, periods):
     for k in range(periods):
         keys = (scenario.seed, scenario.episode)
         drawn = [float(u) for channel, n in stages.draws.needed for u in uniforms(*keys, channel, k, n)]
-        now, sample = period(now, Row(time=k / 200, reference=scenario.trajectory.at(0.0)), drawn)
+        now, sample = period(now, Row(time=k / 200, reference=scenario.reference.at(0.0)), drawn)
         assert sample.alive == 1.0
         samples.append(sample)
     return heard, samples
@@ -136,7 +136,7 @@ def test_every_engine_hands_the_law_what_the_estimator_made(fly, plant):
     if plant == "mujoco":
         pytest.importorskip("mujoco")
     heard = telling(lambda m: (100.0 * m.position.x, m.position.y, m.position.z, m.velocity.x / 100.0))
-    base = dataclasses.replace(with_law(load_scenario("case1", duration=0.2), heard), plant=plant)
+    base = dataclasses.replace(with_law(load_scenario("case1", duration=0.2), heard), kind=plant)
     log = fly(dataclasses.replace(with_sensors(base, fix=Fix(rate=50.0, delay=0.010)), estimator=Telling()))
     assert log.status == "completed"
     k = np.arange(40)
@@ -157,7 +157,7 @@ def test_a_delay_of_the_full_state_is_not_the_named_sensors():
 
 NOISY = dataclasses.replace(
     load_scenario("case2", duration=0.5),
-    sensors=SensorNoise(position=0.002, rate=0.01),
+    noise=SensorNoise(position=0.002, rate=0.01),
     estimator=Blend(),
     seed=3,
 )
@@ -214,6 +214,6 @@ def test_names_of_sensors_are_words_and_taken_once():
             NamedSensor(name=name, sensor=Fix())
     twice = (NamedSensor(name="fix", sensor=Fix()),) * 2
     with pytest.raises(ScenarioError, match=r"^sensors\.fix: the name is taken$"):
-        dataclasses.replace(BASE, instruments=twice)
+        dataclasses.replace(BASE, sensors=twice)
     with pytest.raises(ScenarioError, match=r"^sensors\.fix = .*must be a Sensor$"):
         NamedSensor(name="fix", sensor=3.0)

@@ -69,7 +69,7 @@ def rows_of(log):
 
 def columns(scenario: Scenario, rows):
     """The same columns of machine code's log: alive, state, command, measurement, wind."""
-    n, rotors = scenario.world.vehicle.n, len(scenario.world.vehicle.rotors)
+    n, rotors = scenario.plant.vehicle.n, len(scenario.plant.vehicle.rotors)
     reading = 1 + 13 + 2 * n + rotors + rotors + n
     joints = reading + 17
     kept = [*range(1, reading), *range(reading + 1, reading + 4), *range(joints, joints + n)]
@@ -114,7 +114,7 @@ def test_every_shipped_scenario_flies_alike(name):
 VARIED = {
     "everything": {"duration": 0.5},
     "euler": {"duration": 1.0, "plant__integrator": "euler"},
-    "noise": {"duration": 1.0, "sensors": NOISE, "seed": 2**32 - 1, "episode": 3},
+    "noise": {"duration": 1.0, "noise": NOISE, "seed": 2**32 - 1, "episode": 3},
     "some_noise": {"duration": 0.5, "sensors": {"rate": 0.1}},
     "turbulence": {"duration": 1.5, "environment__wind": TURBULENT},
     "late_command": {"duration": 1.0, "delays": {"command": 0.008}},
@@ -179,10 +179,10 @@ def test_an_episode_that_ends_early_ends_at_the_same_instant(status):
 
 def test_a_joint_past_its_limit_ends_the_episode_at_the_same_instant():
     base = planned("case2", duration=1.0, initial={"joints": [0.15, 0.0], "joint_rates": [4.0, 0.0]})
-    vehicle = base.world.vehicle
+    vehicle = base.plant.vehicle
     links = [dataclasses.replace(k, joint=dataclasses.replace(k.joint, lower=-0.2, upper=0.2)) for k in vehicle.links]
-    world = dataclasses.replace(base.world, vehicle=dataclasses.replace(vehicle, links=tuple(links)))
-    log, flown = assert_equal_to_the_bit(dataclasses.replace(base, world=world))
+    world = dataclasses.replace(base.plant, vehicle=dataclasses.replace(vehicle, links=tuple(links)))
+    log, flown = assert_equal_to_the_bit(dataclasses.replace(base, plant=world))
     assert log.status == "joint_limit"
     assert float(flown.carry.ticks) / 200 == log.info["end_time"] < 0.1
 

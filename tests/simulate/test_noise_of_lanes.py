@@ -21,7 +21,7 @@ def test_noise_of_perfect_sensors_cannot_vary():
 
 
 def test_noise_that_is_there_varies():
-    noisy = dataclasses.replace(CASE, sensors=SensorNoise(position=1e-6))
+    noisy = dataclasses.replace(CASE, noise=SensorNoise(position=1e-6))
     batch = skyarm.Batch(noisy, ["sensors.position"], metrics=["rotor_jitter"], effort=0)
     found = batch.fly({"sensors.position": np.array([1e-6, 0.01])}).metrics["rotor_jitter"]
     assert found[1] > 10.0 * found[0]

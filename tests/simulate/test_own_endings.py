@@ -51,10 +51,10 @@ def free():
     ids=["code", "py", "mujoco"],
 )
 def test_an_ending_comes_at_the_first_instant_that_is_not_fine(fly, plant, free):
-    free = free if plant == "rigid_body" else run(dataclasses.replace(RISING, endings=(), plant=plant))
+    free = free if plant == "rigid_body" else run(dataclasses.replace(RISING, endings=(), kind=plant))
     first = int(np.argmax(free.position[:, 2] > 1.2))
     assert first > 20
-    log = fly(dataclasses.replace(RISING, plant=plant))
+    log = fly(dataclasses.replace(RISING, kind=plant))
     assert (log.status, log.time.size, log.info["end_time"]) == ("ceiling", first, first / 200)
     assert log.info["cause"] == f"z = {free.position[first, 2]:.3f} m passed 1.2"
     assert log.position.tobytes() == free.position[:first].tobytes()

@@ -47,8 +47,8 @@ NO_OFFSET = (0.0,) * 8
 def scenario():
     base = skyarm.load_scenario("case1", duration=1.0)
     way = Sum((Constant(0.1), minimum_snap((0.15, 0.3), (0.0, 0.02))))
-    trajectory = Trajectory(x=way, z=Constant(1.0), joints=base.trajectory.joints, guards=GUARDS, phases=PHASES)
-    return dataclasses.replace(base, trajectory=trajectory, rates=dataclasses.replace(base.rates, reference=50))
+    trajectory = Trajectory(x=way, z=Constant(1.0), joints=base.reference.joints, guards=GUARDS, phases=PHASES)
+    return dataclasses.replace(base, reference=trajectory, rates=dataclasses.replace(base.rates, reference=50))
 
 
 def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force: Any) -> dict[str, Any]:
@@ -159,8 +159,8 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
         dataclasses.replace(phase, back=back)
         for phase, back in zip(PHASES, ((0.05, 0.1), None, (0.2075, 0.2125), None), strict=True)
     ]
-    trajectory = dataclasses.replace(scenario.trajectory, phases=tuple(phases))
-    waits, shift = Waits(dataclasses.replace(scenario, trajectory=trajectory)), 1.0 / RATE
+    trajectory = dataclasses.replace(scenario.reference, phases=tuple(phases))
+    waits, shift = Waits(dataclasses.replace(scenario, reference=trajectory)), 1.0 / RATE
     clock = dataclasses.replace(
         waits.first(), place=41.0, guard=2.0, reached=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0
     )
@@ -170,9 +170,9 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     assert (after.place, after.guard) == (GUARDS[2].at * RATE + 1.0, 3.0)
 
     now, then = waits.held_reference(clock, 40.0), waits.held_reference(after, 44.0)
-    assert now.position.x < float(scenario.trajectory.at(after.place * shift).position.x) - 1e-5
+    assert now.position.x < float(scenario.reference.at(after.place * shift).position.x) - 1e-5
     # the plan has moved on by a period only
-    speed = float(scenario.trajectory.at(GUARDS[2].at).velocity.x)
+    speed = float(scenario.reference.at(GUARDS[2].at).velocity.x)
     assert then.position.x - now.position.x == pytest.approx(speed * shift, rel=0.2)
     # a sample is held with the offset that it was published with, until the next one
     before = waits.held_reference(clock, 41.0)
@@ -187,8 +187,8 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
 def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     """Of two offsets one after the other: what a phase between them takes back counts for the first one alone."""
     phases = (PHASES[0], dataclasses.replace(PHASES[1], back=(0.15, 0.19)), *PHASES[2:])
-    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
-    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    trajectory = dataclasses.replace(scenario.reference, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, reference=trajectory))
     offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
     begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "reached": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
     clock = dataclasses.replace(waits.first(), **begun, **offset)
@@ -207,8 +207,8 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
 
 def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     phases = (*PHASES[:3], dataclasses.replace(PHASES[3], back=(0.25, 0.4)))
-    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
-    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    trajectory = dataclasses.replace(scenario.reference, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, reference=trajectory))
     offset, step = (0.003, -0.002, 0.001), 5e-4
     rows = [waits.reference(t, (*offset, 0.2125 * RATE)) for t in np.arange(0.2, 0.45, step).tolist()]
     plan = [trajectory.at(t) for t in np.arange(0.2, 0.45, step).tolist()]
@@ -290,14 +290,14 @@ def test_a_reference_is_another_one_where_it_is_replaced_as_a_whole(scenario):
         assert is_other_reference(scenario, now, scenario, before) is other
     gentler = dataclasses.replace(scenario, seed=5)
     assert not is_other_reference(gentler, own, scenario, own)
-    longer = dataclasses.replace(scenario.trajectory, z=Constant(1.2))
-    assert is_other_reference(dataclasses.replace(scenario, trajectory=longer), own, scenario, own)
+    longer = dataclasses.replace(scenario.reference, z=Constant(1.2))
+    assert is_other_reference(dataclasses.replace(scenario, reference=longer), own, scenario, own)
 
 
 @pytest.mark.parametrize("asked", [{"force": 0.5}, {"force_below": 0.5}])
 def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
     guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, **asked)
-    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    waits = Waits(dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(guard,))))
     clock, tip = dataclasses.replace(waits.first(), place=20.0), Vec3(0.1, 0.0, 1.0)
     force = Vec3(*OUT) * (1.0 if "force" in asked else 0.0)
     found = [waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=each)) for each in (force, None)]
@@ -306,7 +306,7 @@ def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
 
 def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scenario):
     guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, early=True, force=0.5)
-    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    waits = Waits(dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(guard,))))
     tip = Vec3(0.1, 0.0, 1.0)
     pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
     first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
@@ -320,8 +320,8 @@ def test_a_timeout_or_a_hold_of_whole_periods_lasts_so_many(scenario, periods):
     seconds, tip = periods / RATE, Vec3(0.1, 0.0, 1.0)
     for hold, timeout, force in ((10.0, seconds, 0.0), (seconds, 10.0, 1.0)):
         guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=hold, timeout=timeout, force=0.5)
-        trajectory = dataclasses.replace(scenario.trajectory, guards=(guard,))
-        waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+        trajectory = dataclasses.replace(scenario.reference, guards=(guard,))
+        waits = Waits(dataclasses.replace(scenario, reference=trajectory))
         clock, count = dataclasses.replace(waits.first(), place=20.0), 0
         while clock.guard < 0.5:
             seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * force)
@@ -339,7 +339,7 @@ def test_a_phase_is_flown_until_its_end_is_passed(scenario):
     ends = [phase.end for phase in PHASES]
     times = [0.0, *ends, *(end + PASSED for end in ends), *(end + 2.0 * PASSED for end in ends), 0.3]
     wanted = [0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 4.0, 3.0]
-    assert phase_numbers(scenario.trajectory, times).tolist() == wanted
+    assert phase_numbers(scenario.reference, times).tolist() == wanted
     assert [Waits(scenario).phase(time) for time in times] == wanted
 
 
@@ -352,6 +352,6 @@ def test_a_law_of_one_s_own_tells_the_force_by_a_field_of_its_memory():
 
 
 def test_where_no_phase_waits_the_clock_is_nothing(scenario):
-    bare = dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(), phases=()))
+    bare = dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(), phases=()))
     assert Waits(bare).first() == ()
     assert leaves(Waits(bare).first()) == []

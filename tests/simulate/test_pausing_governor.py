@@ -109,7 +109,7 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
         assert np.abs(own).max() > 1.0
         assert np.quantile(np.abs(slope - own)[2:-2], 0.95) < scale
     moved = [float(c) for c in told[400].position]
-    np.testing.assert_array_equal(moved, [float(c) for c in scenario.trajectory.at(states[400].place / 200.0).position])
+    np.testing.assert_array_equal(moved, [float(c) for c in scenario.reference.at(states[400].place / 200.0).position])
 
 
 def test_a_pause_stretches_the_time_of_a_plan(scenario):
@@ -119,7 +119,7 @@ def test_a_pause_stretches_the_time_of_a_plan(scenario):
     paces = Paces(dataclasses.replace(scenario, path_time=plan, rates=rates, duration=0.7))
     clock = dataclasses.replace(paces.first(), now=dataclasses.replace(paces.first().now, place=60.0, rate=0.5))
     assert paces.path_time(clock) == pytest.approx(0.1 + 0.5 * 0.3)
-    told, planned = paces.told(clock, 60.0), scenario.trajectory.at(0.25)
+    told, planned = paces.told(clock, 60.0), scenario.reference.at(0.25)
     assert [*told.position] == pytest.approx([*planned.position])
     assert [*told.velocity] == pytest.approx([*(planned.velocity * 0.25)])
 

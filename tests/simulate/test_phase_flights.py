@@ -85,7 +85,7 @@ def test_the_log_says_where_the_reference_s_clock_stands(scenario, log):
     assert waits.sum() / 200 == pytest.approx(log.time[-1] - log.path_time[-1], abs=0.02)
     assert np.unique(log.phase).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     for k in (50, 250, 700, 1100, 1399):
-        wanted = scenario.trajectory.at(float(log.path_time[k]))
+        wanted = scenario.reference.at(float(log.path_time[k]))
         np.testing.assert_array_equal(log.tip_reference[k], [float(c) for c in wanted.tip])
 
 
@@ -172,9 +172,9 @@ def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
 
 
 def test_who_joins_late_is_told_of_the_tip_at_rest_and_of_no_contact(scenario):
-    late, going = dataclasses.replace(scenario, joined=3.0), scenario.trajectory.at(2.0)
+    late, going = dataclasses.replace(scenario, tracking_start=3.0), scenario.reference.at(2.0)
     before, after = (joined_reference(late, going, time) for time in (2.0, 3.0))
-    start = scenario.trajectory.at(0.0)
+    start = scenario.reference.at(0.0)
     assert after == going
     assert before.tip == tuple(float(c) for c in start.tip)
     assert going.push[0] == 1.0
@@ -184,9 +184,9 @@ def test_who_joins_late_is_told_of_the_tip_at_rest_and_of_no_contact(scenario):
 @pytest.mark.thorough
 def test_a_guard_may_let_the_task_go_on(scenario):
     away = with_numbers(scenario, {"world.surfaces.wall.position.0": 2.0})
-    guard = dataclasses.replace(away.trajectory.guards[0], fails=False)
-    on = dataclasses.replace(away.trajectory, guards=(guard, *away.trajectory.guards[1:]))
-    goes_on = skyarm.run(dataclasses.replace(away, trajectory=on, duration=4.5))
+    guard = dataclasses.replace(away.reference.guards[0], fails=False)
+    on = dataclasses.replace(away.reference, guards=(guard, *away.reference.guards[1:]))
+    goes_on = skyarm.run(dataclasses.replace(away, reference=on, duration=4.5))
     assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
     assert "press 4.055 s (timeout)" in sentences(facts(goes_on))[0]
 
@@ -226,7 +226,7 @@ def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():
     log = skyarm.run(scenario)
     ends = dict(log.phase_ends)
     assert log.status == "completed"
-    planned = {phase.name: phase.end for phase in scenario.trajectory.phases}
+    planned = {phase.name: phase.end for phase in scenario.reference.phases}
     assert 0.1 < ends["search"] - ends["press"] < planned["search"] - planned["press"] - 0.5
     # no jump where the rest of the spiral is skipped, and the plan again after the retreat
     steps = np.abs(np.diff(log.tip_reference, axis=0)).max(axis=1)

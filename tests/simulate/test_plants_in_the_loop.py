@@ -32,13 +32,13 @@ def ours(scenario, substeps):
     flight = Flight.of(scenario, lambda _seconds: substeps)
     kernel = Kernel(flight.loop, Lanes(1), logging=True)
     _, log = kernel.run(flight.carry[:, None], flight.parameters[:, None], flight.rows)
-    return log[:, [*range(7), *range(13, 13 + scenario.world.vehicle.n)], 0]
+    return log[:, [*range(7), *range(13, 13 + scenario.plant.vehicle.n)], 0]
 
 
 def mujocos(scenario, integrator, physics=1000):
     """The same of MuJoCo's plant."""
     rates = dataclasses.replace(scenario.rates, physics=physics)
-    log = run(dataclasses.replace(scenario, plant="mujoco", integrator=integrator, rates=rates))
+    log = run(dataclasses.replace(scenario, kind="mujoco", integrator=integrator, rates=rates))
     assert log.info["status"] == "completed"
     return np.hstack([log.position, log.quaternion, log.joints])
 
@@ -79,7 +79,7 @@ def test_a_scenario_file_takes_the_integrator_by_name():
             "case3_wind", duration=1.0, reference__base__start=0.2, plant__kind="mujoco", plant__integrator="rk4_staged"
         )
     )
-    assert (scenario.plant, scenario.integrator) == ("mujoco", "rk4_staged")
+    assert (scenario.kind, scenario.integrator) == ("mujoco", "rk4_staged")
     log, held = run(scenario), run(dataclasses.replace(scenario, integrator="rk4"))
     assert log.info["integrator"] == "rk4_staged"
     assert 0.0 < np.abs(log.position - held.position).max() < 1e-3

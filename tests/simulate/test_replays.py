@@ -18,7 +18,7 @@ from skyarm.sensors.measurement import SensorNoise
 
 SCENARIO = dataclasses.replace(
     skyarm.load_scenario("case2_gust", duration=0.3),
-    sensors=SensorNoise(position=0.002, rate=0.01),
+    noise=SensorNoise(position=0.002, rate=0.01),
     seed=5,
     changes=(
         Change(at=0.1, path="plant.payload.mass", value=0.05),
@@ -36,7 +36,7 @@ def log() -> Any:
 def test_a_log_is_flown_again_to_its_bits_from_its_file(plant: str, log: Any, tmp_path: Path) -> None:
     if plant == "mujoco":
         pytest.importorskip("mujoco")
-        log = skyarm.run(dataclasses.replace(SCENARIO, plant=plant))
+        log = skyarm.run(dataclasses.replace(SCENARIO, kind=plant))
     again = skyarm.replay(log.save_npz(tmp_path / "flight.npz"))
     assert same_logs(again, log)
     assert again.info == log.info

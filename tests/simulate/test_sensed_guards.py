@@ -46,8 +46,8 @@ def document(until, **sensors):
 def waits_of(guards):
     base = skyarm.scenario_from(document({"error": 1.0}, wrist=WRIST, a=SWITCH, b=SWITCH))
     phases = tuple(Phase(name="p", end=guard.at) for guard in guards)
-    way = Trajectory(z=Constant(1.0), joints=base.trajectory.joints, guards=guards, phases=phases)
-    return Waits(dataclasses.replace(base, trajectory=way))
+    way = Trajectory(z=Constant(1.0), joints=base.reference.joints, guards=guards, phases=phases)
+    return Waits(dataclasses.replace(base, reference=way))
 
 
 WAITS = waits_of(GUARDS)
@@ -123,7 +123,7 @@ def test_the_tables_of_phases_md_are_those_of_a_switch_and_of_a_handle():
     )
     (press,) = switch["reference"]["tip"]["path"]["phases"]
     found = skyarm.scenario_from(document(press["until"], **switch["sensors"]))
-    assert [(guard.closed, guard.fails) for guard in found.trajectory.guards] == [("fingertip", True)]
+    assert [(guard.closed, guard.fails) for guard in found.reference.guards] == [("fingertip", True)]
     path = {"kind": "phases", "position": [0.6, 0.0, 1.27], **handle["reference"]["tip"]["path"]}
     push = reference_from({"base": path}, 0, "reference", Setting(duration=20.0)).push
     assert [push.at(t)[5] for t in (0.49, 0.51, 9.49, 9.51)] == [0.0, 1.0, 1.0, 0.0]

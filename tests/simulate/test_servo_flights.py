@@ -51,12 +51,12 @@ def flight(**replaced: Any) -> Scenario:
 
 def on_servos(scenario: Scenario, drive: Any) -> Scenario:
     """Both joints of truth and belief on a drive."""
-    mounted = tuple(MountedDrive(name=link.joint.name, drive=drive) for link in scenario.world.vehicle.links)
-    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(scenario.world.vehicle, drives=mounted))
+    mounted = tuple(MountedDrive(name=link.joint.name, drive=drive) for link in scenario.plant.vehicle.links)
+    world = dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(scenario.plant.vehicle, drives=mounted))
     model = scenario.controller.par.model
     model = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, drives=mounted))
     controller = with_actuators(scenario.controller, model, 0.005)
-    return dataclasses.replace(scenario, world=world, controller=controller)
+    return dataclasses.replace(scenario, plant=world, controller=controller)
 
 
 def tip_error(scenario: Scenario) -> float:
@@ -65,7 +65,7 @@ def tip_error(scenario: Scenario) -> float:
 
 def test_a_vehicle_file_carries_its_servos():
     scenario = flight()
-    assert [each.name for each in scenario.world.vehicle.drives] == ["shoulder", "elbow"]
+    assert [each.name for each in scenario.plant.vehicle.drives] == ["shoulder", "elbow"]
     assert all(isinstance(drive, PositionServo) for drive in scenario.all_drives)
     assert isinstance(scenario.controller.par, ActuatorParameters)
     log = run(scenario)
@@ -78,7 +78,7 @@ def test_both_plants_fly_the_same_servos():
     """By one integrator, with a servo without rounding, whose steps would come at other instants."""
     smooth = {f"plant.drives.{joint}.resolution": 0.0 for joint in ("shoulder", "elbow")}
     ours = dataclasses.replace(with_numbers(flight(duration=2.0), smooth), integrator="rk4_staged")
-    theirs = dataclasses.replace(ours, plant="mujoco")
+    theirs = dataclasses.replace(ours, kind="mujoco")
     a, b = run(ours), run(theirs)
     assert np.ptp(a.joints[:, 0]) > 0.3
     np.testing.assert_allclose(a.joints, b.joints, rtol=0.0, atol=1e-6)
@@ -123,8 +123,8 @@ def on_torques(law: str) -> Scenario:
     """The same arm without servos."""
     tables = document() | {"controller": {"law": law, "servos": False}}
     found = scenario_from(tables, DATA, {"duration": 0.5})
-    bare = dataclasses.replace(found.world.vehicle, drives=())
-    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=bare))
+    bare = dataclasses.replace(found.plant.vehicle, drives=())
+    return dataclasses.replace(found, plant=dataclasses.replace(found.plant, vehicle=bare))
 
 
 @pytest.mark.parametrize("law", sampled(tuple(LAWS), 40, keep=("centroidal", "indi")))

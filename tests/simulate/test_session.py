@@ -30,7 +30,7 @@ from thorough import sampled
 
 NOISY = dataclasses.replace(
     load_scenario("case3_wind", duration=0.5),
-    sensors=SensorNoise(position=0.001, attitude=0.002),
+    noise=SensorNoise(position=0.001, attitude=0.002),
     delays=Delays(measurement=0.005, command=0.002),
     seed=6,
     episode=2,
@@ -39,7 +39,7 @@ ADDED = dataclasses.replace(
     NOISY,
     air=(Turbulence(),),
     forces=(RandomPush(sigma=0.1),),
-    instruments=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
+    sensors=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
     estimator=Blend(),
     drives=(JointDrive(joint="joint1", drive=Lag()),),
 )
@@ -65,7 +65,7 @@ def calling(scenario: Any) -> Any:
 SCENARIOS: dict[str, Any] = {
     "noisy": NOISY,
     "added": ADDED,
-    "mujoco": dataclasses.replace(ADDED, plant="mujoco", duration=0.2),
+    "mujoco": dataclasses.replace(ADDED, kind="mujoco", duration=0.2),
     "called": calling(dataclasses.replace(NOISY, duration=0.2)),
     "ends": dataclasses.replace(NOISY, endings=(Ceiling(height=0.999),)),
     "ends_at_once": scenario_from(document("case1", duration=0.2, reference__base__position=[0.0, 0.0, 0.1])),
@@ -316,7 +316,7 @@ def test_every_engine_flies_on_after_a_change(name: str) -> None:
     session, wanted = Session(base), run(base)
     for _ in range(13):
         session.step()
-    session.change({"plant.gravity": float(base.world.gravity)})  # as it was
+    session.change({"plant.gravity": float(base.plant.gravity)})  # as it was
     assert same_logs(session.run(), wanted)
     other = Session(base)
     for _ in range(10):
@@ -344,7 +344,7 @@ def test_a_law_that_writes_to_its_memory_keeps_it_apart_for_every_flight() -> No
     for _ in range(2):
         assert same(session.run(), wanted)
         session.restore(held)
-    session.change({"plant.gravity": float(base.world.gravity)})
+    session.change({"plant.gravity": float(base.plant.gravity)})
     assert same_logs(session.run(), wanted)
     session.restore(held)
     assert same(session.run(), wanted)
@@ -357,7 +357,7 @@ def test_parts_may_be_replaced_and_what_has_another_structure_begins_anew() -> N
         session.step()
     state = session.state
     other = load_scenario("case3_wind", controller="centroidal_tip", duration=0.5).controller
-    session.replace(dataclasses.replace(NOISY, controller=other, sensors=SensorNoise(position=0.005)))
+    session.replace(dataclasses.replace(NOISY, controller=other, noise=SensorNoise(position=0.005)))
     assert session.state == state
     assert leaves(session._engine.now.memory) == leaves(other.memory)
     assert session.step()
@@ -426,15 +426,15 @@ def test_delays_stay_as_they_began(delays: Any) -> None:
 def test_another_vehicles_structure_is_refused(name: str, words: str) -> None:
     session = Session(NOISY)
     session.step()
-    own = NOISY.world.vehicle
+    own = NOISY.plant.vehicle
     six = dataclasses.replace(own, rotors=load_vehicle("tilted_hexarotor").rotors)
     vehicle = load_vehicle(name) if name else six
-    trajectory = dataclasses.replace(NOISY.trajectory, joints=NOISY.trajectory.joints[: vehicle.n])
+    trajectory = dataclasses.replace(NOISY.reference, joints=NOISY.reference.joints[: vehicle.n])
     other = dataclasses.replace(
         NOISY,
-        world=dataclasses.replace(NOISY.world, vehicle=vehicle),
+        plant=dataclasses.replace(NOISY.plant, vehicle=vehicle),
         controller=make_controller("decoupled_pd", Model(vehicle=vehicle)),
-        trajectory=trajectory,
+        reference=trajectory,
     )
     with pytest.raises(ScenarioError, match=rf"^{words} as the session began$"):
         session.replace(other)
@@ -446,16 +446,16 @@ def test_other_sensors_are_refused_since_readings_are_on_their_way() -> None:
     session = Session(ADDED)
     for _ in range(7):
         session.step()
-    (fix,) = ADDED.instruments
+    (fix,) = ADDED.sensors
     later = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, delay=0.02))
     held = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, rate=0.0))
     for instruments in ((later,), (held,), (fix, NamedSensor(name="more", sensor=Fix()))):
         with pytest.raises(ScenarioError, match=r"^sensors.*must be as the session began, since readings are on"):
-            session.replace(dataclasses.replace(ADDED, instruments=instruments))
+            session.replace(dataclasses.replace(ADDED, sensors=instruments))
     # another number of the same sensor, and the same sensor's readings go on
     louder = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, sigma=0.5))
     before = session._engine.now.sensors
-    session.replace(dataclasses.replace(ADDED, instruments=(louder,)))
+    session.replace(dataclasses.replace(ADDED, sensors=(louder,)))
     assert session._engine.now.sensors == before
 
 

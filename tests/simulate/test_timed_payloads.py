@@ -104,7 +104,7 @@ def test_both_plants_agree_where_both_take_the_same_steps(scenario):
     """Fourth order in the same steps of 2 ms: what is left is rounding, and the exponential map's own error (1e-9)."""
     fast = dataclasses.replace(scenario, rates=skyarm.Rates(physics=500, control=500, reference=50))
     ours = skyarm.run(fast)
-    theirs = skyarm.run(dataclasses.replace(fast, plant="mujoco", integrator="rk4_staged"))
+    theirs = skyarm.run(dataclasses.replace(fast, kind="mujoco", integrator="rk4_staged"))
     assert ours.status == theirs.status == "completed"
     for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"):
         assert np.abs(getattr(ours, name) - getattr(theirs, name)).max() < 1e-6, name
@@ -179,8 +179,8 @@ def test_what_is_not_used_is_not_there(scenario):
     around = first_surroundings(plain, first)
     assert around.effectiveness is None
     assert leaves(around) == [0.0]  # the time
-    assert after_impact(plain.world.vehicle, first.state, around) is first.state
-    assert loaded_vehicle(plain.world.vehicle, around) is plain.world.vehicle
+    assert after_impact(plain.plant.vehicle, first.state, around) is first.state
+    assert loaded_vehicle(plain.plant.vehicle, around) is plain.plant.vehicle
     faulty = dataclasses.replace(plain, faults=(skyarm.Fault(rotor="front", effectiveness=0.5),))
     told = first_surroundings(faulty, first).effectiveness
     assert told.stuck == ()

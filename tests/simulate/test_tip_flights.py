@@ -54,7 +54,7 @@ def test_the_tip_stays_on_its_path(flown, kind):
 
 def test_the_log_and_the_metrics_hold_the_tips_own_reference(flown):
     log = flown["rigid_body"]
-    path = task().trajectory.tip
+    path = task().reference.tip
     wanted = np.array([path.path(float(t))[0] for t in log.time[::50]], dtype=float)
     np.testing.assert_array_equal(log.tip_reference[::50], wanted)
     error = np.linalg.norm(log.tip - log.tip_held, axis=1)
@@ -77,7 +77,7 @@ def test_a_batch_that_varies_the_path_flies_what_single_flights_fly():
 def test_a_log_flies_again(flown, tmp_path):
     save_log(flown["rigid_body"], tmp_path / "task.npz")
     again = scenario_of_log(tmp_path / "task.npz", {})
-    assert again.trajectory == task().trajectory
+    assert again.reference == task().reference
 
 
 def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout():

@@ -73,7 +73,7 @@ def test_a_function_used_twice_stays_one() -> None:
 
 
 def test_records_travel_as_by_pickle() -> None:
-    state = skyarm.load_scenario("case3").trajectory
+    state = skyarm.load_scenario("case3").reference
     assert pickle.loads(packed(state)) == state
     assert np.array_equal(pickle.loads(packed(np.arange(3))), np.arange(3))
 

@@ -163,7 +163,7 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
                 Nothing.effort),
     "numpy": (drive(Sine()), "plant.drives.joint2 (Sine) cannot be traced: operand a traced number does not support "
               "ufuncs (__array_ufunc__=None); must use + - * / and the functions of skyarm.scalars", "# here too"),
-    "reading": (with_(instruments=(NamedSensor(name="gps", sensor=ReadingOnly()),)), "sensors.gps (ReadingOnly) "
+    "reading": (with_(sensors=(NamedSensor(name="gps", sensor=ReadingOnly()),)), "sensors.gps (ReadingOnly) "
                 "returns a tuple of 3: must return (memory, reading)", ReadingOnly.measure),
     "measurement": (with_(estimator=MeasurementOnly()), "estimator (MeasurementOnly) returns a Measurement: must "
                     "return (memory, Measurement)", MeasurementOnly.step),
@@ -197,7 +197,7 @@ def test_a_wrong_component_is_one_line_with_file_and_line(name):
 def test_whatever_flies_it_says_so(plane):
     scenario, words, _ = WRONG["grows"]
     fly = {
-        "mujoco": lambda: run(dataclasses.replace(scenario, plant="mujoco")),
+        "mujoco": lambda: run(dataclasses.replace(scenario, kind="mujoco")),
         "session": lambda: skyarm.Session(scenario),
         "batch": lambda: Batch(scenario),
         "batch_session": lambda: BatchSession(scenario, 2),
@@ -211,7 +211,7 @@ def test_what_is_right_passes_the_check_and_flies():
     scenario = with_(
         air=(Turbulence(),),
         forces=(Tether(),),
-        instruments=(NamedSensor(name="fix", sensor=Fix(rate=50.0, sigma=0.01)),),
+        sensors=(NamedSensor(name="fix", sensor=Fix(rate=50.0, sigma=0.01)),),
         estimator=Blend(),
         drives=(JointDrive(joint="joint1", drive=Lag()), JointDrive(joint="joint2", drive=Servo())),
         endings=(Ceiling(height=5.0),),

@@ -28,7 +28,7 @@ from wrong_laws import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake
 PLANES: dict[str, Callable[[Any], Any]] = {
     "run": run,
     "floats": run_in_python,
-    "mujoco": lambda scenario: run(dataclasses.replace(scenario, plant="mujoco")),
+    "mujoco": lambda scenario: run(dataclasses.replace(scenario, kind="mujoco")),
     "session": skyarm.Session,
     "batch": lambda scenario: Batch(scenario, ["plant.payload.mass"]),
     "batch_session": lambda scenario: BatchSession(scenario, 2, law=True),

@@ -39,7 +39,7 @@ def hover(vehicle, law, joints, **delays):
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.5]}, "joints": list(joints)},
     }
     return dataclasses.replace(
-        skyarm.scenario_from(document), sensors=PERFECT_SENSORS, ground=False, delays=skyarm.Delays(**delays)
+        skyarm.scenario_from(document), noise=PERFECT_SENSORS, ground=False, delays=skyarm.Delays(**delays)
     )
 
 
@@ -52,9 +52,7 @@ def swings_from(scenario, delays):
     """
     still = hovering(without_adaptation(scenario))
     longest = dataclasses.replace(scenario.delays, longest_command=float(max(delays)) + 1e-3)
-    flight = dataclasses.replace(
-        still, duration=LATE[1], plant="rigid_body", initial=first_state(still), delays=longest
-    )
+    flight = dataclasses.replace(still, duration=LATE[1], kind="rigid_body", initial=first_state(still), delays=longest)
     tilted = [f"initial.quaternion.{axis}" for axis in "xy"]
     batch = skyarm.Batch(flight, ["delays.command", *tilted], metrics=(), log_every=1, effort=0)
     lanes = np.full(len(delays), TILT)

@@ -85,9 +85,9 @@ def test_a_sagging_battery_is_part_of_the_loop_and_its_charge_is_not():
     scenario = with_lag(
         dataclasses.replace(
             base,
-            world=skyarm.Truth(vehicle=dataclasses.replace(vehicle, battery=battery), gravity=9.81),
+            plant=skyarm.Truth(vehicle=dataclasses.replace(vehicle, battery=battery), gravity=9.81),
             controller=skyarm.make_controller("rotors_sim_position", model),
-            trajectory=skyarm.hover(skyarm.Vec3(0.0, 0.0, 2.0)),
+            reference=skyarm.hover(skyarm.Vec3(0.0, 0.0, 2.0)),
             ground=False,
         ),
         0.0,

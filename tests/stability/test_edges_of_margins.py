@@ -111,11 +111,11 @@ def test_flights_of_a_basin_and_of_a_hover_last_as_long_as_they_say(monkeypatch,
     scenario = skyarm.load_scenario("case3_wind")
     rates = Rates(physics=2 * control, control=control, reference=control)
     noise = SensorNoise(position=0.01, rate=0.1)
-    scenario = dataclasses.replace(scenario, rates=rates, sensors=noise, ground=True)
+    scenario = dataclasses.replace(scenario, rates=rates, noise=noise, ground=True)
     assert scenario.wind != NO_WIND
     with pytest.raises(_AskedError) as caught:
         ROOM.basin(scenario, 3)
     (flight,) = caught.value.args
     assert (flight.duration, hovering(scenario).duration) == (ROOM.DURATION, SETTLING) == (12.0, 5.0)
     assert flight.steps == 12 * control
-    assert (flight.plant, flight.sensors, flight.wind, flight.ground) == ("rigid_body", PERFECT_SENSORS, NO_WIND, False)
+    assert (flight.plant, flight.noise, flight.wind, flight.ground) == ("rigid_body", PERFECT_SENSORS, NO_WIND, False)

@@ -41,9 +41,9 @@ def rotors_hover():
     base = skyarm.load_scenario("case1", duration=0.01)
     scenario = dataclasses.replace(
         base,
-        world=Truth(vehicle=vehicle, gravity=9.81),
+        plant=Truth(vehicle=vehicle, gravity=9.81),
         controller=make_controller("rotors_sim_position", Model(vehicle=vehicle)),
-        trajectory=hover(Vec3(0.0, 0.0, 2.0)),
+        reference=hover(Vec3(0.0, 0.0, 2.0)),
         ground=False,
     )
     return even(scenario)

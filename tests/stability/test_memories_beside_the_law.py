@@ -68,8 +68,8 @@ class LaggedDrag(own.RandomPush):
     [
         ({"forces": (LaggedDrag(gain=30.0),)}, r"environment.forces\[0\] = LaggedDrag: "),
         ({"forces": (own.RandomPush(), Swing())}, r"environment.forces\[1\] = Swing: "),
-        ({"instruments": (NamedSensor(name="gps", sensor=own.Fix()),)}, "sensors.gps = Fix: "),
-        ({"estimator": own.Blend(), "instruments": ()}, "estimator = Blend: "),
+        ({"sensors": (NamedSensor(name="gps", sensor=own.Fix()),)}, "sensors.gps = Fix: "),
+        ({"estimator": own.Blend(), "sensors": ()}, "estimator = Blend: "),
     ],
 )
 def test_what_remembers_is_named_by_its_field(changes, told) -> None:

@@ -71,9 +71,9 @@ def test_an_episode_of_its_own_has_the_derived_numbers() -> None:
     drawn = {name: float(column[0]) for name, column in values(study, [7]).items()}
     scenario = at_episode(study, "paper_ct", drawn, 7)
     arm = drawn["arm"]
-    assert float(scenario.world.vehicle.links[1].joint.position.z) == -arm
+    assert float(scenario.plant.vehicle.links[1].joint.position.z) == -arm
     assert float(scenario.controller.par.model.vehicle.links[1].joint.position.z) == -arm
-    assert float(scenario.world.vehicle.links[0].body.com.z) == -arm / 2
+    assert float(scenario.plant.vehicle.links[0].body.com.z) == -arm / 2
 
 
 def test_draws_do_not_depend_on_what_is_derived() -> None:
@@ -160,7 +160,7 @@ def test_the_stiffest_joint_friction_is_found_among_derived_numbers() -> None:
     damping = "plant.vehicle.links.0.joint.damping"
     plain = prepare(study_from(document(vary={damping: {"uniform": [0.001, 0.5]}}))).stiffest
     derived = prepare(study_from(document(vary={"d": {"uniform": [0.001, 0.5]}}, derived={damping: "d"}))).stiffest
-    found = [float(each.world.vehicle.links[0].joint.damping) for each in (plain, derived)]
+    found = [float(each.plant.vehicle.links[0].joint.damping) for each in (plain, derived)]
     assert found[0] > 0.4
     assert found[1] == found[0]
 

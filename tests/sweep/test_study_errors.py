@@ -122,8 +122,8 @@ def test_a_file_is_named_in_its_errors(tmp_path: Path) -> None:
 
 def test_a_structural_zero_may_be_varied() -> None:
     study = small_study(scenario="case1", vary={"sensors.rate": {"uniform": [0.0, 0.1]}})
-    assert study.scenarios["paper_ct"].sensors.rate == 0.0
-    assert isinstance(study.scenarios["paper_ct"].sensors.rate, float), "data, not structure"
+    assert study.scenarios["paper_ct"].noise.rate == 0.0
+    assert isinstance(study.scenarios["paper_ct"].noise.rate, float), "data, not structure"
     calm = small_study(scenario="case1", vary={"environment.wind.velocity_W.x": {"uniform": [0.0, 1.0]}})
     assert isinstance(calm.scenarios["paper_ct"].wind.velocity_W.x, float)
 

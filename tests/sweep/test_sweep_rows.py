@@ -179,7 +179,7 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     balls = [
         Surface(name=f"at {z}", shape="sphere", size=(0.02,), position=(x, 0.0, z)) for x, z in ((0.0, 0.6), (0.17, 1))
     ]
-    scenario = dataclasses.replace(scenario, contact=Contact(surfaces=tuple(balls)))
+    scenario = dataclasses.replace(scenario, world=Contact(surfaces=tuple(balls)))
     rng = np.random.default_rng(0)
     base = np.array(leaves(first_state(scenario)))
     states = np.repeat(base[None, :], 400, axis=0)
@@ -219,7 +219,7 @@ def test_a_stiff_episode_is_integrated_as_finely_beside_slack_ones_as_alone(tmp_
     vary = {damping: {"grid": [0.001, 0.05, 2]}}
     study = small_study(vary=vary, design="grid", episodes=2, controllers=["paper_ct"])
     stiff = at_episode(study, "paper_ct", {damping: 0.05}, 1)
-    assert 0.005 * friction_rate(stiff.world.vehicle) / FRICTION_STEP > 2.0
+    assert 0.005 * friction_rate(stiff.plant.vehicle) / FRICTION_STEP > 2.0
     rows = flown(tmp_path, vary=vary, design="grid", episodes=2, controllers=["paper_ct"])["paper_ct"]
     wanted = metrics_of(run(stiff))
     # the same steps, but for the rounding of fused multiply-adds
@@ -230,7 +230,7 @@ def test_the_stiffest_plant_has_every_number_at_its_stiff_end() -> None:
     first, second = (f"plant.vehicle.links.{i}.joint.damping" for i in (0, 1))
     study = small_study(vary={first: {"uniform": [0.001, 0.01]}, second: {"uniform": [0.001, 0.02]}})
     drawn = values(study, np.arange(50))
-    joints = [link.joint.damping for link in prepare(study).stiffest.world.vehicle.links]
+    joints = [link.joint.damping for link in prepare(study).stiffest.plant.vehicle.links]
     assert joints == [drawn[first].max(), drawn[second].max()]
 
 
@@ -238,18 +238,18 @@ def test_the_integration_step_is_that_of_the_stiffest_episode_whatever_the_chunk
     damping = "plant.vehicle.links.1.joint.damping"
     study = small_study(vary={damping: {"uniform": [0.0001, 0.02]}}, controllers=["paper_ct"])
     stiffest = prepare(study).stiffest
-    assert stiffest.world.vehicle.links[1].joint.damping == values(study, np.arange(50))[damping].max()
+    assert stiffest.plant.vehicle.links[1].joint.damping == values(study, np.arange(50))[damping].max()
     light = small_study(vary={MASS: {"uniform": [0.3, 1.0]}}, controllers=["paper_ct"])
-    assert prepare(light).stiffest.world.vehicle.base.mass == values(light, np.arange(50))[MASS].min()
+    assert prepare(light).stiffest.plant.vehicle.base.mass == values(light, np.arange(50))[MASS].min()
 
 
 def test_friction_of_every_joint_at_once_and_a_payload_count_for_the_stiffest_plant() -> None:
     every, load = "plant.joints.damping", "plant.payload.mass"
     study = small_study(vary={every: {"uniform": [0.001, 0.02]}, load: {"uniform": [0.0, 0.05]}})
-    stiffest, drawn = prepare(study).stiffest.world.vehicle, values(study, np.arange(50))
+    stiffest, drawn = prepare(study).stiffest.plant.vehicle, values(study, np.arange(50))
     assert [link.joint.damping for link in stiffest.links] == [drawn[every].max()] * 2
     # what hangs on the tip makes the last link slower to stop
-    assert stiffest.mass == study.scenarios["paper_ct"].world.vehicle.mass
+    assert stiffest.mass == study.scenarios["paper_ct"].plant.vehicle.mass
 
 
 def test_a_study_without_varied_numbers_flies_other_noise_in_each_episode(tmp_path: Path) -> None:

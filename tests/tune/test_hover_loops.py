@@ -55,7 +55,7 @@ def test_a_test_costs_where_a_margin_is_short_and_nothing_elsewhere(tests_of_mar
 
 
 def with_lag(factor):
-    rotors = range(len(CASE.world.vehicle.rotors))
+    rotors = range(len(CASE.plant.vehicle.rotors))
     paths = [f"plant.vehicle.rotors.{i}.time_constant_{way}" for i in rotors for way in ("up", "down")]
     return with_numbers(CASE, {path: factor * number_at(CASE, path) for path in paths})
 
@@ -94,7 +94,7 @@ def test_a_heavy_arm_and_weak_rotors_are_named_together():
     assert {"thrust margin", "arm"} <= set(found.parts)
     said = "\n".join(words(found))
     assert f"a hover takes {1.0 / found.thrust_margin:.0%} of the thrust; at most 67% are wanted" in said
-    assert found.thrust_margin == pytest.approx(0.36 * thrust_margin(both.world.vehicle, 9.8), rel=1e-6)
+    assert found.thrust_margin == pytest.approx(0.36 * thrust_margin(both.plant.vehicle, 9.8), rel=1e-6)
     assert "the arm weighs 2 of what is believed" in said
 
 

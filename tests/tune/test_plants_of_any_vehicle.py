@@ -49,7 +49,7 @@ def test_the_papers_vehicle_meets_the_readmes_plants():
 def test_any_vehicle_gets_plants_that_can_be_made_and_hover(name):
     flight = excited(of_vehicle(load_vehicle(name)))
     plants = draw_plants(flight, 12, seed=1)
-    vehicle, weight = flight.world.vehicle, float(flight.world.vehicle.mass) * 9.81
+    vehicle, weight = flight.plant.vehicle, float(flight.plant.vehicle.mass) * 9.81
     assert ("plant.payload.mass" in plants.values) == bool(vehicle.end_effector)
     for k in range(plants.count):
         with_numbers(flight, {path: float(values[k]) for path, values in plants.values.items()})
@@ -94,26 +94,26 @@ def test_the_flight_moves_everything_from_rest_within_the_joints_limits(made):
 def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     case = load_scenario("case3_wind")
     flight, own = excited(case), excited(case, own_motion=True)
-    assert case.sensors == PERFECT_SENSORS != flight.sensors
-    assert (flight.world, flight.rates, flight.wind, flight.controller) == (
-        case.world,
+    assert case.noise == PERFECT_SENSORS != flight.noise
+    assert (flight.plant, flight.rates, flight.wind, flight.controller) == (
+        case.plant,
         case.rates,
         case.wind,
         case.controller,
     )
     assert flight.duration == DURATION
-    assert (own.trajectory, own.duration) == (case.trajectory, case.duration)
+    assert (own.reference, own.duration) == (case.reference, case.duration)
     aside = excited(case, unseen=True)
-    assert aside.trajectory == unseen_motion(case.world.vehicle) != flight.trajectory
+    assert aside.reference == unseen_motion(case.plant.vehicle) != flight.reference
     # once the gust of one second is over
     assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
-    noisy = dataclasses.replace(case, sensors=dataclasses.replace(case.sensors, position=0.01))
-    assert excited(noisy).sensors == noisy.sensors
-    walled = dataclasses.replace(case, contact=Contact(surfaces=(Surface(name="wall"),)))
+    noisy = dataclasses.replace(case, noise=dataclasses.replace(case.noise, position=0.01))
+    assert excited(noisy).noise == noisy.noise
+    walled = dataclasses.replace(case, world=Contact(surfaces=(Surface(name="wall"),)))
     assert excited(walled) == flight
     assert excited(walled, own_motion=True) == own
     gust = flight.forces[-1].gusts[0]
-    weight = case.world.vehicle.mass * case.world.gravity
+    weight = case.plant.vehicle.mass * case.plant.gravity
     assert gust.peak.norm() == pytest.approx(0.15 * weight, rel=0.01)
     assert gust.start == BLOWN
 
@@ -136,14 +136,14 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
     assert draw_plants(flight, 12, seed=3).kinds.tolist() == [0] * 12
     few = draw_plants(flight, 7, seed=3, mixed=True)
     moved = {path for path in plants.values if path.startswith("reference.")}
-    joints = flight.world.vehicle.n
+    joints = flight.plant.vehicle.n
     assert len(moved) == 3 * (4 + joints)
     for path in moved:
         np.testing.assert_array_equal(few.values[path], plants.values[path][:7])
     fastest = np.zeros(3)
     time = np.linspace(0.0, STEPPED, 200, endpoint=False)
     for k in range(12):
-        path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).trajectory
+        path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).reference
         x, y = (np.array(signal.derivatives(time)[:3]) for signal in (path.x, path.y))
         # what any of the shipped vehicles can fly
         assert np.abs([x[2], y[2]]).max() < 1.5
@@ -151,14 +151,14 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
             away = np.hypot(x[0], y[0])[100:]
             np.testing.assert_allclose(away, away[0], rtol=1e-6)  # a circle once it is eased in
         swung = [np.array(signal.derivatives(time)[:2]) for signal in path.joints]
-        for link, (angle, _) in zip(flight.world.vehicle.links, swung, strict=True):
+        for link, (angle, _) in zip(flight.plant.vehicle.links, swung, strict=True):
             assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)
         fastest[plants.kinds[k]] = max(fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung))
     # five joints share what two would swing: 0.25 rad each, 1.6 times it at most
     widest = max(plants.values[f"reference.joints.{i}.signals.1.signal.amplitude"].max() for i in range(joints))
     assert 0.6 * 1.6 * 0.25 * 2 / 5 < widest <= 1.6 * 0.25 * 2 / 5 + 1e-9
     assert fastest[1] > 1.5 * fastest[[0, 2]].max()
-    assert len(draw_motions(flight.world.vehicle, 4, seed=3)[0]) == len(moved)
+    assert len(draw_motions(flight.plant.vehicle, 4, seed=3)[0]) == len(moved)
 
 
 def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_hardest_one():

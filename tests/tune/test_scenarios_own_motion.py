@@ -24,8 +24,8 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 def short():
     """A second of drawn motion with a gust's window, and one of an own motion, of a vehicle without an arm."""
     scenario = of_vehicle(load_vehicle("hummingbird"), "decoupled_pd")
-    path = dataclasses.replace(scenario.trajectory, x=eased(8.0, 1.0), z=Constant(5.0))
-    own = excited(dataclasses.replace(scenario, trajectory=path, duration=1.0), own_motion=True)
+    path = dataclasses.replace(scenario.reference, x=eased(8.0, 1.0), z=Constant(5.0))
+    own = excited(dataclasses.replace(scenario, reference=path, duration=1.0), own_motion=True)
     windows = Windows(steady=Window(0.2, 0.5), gust=Window(0.5, 1.0))
     return dataclasses.replace(excited(scenario), duration=1.0, windows=windows), shortened(own)
 
@@ -48,7 +48,7 @@ def test_a_search_flies_the_own_motion_until_enough_of_it_was_looked_at(duration
     case = excited(load_scenario("case3"), own_motion=True)
     found = shortened(dataclasses.replace(case, duration=duration, windows=windows))
     assert (found.duration, found.windows.steady) == (flown, Window(*window))
-    assert found.trajectory == case.trajectory
+    assert found.reference == case.reference
 
 
 def test_every_fourth_plant_flies_the_own_motion_and_the_other_kinds_stay_balanced(short):

@@ -35,7 +35,7 @@ def tuned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tuned")
 
     def drawn(scenario, count, *, seed, mixed=False):
-        DRAWN.append((seed, count, scenario.trajectory, mixed))
+        DRAWN.append((seed, count, scenario.reference, mixed))
         return draw_plants(scenario, count, seed=seed, mixed=mixed)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -164,10 +164,10 @@ def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, mon
         CliRunner().invoke(program(words), words, catch_exceptions=False)
     (plan,) = plans
     assert (plan.own and plan.own.duration) == own
-    path = load_scenario("case3").trajectory
-    assert (plan.check.trajectory == path) == (own is not None)
+    path = load_scenario("case3").reference
+    assert (plan.check.reference == path) == (own is not None)
     if plan.own:
-        assert plan.own.trajectory == path != plan.flight.trajectory
+        assert plan.own.reference == path != plan.flight.reference
 
 
 def test_the_extra_is_named_where_the_library_is_missing(monkeypatch):

@@ -128,7 +128,7 @@ def test_a_vehicle_with_tables_hovers_where_it_should(tmp_path):
     log = run(scenario)
     assert np.abs(log.position - log.position[0]).max() < 1e-3
     np.testing.assert_array_equal(log.position, run_in_python(scenario).position)
-    theirs = run(dataclasses.replace(scenario, plant="mujoco"))
+    theirs = run(dataclasses.replace(scenario, kind="mujoco"))
     np.testing.assert_allclose(theirs.position, log.position, rtol=0.0, atol=1e-4)
 
 
@@ -143,8 +143,8 @@ def hovering(tmp_path: Path, vehicle: Vehicle) -> Any:
 def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
     scenario = hovering(tmp_path, load_vehicle(tabled(tmp_path)))
     at = "plant.vehicle.rotors.0.thrust_coefficient"
-    held = scenario.world.vehicle.rotors[0]
-    weak = with_numbers(scenario, {at: 0.9 * held.thrust_coefficient}).world.vehicle.rotors[0]
+    held = scenario.plant.vehicle.rotors[0]
+    weak = with_numbers(scenario, {at: 0.9 * held.thrust_coefficient}).plant.vehicle.rotors[0]
     assert rotor_force(weak, 500.0, ZERO3).force.z == pytest.approx(0.9 * rotor_force(held, 500.0, ZERO3).force.z)
 
 
@@ -193,7 +193,7 @@ def test_a_law_thinks_in_k_f_and_its_rotors_turn_as_the_table_has_it(tmp_path):
     inner = dataclasses.replace(make_controller("decoupled_pd", plain), law=law, memory=())
     made = with_actuators(inner, model, 0.005)
     reading = dataclasses.replace(blank_measurement(2, 6), rotor_speeds=(705.0,) * 6)
-    _, command = made.law(made.memory, reading, scenario.trajectory.at(0.0), 0.005, par=made.par)
+    _, command = made.law(made.memory, reading, scenario.reference.at(0.0), 0.005, par=made.par)
     told, believed = seen[-1]
     assert believed.vehicle.rotors[0].table is None
     assert k * told[0] ** 2 == pytest.approx(2.0 * 3.52), "the row of 705 rad/s"

@@ -17,7 +17,7 @@ CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 @pytest.mark.parametrize("case", CASES)
 def test_the_assumptions_of_the_page_are_those_of_the_scenario(case: str) -> None:
     scenario = skyarm.load_scenario(case, controller="paper_ct")
-    truth, belief, rates = scenario.world, scenario.controller.par.model, scenario.rates
+    truth, belief, rates = scenario.plant, scenario.controller.par.model, scenario.rates
     assert f"{float(truth.vehicle.mass):.5f} kg in all" in ROWS["base of the plant"]
     assert f"{float(belief.vehicle.mass):.3f} kg in all" in ROWS["base of the model"]
     assert ROWS["gravity"] == f"plant {truth.gravity:g}, model {belief.gravity:g} m/s^2"

@@ -59,7 +59,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     """
     parts = flight_parts(scenario)
     followed = follow(parts)
-    demand, vehicle = followed.demand, scenario.world.vehicle
+    demand, vehicle = followed.demand, scenario.plant.vehicle
     found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
@@ -91,7 +91,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     answers: dict[str, list[Finding]] = {}
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
-        vehicle, gravity = part.vehicle, float(part.scenario.world.gravity)
+        vehicle, gravity = part.vehicle, float(part.scenario.plant.gravity)
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
         poses = ArmPoses.only(vehicle, lanes(reference.joints, POSES_HELD).T)
         found = [
@@ -105,7 +105,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 
 def _effort_shares(part: FlightPart, demand: Demand) -> Array:
     """Efforts (n, K) over what joints and servos give at the reference's own rates."""
-    vehicle = part.scenario.world.vehicle
+    vehicle = part.scenario.plant.vehicle
     limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
     for i, servo in servos(part.scenario):
         low, high = (
@@ -135,7 +135,7 @@ def _stretches(part: FlightPart, end: float) -> list[Array]:
 
 def _switches(scenario: Scenario) -> list[float]:
     """Times of the flight at which the reference that the law receives may jump, in order, s."""
-    path, times = scenario.path_time, scenario.trajectory.switch_times()
+    path, times = scenario.path_time, scenario.reference.switch_times()
     return list(times) if path is None else [path.when(t) for t in times if t > 0.0]
 
 
@@ -143,7 +143,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
     motion = motion_of(reference_at(scenario, time), time)
     disturbance = disturbance_of(part, time)
-    demand = demand_of_motion(vehicle, float(scenario.world.gravity), motion, disturbance=disturbance)
+    demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion, disturbance=disturbance)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     return Followed(demand, demand.squared / top, _effort_shares(part, demand))
 
@@ -151,10 +151,10 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 def _jumps(scenario: Scenario) -> list[Finding]:
     """Instants at which the reference itself jumps, which no vehicle follows."""
     found = []
-    for t in scenario.trajectory.switch_times():
+    for t in scenario.reference.switch_times():
         if not 0.0 < t < scenario.duration:
             continue
-        before, after = (scenario.trajectory.at(s) for s in (t - JUMP, t))
+        before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
         moved = math.dist([float(c) for c in before.position], [float(c) for c in after.position])
         turned = max((abs(float(a) - float(b)) for a, b in zip(before.joints, after.joints, strict=True)), default=0.0)
         if moved > 1e-6 or turned > 1e-6:
@@ -165,7 +165,7 @@ def _jumps(scenario: Scenario) -> list[Finding]:
 
 def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
     found = []
-    for i, link in enumerate(scenario.world.vehicle.links):
+    for i, link in enumerate(scenario.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
         beyond = (q < float(joint.lower)) | (q > float(joint.upper))
         if np.any(beyond):

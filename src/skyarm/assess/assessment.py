@@ -239,7 +239,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         ValueError: as :func:`assess_vehicle`.
     """
     about = assess_vehicle(
-        scenario.world.vehicle, gravity=float(scenario.world.gravity), payload=payload, poses=poses, seed=seed
+        scenario.plant.vehicle, gravity=float(scenario.plant.gravity), payload=payload, poses=poses, seed=seed
     )
     try:
         along = [*along_reference(scenario), *push_limits(scenario)]

@@ -84,7 +84,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
         held = [load for load in loads if load.start <= start < load.stop]
-        vehicle = now.world.vehicle
+        vehicle = now.plant.vehicle
         for load in held:
             vehicle = vehicle.with_body(*load.body(vehicle))
         kilograms = f"{math.fsum(load.mass for load in held):g} kg ({', '.join(load.name for load in held)})"
@@ -124,7 +124,7 @@ def _first(times: Array, found: Array) -> float:
 
 def _gripped(scenario: Scenario) -> list[Load]:
     """Free objects that grippers with a command take hold of along the reference, from closing to opening."""
-    contact = scenario.contact
+    contact = scenario.world
     if contact is None or not contact.objects:
         return []
     times = np.concatenate(list(_control_instants(scenario)))
@@ -166,12 +166,12 @@ def _point_at(gripper: Gripper, mass: float) -> Callable[[Vehicle], tuple[int, B
 def reference_at(scenario: Scenario, time: Array) -> Reference:
     """The reference that the law follows, at many instants."""
     path = scenario.path_time
-    return scenario.trajectory.at(time) if path is None else governed(scenario.trajectory, path, time)
+    return scenario.reference.at(time) if path is None else governed(scenario.reference, path, time)
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """Places (3, K) of a frame with the base level on its reference, m, world axes."""
-    reference, vehicle = reference_at(scenario, time), scenario.world.vehicle
+    reference, vehicle = reference_at(scenario, time), scenario.plant.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(
         position=reference.position,
@@ -210,8 +210,8 @@ def disturbance_of(part: FlightPart, time: Array) -> DisturbanceAt | None:
     Gusts and signals count, turbulence and noise do not.
     """
     scenario, vehicle = part.scenario, part.vehicle
-    pushes = scenario.trajectory.push is not None and vehicle.end_effector and presses(scenario.controller.par)
-    pressing = (Pressing(scenario.trajectory),) if pushes else ()
+    pushes = scenario.reference.push is not None and vehicle.end_effector and presses(scenario.controller.par)
+    pressing = (Pressing(scenario.reference),) if pushes else ()
     wind = () if scenario.wind == NO_WIND else (scenario.wind,)
     components: tuple[Component, ...] = (*wind, *scenario.air, *scenario.forces, *pressing)
     if not components and not scenario.faults:

@@ -228,7 +228,7 @@ OFTEN = 0.05
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     """Indices of the joints with servos, and these."""
     given = {each.joint: each.drive for each in scenario.joint_drives}
-    named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.world.vehicle.links)]
+    named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.plant.vehicle.links)]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
@@ -242,7 +242,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """
     found = []
     for i, servo in servos(scenario):
-        joint, top = scenario.world.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
+        joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), "rad/s" if joint.kind == "revolute" else "m/s"

@@ -43,11 +43,11 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
     """
-    vehicle, push = scenario.world.vehicle, scenario.trajectory.push
+    vehicle, push = scenario.plant.vehicle, scenario.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return []
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    at = max((scenario.trajectory.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
+    at = max((scenario.reference.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
     if not float(at.push[0]) > 0.0:
         return []  # no contact is asked for at any time
     return [
@@ -83,8 +83,8 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
         joints: rad or m.
         force: on the tip, N, axes of the base.
     """
-    vehicle = scenario.world.vehicle
-    still = hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints]))[WRENCH:, 0]
+    vehicle = scenario.plant.vehicle
+    still = hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
     found: Array = still - columns @ force
     return found
@@ -92,9 +92,9 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque that the rotors have left in level hover, the smaller of both senses, N m."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
-    hover = allocation.squared(hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints])))
+    hover = allocation.squared(hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
 
 
@@ -103,14 +103,14 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
     A force f at r turns about z by f.(z x r).
     """
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
     return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+    vehicle, joints = scenario.plant.vehicle, tuple(float(q) for q in at.joints)
     efforts, limits = pushing_efforts(scenario, joints, _force(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
@@ -123,7 +123,7 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
-    frictions = [float(s.material.friction) for contact in scenario.contacts for s in contact.surfaces]
+    frictions = [float(s.material.friction) for contact in scenario.worlds for s in contact.surfaces]
     joints = tuple(float(q) for q in at.joints)
     if not frictions:
         return []
@@ -137,7 +137,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
 
 def _push_columns(scenario: Scenario, at: Reference) -> tuple[Array, Array]:
     """Generalised force (6 + n,) of 1 N with which the tip of a level base presses, and the free acceleration by it."""
-    vehicle, joints = scenario.world.vehicle, np.array([[float(q) for q in at.joints]])
+    vehicle, joints = scenario.plant.vehicle, np.array([[float(q) for q in at.joints]])
     M = mass_matrix(vehicle, np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), joints)[0]
     frame = vehicle.frame()
     tip = np.array([float(c) for c in frame_pose(vehicle, frame, tuple(joints[0])).p])
@@ -165,7 +165,7 @@ def _servos(scenario: Scenario, at: Reference) -> list[Finding]:
     share = float(np.linalg.norm(missed) / np.linalg.norm(torques)) if np.any(torques) else 0.0
     servos = [k for k, drive in enumerate(drives) if not isinstance(drive, TorqueDrive)]
     i = max(servos, key=lambda k: abs(missed[k]), default=0)
-    name = scenario.world.vehicle.links[i].joint.name
+    name = scenario.plant.vehicle.links[i].joint.name
     said = f"setpoints for joints that move freely miss {share:.2g} of the push's torque on a surface that stops them"
     remedy = "a force sensor at the tip (force_sensor = true), or joints that take torques"
     facts: dict[str, Any] = {"field": f"drives.{name}", "remedy": remedy, "joints": joints}

@@ -32,7 +32,7 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
     require_machine_code()
     about, threads, rounds = describe(), cores(), 3 if quick else 9
     scenario = load_scenario(SCENARIO, duration=10.0 if quick else None)
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     progress("compile")
     flown = engines.flights(scenario)
     contenders = [

@@ -27,7 +27,7 @@ def latency(scenario: Scenario, calls: int) -> dict[str, dict[str, float]]:
     """
     controller, inputs = scenario.controller, episode_inputs(scenario)
     state = first_state(scenario)
-    force = type(state.velocity)(0.0, 0.0, scenario.world.gravity)
+    force = type(state.velocity)(0.0, 0.0, scenario.plant.gravity)
     reading = measurement_of(state, force)
     period = 1.0 / scenario.rates.control
 
@@ -65,7 +65,7 @@ def flown_latency(scenario: Scenario) -> dict[str, Any]:
         return following, command
 
     called = dataclasses.replace(controller, law=timed, compiled=False)
-    run_in_python(dataclasses.replace(scenario, controller=called))
+    run_in_python(scenario.with_words(controller=called))
     every, solving = np.array(spent[1:], dtype=float), np.array(solved[1:], dtype=bool)
     return {**_spread(every), "solving": _spread(every[solving]) if solving.any() else None}
 

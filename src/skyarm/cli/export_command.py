@@ -126,7 +126,7 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
         raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
     if is_scenario(what):
         scenario = load_scenario(what)
-        vehicle, applied, start = scenario.world.vehicle, float(scenario.world.gravity), first_state(scenario)
+        vehicle, applied, start = scenario.plant.vehicle, float(scenario.plant.gravity), first_state(scenario)
     else:
         vehicle, applied, start = load_vehicle(what), 9.81, None
     if gravity is not None:

@@ -137,6 +137,6 @@ def _fly(name: str, law: str | None, stop: float | None) -> Any:
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)
-    say_if_many(planned.name, planned.world.vehicle.n)
+    say_if_many(planned.name, planned.plant.vehicle.n)
     with bar(f"{planned.name} {law or ''}".strip()) as advance:
         return run(planned, advance)

@@ -14,6 +14,7 @@ from skyarm.cli.output import aligned, give, heading, tell, waiting
 from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
 from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, attitude_age, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_format
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -94,7 +95,7 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
 def _believed(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float, dict[str, float | None]]:
     """The vehicle that motion is compared with, gravity, and the delays that the log's scenario states, s."""
     record = log.info.get("scenario_record")
-    delays = record.get("delays", {}) if isinstance(record, dict) else {}
+    delays = written_part(log.info, "agent", "delays") or {}
     stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
     felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
     if vehicle is not None:

@@ -48,13 +48,13 @@ def say_suspicious(scenario: Any) -> None:
     """Lines before a scenario flies: many joints, numbers that are probably in other units."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
-    say_if_many(scenario.name, scenario.world.vehicle.n)
+    say_if_many(scenario.name, scenario.plant.vehicle.n)
     say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 
 def say_steps(scenario: Any) -> None:
     """Say where a surface, an object or a gripper needs much shorter integration steps than the physics rate."""
-    for contact in scenario.contacts:
+    for contact in scenario.worlds:
         what, least = min(contact.steps, key=lambda each: float(each[1]))
         step, usual = float(least), 1.0 / scenario.rates.physics
         if SHORTER * step < usual:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
 from typing import Annotated, Any
@@ -194,7 +193,7 @@ def _planned(scenario: str, controller: str | None, *, safety: bool) -> Record:
     say_suspicious(loaded)
     if not safety or isinstance(loaded.controller.par, SafetyParameters):
         return loaded
-    return dataclasses.replace(loaded, controller=with_safety_layer(loaded.controller))
+    return loaded.with_words(controller=with_safety_layer(loaded.controller))
 
 
 def _row(each: Any) -> tuple[str, ...]:

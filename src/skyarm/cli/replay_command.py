@@ -15,6 +15,7 @@ from skyarm.cli.output import aligned, bar, give, tell
 from skyarm.cli.run_command import earlier_kept, log_files
 from skyarm.files import number, require_replaceable, require_writable, shown, taken_back
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_scenario
 from skyarm.log.formats import save_log
 from skyarm.log.log_differences import LogDifferences, log_differences
 from skyarm.metrics.accumulate import CONTINUOUS
@@ -124,7 +125,7 @@ def _metrics(log: Log) -> dict[str, float]:
 
 
 def _scenarios(a: Log, b: Log) -> dict[str, tuple[Any, Any]]:
-    return scenario_differences(a.info.get("scenario_record"), b.info.get("scenario_record"))
+    return scenario_differences(written_scenario(a.info), written_scenario(b.info))
 
 
 def _document(a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def sweep(
     require_not_another(study, "study")
     loaded = load_study(study, words_of(controller))
     folder = Path("out") / loaded.name if out is None else Path(out)
-    say_if_many(loaded.name, max(each.world.vehicle.n for each in loaded.scenarios.values()))
+    say_if_many(loaded.name, max(each.plant.vehicle.n for each in loaded.scenarios.values()))
     say_unlikely(loaded.name, unlikely_numbers(next(iter(loaded.scenarios.values()))))
     begin = time.perf_counter()
     before: list[int] = []

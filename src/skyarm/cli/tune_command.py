@@ -185,7 +185,7 @@ def _tell_front(found: Any, seconds: float) -> None:
     from skyarm.tune.tune_page import error_words
     from skyarm.tune.tuning import ASIDE
 
-    plan, vehicle = found.plan, found.plan.flight.world.vehicle
+    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     error = error_words(vehicle)
     rows: list[tuple[str, ...]] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
     for i, point in enumerate((found.before, *found.points)):

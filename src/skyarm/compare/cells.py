@@ -129,7 +129,7 @@ class Flights:
         """The scenario that every episode starts from."""
         built = self.condition.apply(self.case.build())
         controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
-        return dataclasses.replace(built, controller=controller, plant=self.plant, seed=self.seed)
+        return built.with_words(controller=controller, kind=self.plant, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers that differ from episode to episode, by path."""
@@ -182,7 +182,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=(*counted_metrics(scenario.told), *flights.further_metrics),
+        metrics=(*counted_metrics(scenario.commands_setpoints), *flights.further_metrics),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, flights.stiffest(values)),
         effort=0 if episodes <= FEW else 2,
@@ -209,7 +209,7 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
     if late is None:
         return found
     delays = Delays(measurement=found.delays.measurement, command=round(late * rate) / rate)
-    return dataclasses.replace(found, delays=delays)
+    return found.with_words(delays=delays)
 
 
 class Cells:

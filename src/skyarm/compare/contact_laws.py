@@ -6,7 +6,6 @@ behind the believed surface, and its press waits for no force; all else is the s
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
 from typing import Any
 
@@ -81,16 +80,15 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
-        found = dataclasses.replace(found, controller=controller_by_name(found, name))
+        found = found.with_words(controller=controller_by_name(found, name))
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))
-        found = dataclasses.replace(led, controller=found.controller)
+        found = led.with_words(controller=found.controller)
     wind = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
-    return dataclasses.replace(
-        found,
+    return found.with_words(
         name=task.name,
         wind=wind,
-        sensors=NOISE if noisy else found.sensors,
+        noise=NOISE if noisy else found.noise,
         delays=Delays(longest_command=DELAY),
         seed=seed,
     )

@@ -174,8 +174,8 @@ class ContactSuite(Suite):
             tasks[name]["conditions"][condition][law] = cell_record(
                 flights.task,
                 cell,
-                weight=float(scenario.world.vehicle.mass) * float(scenario.world.gravity),
-                phases=len(scenario.trajectory.phases),
+                weight=float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity),
+                phases=len(scenario.reference.phases),
                 delays=flights.values(scenario)["delays.command"],
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}

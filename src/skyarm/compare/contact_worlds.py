@@ -89,10 +89,10 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
         scenario: of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
-    joints = tuple(float(q) for q in scenario.trajectory.at(0.0).joints)
+    joints = tuple(float(q) for q in scenario.reference.at(0.0).joints)
     found = np.ones(len(drawn["wind"]), dtype=bool)
     push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
-    limits = effort_limits(scenario.world.vehicle)
+    limits = effort_limits(scenario.plant.vehicle)
     if task.push:
         found &= drawn["wind"] <= HALF * task.push
         found &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
@@ -102,7 +102,7 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
         found &= pushing + drawn["friction"] * sliding <= HALF * room
     if task.object:
         mass = number_at(scenario, f"world.objects.{task.object}.mass")
-        weight = np.array([0.0, 0.0, -float(scenario.world.gravity) * mass])
+        weight = np.array([0.0, 0.0, -float(scenario.plant.gravity) * mass])
         still = pushing_efforts(scenario, joints, 0.0 * weight)
         more = pushing_efforts(scenario, joints, weight) - still
         efforts = still[:, None] + more[:, None] * drawn["mass"]
@@ -120,7 +120,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
         path = f"world.objects.{task.object}.mass"
         found[path] = number_at(scenario, path) * drawn["mass"]
     thrust = _even(THRUST, share[:, 4])
-    for i in range(len(scenario.world.vehicle.rotors)):
+    for i in range(len(scenario.plant.vehicle.rotors)):
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
         found[path] = number_at(scenario, path) * thrust
     found["delays.command"] = DELAY * share[:, 5]

@@ -82,7 +82,7 @@ class AxisFlights(Flights):
         """The trial at the easiest value of the axis, or where values are no data at the one that flies."""
         value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
         built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
-        return dataclasses.replace(built, controller=controller_by_name(built, self.entrant.law))
+        return built.with_words(controller=controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of every value, by path."""

@@ -69,10 +69,10 @@ class Axis:
 
     def sensed(self, built: Scenario) -> Scenario:
         """A scenario with the sensors of the axis; one that has noise of its own keeps it."""
-        if not self.noisy or built.sensors != PERFECT_SENSORS:
+        if not self.noisy or built.noise != PERFECT_SENSORS:
             return built
         delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or AGE)
-        return dataclasses.replace(built, sensors=NOISE, delays=delays)
+        return built.with_words(noise=NOISE, delays=delays)
 
 
 MOVING = partial(Axis, start=SETTLED)

@@ -53,12 +53,12 @@ def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float,
 def moving_base(setting: Setting, **axes: Any) -> Scenario:
     """The base along signals, the arm swinging gently."""
     joints = swings(setting, ARM, ARM_HZ, ARM_PHASE)
-    return with_motion(setting, dataclasses.replace(setting.hover.trajectory, joints=joints, **axes))
+    return with_motion(setting, dataclasses.replace(setting.hover.reference, joints=joints, **axes))
 
 
 def with_motion(setting: Setting, trajectory: Trajectory) -> Scenario:
     """The setting's vehicle on another reference."""
-    return dataclasses.replace(setting.hover, trajectory=trajectory)
+    return setting.hover.with_words(reference=trajectory)
 
 
 def circle(setting: Setting, radius: float, speed: float) -> Scenario:
@@ -69,25 +69,24 @@ def circle(setting: Setting, radius: float, speed: float) -> Scenario:
 
 def vertical(setting: Setting, amplitude: float, frequency_hz: float) -> Scenario:
     """A vertical sine, m and Hz."""
-    return moving_base(setting, z=Sum((setting.hover.trajectory.z, eased(amplitude, frequency_hz))))
+    return moving_base(setting, z=Sum((setting.hover.reference.z, eased(amplitude, frequency_hz))))
 
 
 def arm_swing(setting: Setting, amplitude: float, frequency_hz: float) -> Scenario:
     """All joints swing in hover, rad and Hz."""
     joints = swings(setting, (amplitude,), frequency_hz, SWING_PHASE)
-    return with_motion(setting, dataclasses.replace(setting.hover.trajectory, joints=joints))
+    return with_motion(setting, dataclasses.replace(setting.hover.reference, joints=joints))
 
 
 def step(setting: Setting, height: float) -> Scenario:
     """A step of the position along x, m, within one control period of the paper's rates."""
     x = Ramp(start=STEP, duration=0.005, height=height)
-    return with_motion(setting, dataclasses.replace(setting.hover.trajectory, x=x))
+    return with_motion(setting, dataclasses.replace(setting.hover.reference, x=x))
 
 
 def turning_wind(setting: Setting, force: float, air: float, period: float) -> Scenario:
     """Hover in a force (N) and an air speed (m/s) that turn about the vertical once in ``period`` s."""
-    return dataclasses.replace(
-        setting.hover,
+    return setting.hover.with_words(
         forces=(Disturbance(force=_turning(force, period)),),
         air=(AirSignals(velocity_W=_turning(air, period)),),
     )
@@ -105,9 +104,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
     vehicle = dataclasses.replace(setting.truth, drag=drag)
     wind = MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts)
-    return dataclasses.replace(
-        setting.hover, world=dataclasses.replace(setting.hover.world, vehicle=vehicle), wind=wind
-    )
+    return setting.hover.with_words(plant=dataclasses.replace(setting.hover.plant, vehicle=vehicle), wind=wind)
 
 
 def pushes(setting: Setting, axis: str, force: float) -> Scenario:
@@ -115,7 +112,7 @@ def pushes(setting: Setting, axis: str, force: float) -> Scenario:
     count = max(1, math.ceil(setting.duration))
     pattern = Product(Constant(force), Pulses(count=count, **PUSH))
     frame = setting.truth.end_effector
-    return dataclasses.replace(setting.hover, forces=(Disturbance(frame=frame, force=SignalVector(**{axis: pattern})),))
+    return setting.hover.with_words(forces=(Disturbance(frame=frame, force=SignalVector(**{axis: pattern})),))
 
 
 WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),), "z": ((15.0, math.inf, 1.0),)}
@@ -130,4 +127,4 @@ def wind_steps(setting: Setting, force: float) -> Scenario:
             for axis, windows in WIND_STEPS.items()
         }
     )
-    return dataclasses.replace(setting.hover, forces=(Disturbance(force=vector),))
+    return setting.hover.with_words(forces=(Disturbance(force=vector),))

@@ -64,7 +64,7 @@ class Setting:
     @property
     def truth(self) -> Vehicle:
         """The vehicle that is simulated."""
-        return self.hover.world.vehicle
+        return self.hover.plant.vehicle
 
 
 @lru_cache(maxsize=8)
@@ -82,7 +82,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
     return Setting(
         vehicle=vehicle,
-        hover=dataclasses.replace(hover, trajectory=held),
+        hover=hover.with_words(reference=held),
         weight=_weight(truth) / _weight(load_vehicle(PAPER)),
         climb=min(1.0, _spare(truth) / _spare(load_vehicle(PAPER))),
         middle=middle,

@@ -95,9 +95,7 @@ def turning_frequency(setting: Setting, period: float) -> Numbers:
 
 def late_commands(setting: Setting, delay: float) -> Scenario:
     """Commands late by a delay, s, of which no law is told."""
-    return dataclasses.replace(
-        slow_circle(setting), delays=Delays(measurement=AGE, longest_command=LONGEST, command=delay)
-    )
+    return slow_circle(setting).with_words(delays=Delays(measurement=AGE, longest_command=LONGEST, command=delay))
 
 
 LONGEST = 0.03
@@ -106,7 +104,7 @@ LONGEST = 0.03
 
 def old_measurements(setting: Setting, age: float) -> Scenario:
     """Measurements of an age, s, of which laws are told."""
-    return dataclasses.replace(slow_circle(setting), sensors=NOISE, delays=Delays(measurement=age))
+    return slow_circle(setting).with_words(noise=NOISE, delays=Delays(measurement=age))
 
 
 def lagging_rotors(setting: Setting, times: float) -> Scenario:
@@ -120,8 +118,8 @@ def lagging_rotors(setting: Setting, times: float) -> Scenario:
         for rotor in setting.truth.rotors
     )
     found = slow_circle(setting)
-    vehicle = dataclasses.replace(found.world.vehicle, rotors=rotors)
-    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=vehicle))
+    vehicle = dataclasses.replace(found.plant.vehicle, rotors=rotors)
+    return found.with_words(plant=dataclasses.replace(found.plant, vehicle=vehicle))
 
 
 def _falling(times: float) -> float:
@@ -143,7 +141,7 @@ def lagging_joints(setting: Setting, lag: float) -> Scenario:
     drives = tuple(
         JointDrive(joint=link.joint.name, drive=LaggedTorque(time_constant=lag)) for link in setting.truth.links
     )
-    return dataclasses.replace(slow_circle(setting), drives=drives)
+    return slow_circle(setting).with_words(drives=drives)
 
 
 def joint_lags(setting: Setting, lag: float) -> Numbers:
@@ -160,7 +158,7 @@ def loaded_tip(setting: Setting, mass: float) -> Scenario:
     """A point mass at the tip that the belief lacks, kg."""
     found = slow_circle(setting)
     vehicle = setting.truth.with_payload(mass)
-    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=vehicle))
+    return found.with_words(plant=dataclasses.replace(found.plant, vehicle=vehicle))
 
 
 def noise_numbers(times: float) -> Numbers:
@@ -174,7 +172,7 @@ def louder_sensors(setting: Setting, times: float) -> Scenario:
     louder = dataclasses.replace(
         NOISE, **{path.removeprefix("sensors."): n for path, n in noise_numbers(times).items()}
     )
-    return dataclasses.replace(slow_circle(setting), sensors=louder, delays=Delays(measurement=AGE))
+    return slow_circle(setting).with_words(noise=louder, delays=Delays(measurement=AGE))
 
 
 PLANTS = 24
@@ -187,7 +185,7 @@ WIDEST = 2.0
 def swinging(setting: Setting, times: float) -> Scenario:
     """All joints swing by 0.5 rad at 1 Hz in hover; the plant is drawn, its commands late by what no law knows."""
     flown = motions.arm_swing(setting, 0.5, 1.0)
-    return dataclasses.replace(flown, wind=ForceWind(), delays=Delays(longest_command=WIDEST * Spread().delay))
+    return flown.with_words(wind=ForceWind(), delays=Delays(longest_command=WIDEST * Spread().delay))
 
 
 def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
@@ -202,7 +200,7 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
     """
     if setting.vehicle == PAPER:
         return draw(scenario, widened(Spread(), times), count, seed=seed)
-    spread, _ = spread_of(setting.truth, float(scenario.world.gravity), Spread().delay)
+    spread, _ = spread_of(setting.truth, float(scenario.plant.gravity), Spread().delay)
     return fitted_damping(scenario, spread, draw(scenario, widened(spread, times), count, seed=seed))
 
 

@@ -51,7 +51,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
         count: plants, numbered from 0; the first ones do not depend on it.
         seed: key.
     """
-    truth = scenario.world.vehicle
+    truth = scenario.plant.vehicle
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
     def signed(channel: int, numbers: int) -> Array:

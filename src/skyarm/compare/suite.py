@@ -47,10 +47,10 @@ class Case:
         """The scenario with perfect sensors; its controller is replaced by an entrant's."""
         found = load_scenario(self.scenario)
         blowing = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
-        world = found.world
+        world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return dataclasses.replace(found, name=self.name, wind=turned(blowing, self.wind), world=world, ground=GROUND)
+        return found.with_words(name=self.name, wind=turned(blowing, self.wind), plant=world, ground=GROUND)
 
 
 def turned(wind: ForceWind, angle: float) -> ForceWind:
@@ -112,13 +112,13 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        scenario = dataclasses.replace(scenario, delays=delays, sensors=NOISE if self.noisy else scenario.sensors)
+        scenario = scenario.with_words(delays=delays, noise=NOISE if self.noisy else scenario.noise)
         return self.change(scenario) if self.change else scenario
 
 
 def everything_wrong(scenario: Scenario) -> Scenario:
     """Arm 20 % heavier (masses and inertias), 50 g at the tip, rotors 10 % weaker."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     links = tuple(
         dataclasses.replace(
             link,
@@ -130,7 +130,7 @@ def everything_wrong(scenario: Scenario) -> Scenario:
         dataclasses.replace(rotor, thrust_coefficient=rotor.thrust_coefficient * 0.9) for rotor in vehicle.rotors
     )
     wrong = dataclasses.replace(vehicle, links=links, rotors=rotors).with_payload(0.05)
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=wrong))
+    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=wrong))
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:

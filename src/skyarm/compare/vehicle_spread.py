@@ -78,7 +78,7 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
         spread: that they were drawn from.
         values: path -> (plants,), of :func:`skyarm.compare.perturbed_plants.draw`.
     """
-    truth = scenario.world.vehicle
+    truth = scenario.plant.vehicle
     M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
     found = dict(values)
     for i in range(truth.n):

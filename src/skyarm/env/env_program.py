@@ -155,7 +155,7 @@ class EnvProgram:
         result = Result(
             state=state,
             reference=coming.reference,
-            vehicle=stages.scenario.world.vehicle,
+            vehicle=stages.scenario.plant.vehicle,
             action=action,
             action_before=now.action,
             command=command,
@@ -187,9 +187,9 @@ class EnvProgram:
         """As it is published and held; the gripper's command is that of each control period."""
         rate = float(scenario.rates.control)
         held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        reference = scenario.trajectory.at(held / rate)
+        reference = scenario.reference.at(held / rate)
         if reference.load:
-            reference = dataclasses.replace(reference, load=scenario.trajectory.at(ticks / rate).load)
+            reference = dataclasses.replace(reference, load=scenario.reference.at(ticks / rate).load)
         return reference.dense()
 
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
@@ -207,7 +207,7 @@ class EnvProgram:
         memory, command = self.task.actions.command(
             action, now.loop.memory, measurement, stages.joined(row), stages.decide, par, self.task.told
         )
-        return memory, with_rest(stages.scenario.world.vehicle, command)
+        return memory, with_rest(stages.scenario.plant.vehicle, command)
 
     def _measured(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
         """Surroundings and sensors of the period that comes next."""

@@ -43,7 +43,7 @@ class Task:
     @property
     def told(self) -> tuple[bool, ...]:
         """Which joints take setpoints of drives."""
-        return self.scenario.told
+        return self.scenario.commands_setpoints
 
 
 def make_task(
@@ -85,7 +85,7 @@ def make_task(
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None), pause=None)
+        flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None), pause=None)
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm)
     if not rewarded:
@@ -112,7 +112,7 @@ def _scenario(given: Any, controller: str | None, duration: float | None) -> Sce
     require_rigid_body(flown)
     if flown.changes:
         raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
-    if flown.trajectory.guards:
+    if flown.reference.guards:
         raise ScenarioError("reference: phases that wait (until) must be left out of an environment")
     return flown
 

@@ -128,7 +128,7 @@ class Environment(gymnasium.Env[Array, Array]):
         scenario = lanes.flown(0)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
         held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
-        goal = [float(c) for c in scenario.trajectory.at(held).position]
+        goal = [float(c) for c in scenario.reference.at(held).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = ended_by(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}

@@ -594,7 +594,7 @@ def _require_flyable(study: IdentificationStudy) -> None:
             scenario = scenario_from(flight.document, flight.folder)
             for cell in study.cells:
                 if cell.flight == flight.name:
-                    metric_names([cell.metric], scenario.world.vehicle.n, scenario.told)
+                    metric_names([cell.metric], scenario.plant.vehicle.n, scenario.commands_setpoints)
             for name, _, target in _acting(study):
                 where = f"{name}: flights.{flight.name}"
                 if not isinstance(target, Overlay) and target.flights.fit(flight.name):

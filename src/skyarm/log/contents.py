@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import COLUMNS, layout
 from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
@@ -143,7 +144,7 @@ def _require_description(info: dict[str, Any]) -> None:
         for name in ("phase", "at", "timeout"):
             fields.number(name)
 
-    contact = (info.get("scenario_record") or {}).get("contact")
+    contact = written_part(info, "environment", "world")
     if contact is not None:
         _require_world(Fields(contact, "info.scenario_record.contact"))
 

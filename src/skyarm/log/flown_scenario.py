@@ -16,6 +16,48 @@ from skyarm.registry.plugins import identities
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
 
+GROUPS = ("solver", "agent", "environment")
+"""Fields of a scenario that are records themselves; what is replaced in it may be a field of one."""
+
+OLD_FIELDS: Mapping[str, tuple[str, str]] = {
+    **{old: ("solver", new) for old, new in (("plant", "kind"), ("integrator", "integrator"))},
+    **{name: ("environment", name) for name in ("wind", "air", "forces", "ground")},
+    "contact": ("environment", "world"),
+    **{old: ("agent", new) for old, new in (("world", "plant"), ("trajectory", "reference"))},
+    **{old: ("agent", new) for old, new in (("joined", "tracking_start"), ("sensors", "noise"))},
+    "instruments": ("agent", "sensors"),
+    **{
+        name: ("agent", name)
+        for name in (
+            *("controller", "path_time", "pause", "estimator", "drives", "delays", "initial", "faults", "payloads"),
+        )
+    },
+}
+"""Fields of the version before this one -> group and field of this one."""
+
+
+def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data of the scenario of a log's ``info`` in the fields of this version; empty tables without one."""
+    record = info.get("scenario_record")
+    record = record if isinstance(record, dict) else {}
+    if all(isinstance(record.get(group), dict) for group in GROUPS):
+        return record
+    kinds = {group: {"type": f"{SCENARIO.partition(':')[0]}:{group.capitalize()}"} for group in GROUPS}
+    found: dict[str, Any] = {name: value for name, value in record.items() if name not in (*OLD_FIELDS, *GROUPS)}
+    found |= kinds
+    for name, (group, field) in OLD_FIELDS.items():
+        if name in record:
+            found[group][field] = record[name]
+    return found
+
+
+def written_part(info: Mapping[str, Any], *names: str) -> Any:
+    """What stands at a place of it; None where it has no such place."""
+    found: Any = written_scenario(info)
+    for name in names:
+        found = found.get(name) if isinstance(found, dict) else None
+    return found
+
 
 def flown_scenario(
     info: Mapping[str, Any],
@@ -29,10 +71,11 @@ def flown_scenario(
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _fits(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
+    written = written_scenario(info)
     known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
     with _in_words_of_the_log(plugins):
-        kind, fields = restore_fields(written, known, without)
-        model = None if controller is None else _believed(written, known)
+        kind, fields = restore_fields(_flat(written), known, without)
+        model = None if controller is None else _believed(written["agent"], known)
     changed = dict(replaced)
     if controller is not None:
         changed |= controller(model, fields)
@@ -43,6 +86,12 @@ def flown_scenario(
         if now.get(name, code[name]) != code[name]:
             raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
     return found
+
+
+def _flat(written: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of the groups in the place of the groups, as a scenario may be made of them."""
+    inner = {name: value for group in GROUPS for name, value in written[group].items() if name != "type"}
+    return {name: value for name, value in written.items() if name not in GROUPS} | inner
 
 
 def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:

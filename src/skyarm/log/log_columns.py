@@ -18,6 +18,7 @@ import numpy.typing as npt
 from skyarm.actuation.drive import TorqueDrive
 from skyarm.contact.mechanism import KINDS
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.sensor_data import sources_of
 from skyarm.records.restore import restore
 from skyarm.records.units import Unit, units
@@ -126,7 +127,7 @@ class Names:
 def names_of(log: Log) -> Names:
     """Names of joints and rotors; their numbers where a log of an earlier version keeps none."""
     joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
-    vehicle = _below(log.info, "scenario_record", "world", "vehicle")
+    vehicle = _table(written_part(log.info, "agent", "plant", "vehicle"))
     links, turning = (each if isinstance(each := vehicle.get(part), list) else [] for part in ("links", "rotors"))
     found = [_below(link, "joint") for link in links]
     named = len(found) == joints and len(turning) == rotors
@@ -149,7 +150,7 @@ def names_of(log: Log) -> Names:
 
 def _contacts(log: Log) -> tuple[tuple[str, ...], ...]:
     """Pairs of a surface and a point; objects and mechanisms, whose skins are surfaces, too; grippers."""
-    world = _below(log.info, "scenario_record", "contact")
+    world = _table(written_part(log.info, "environment", "world"))
     points, objects, mechanisms, grippers = (
         tuple(word(str(_table(each).get("name"))) for each in world.get(of) or [])
         for of in ("points", "objects", "mechanisms", "grippers")
@@ -284,11 +285,10 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
         units as ``rad or m``, of a revolute and of a prismatic joint; empty where a drive of someone's own states none,
         or its plugin is not loaded.
     """
-    record = _table(info.get("scenario_record"))
-    carried = _rows(_below(record, "world", "vehicle").get("drives"))
+    carried = _rows(written_part(info, "agent", "plant", "vehicle", "drives"))
     # the scenario's own drive of a joint wins over the vehicle's
     given = {each.get("name"): each.get("drive") for each in carried}
-    given |= {each.get("joint"): each.get("drive") for each in _rows(record.get("drives"))}
+    given |= {each.get("joint"): each.get("drive") for each in _rows(written_part(info, "agent", "drives"))}
     found = {}
     for joint, drive in given.items():
         try:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import touched_surfaces
 from skyarm.reference.task_records import Guard
 
@@ -126,8 +127,7 @@ def _time(log: Log, instant: int) -> float | None:
 
 def _world(log: Log) -> Mapping[str, Any]:
     """Plain data of the scenario's contact."""
-    record = log.info.get("scenario_record")
-    return (record.get("contact") if isinstance(record, Mapping) else None) or {}
+    return written_part(log.info, "environment", "world") or {}
 
 
 def _names(world: Mapping[str, Any], of: str) -> list[str]:

@@ -149,7 +149,7 @@ def _hinge(log: Log) -> tuple[Array, ...]:
     """The axis about which the world's first mechanism turns, at every instant; () where there is none."""
     if not log.mechanism_position.size or not log.info.get("scenario_record"):
         return ()
-    contact = log.scenario.contact
+    contact = log.scenario.world
     mechanisms = () if contact is None else contact.mechanisms
     return tuple(np.full(log.time.size, float(c)) for c in mechanisms[0].hinge) if mechanisms else ()
 
@@ -160,7 +160,7 @@ def wanted_push(log: Log) -> tuple[Array, ...]:
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.
     """
-    push = log.scenario.trajectory.push if log.info.get("scenario_record") else None
+    push = log.scenario.reference.push if log.info.get("scenario_record") else None
     if push is None:
         return ()
     times = log.path_time if log.path_time.size else log.time

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import names_of
 from skyarm.log.periods import contact_pairs
 from skyarm.metrics.contact_totals import BAND
@@ -135,7 +136,9 @@ def _saturation(log: Log) -> Saturation | None:
 def _limited(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
     """Name, unit, commands (N,), lower and upper limit of every actuator that has one."""
     try:
-        vehicle = restore(log.info["scenario_record"]["world"]["vehicle"], log.info.get("plugins"))
+        vehicle = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
+        if vehicle is None:
+            return
     except (KeyError, TypeError, ValueError):
         return
     for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
@@ -176,9 +179,8 @@ def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
 
 def _wanted_force(log: Log) -> tuple[Array, Array]:
     """Force that the reference asks the tip to press with (N,), and whether the tip presses or grips then."""
-    trajectory = (log.info.get("scenario_record") or {}).get("trajectory") or {}
     try:
-        push = wanted_push(log) if trajectory.get("push") else ()
+        push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
     except ValueError:  # of a plugin that is not loaded
         push = ()
     if not push:
@@ -202,9 +204,9 @@ def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
 
 def _force_at_tip(log: Log) -> Array:
     """Normal force at the points of the tip's frame (N,), at all points where it has none; skids and objects apart."""
-    record = log.info.get("scenario_record") or {}
-    tip = ((record.get("world") or {}).get("vehicle") or {}).get("end_effector")
-    at_tip = {str(each["name"]) for each in (record.get("contact") or {}).get("points") or () if each["frame"] == tip}
+    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
+    points = written_part(log.info, "environment", "world", "points") or ()
+    at_tip = {str(each["name"]) for each in points if each["frame"] == tip}
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
     force = log.contact_force[:, chosen] if chosen else log.contact_force
     return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)

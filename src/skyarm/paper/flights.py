@@ -146,7 +146,7 @@ def settings(logs: Sequence[Log]) -> dict[str, Any]:
     info = logs[0].info
     same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
-    truth = load_scenario(CASES[0]).world.vehicle
+    truth = load_scenario(CASES[0]).plant.vehicle
     return {
         "plants": list(dict.fromkeys(log.info["plant"] for log in logs)),
         **{name: info[name] for name in same},
@@ -170,5 +170,5 @@ def settings(logs: Sequence[Log]) -> dict[str, Any]:
 
 def with_damping(planned: Scenario, damping: float) -> Scenario:
     """The scenario with another viscous damping (N m s/rad) on every joint of the truth."""
-    world = dataclasses.replace(planned.world, vehicle=planned.world.vehicle.with_joints(damping=damping))
-    return dataclasses.replace(planned, world=world)
+    world = dataclasses.replace(planned.plant, vehicle=planned.plant.vehicle.with_joints(damping=damping))
+    return planned.with_words(plant=world)

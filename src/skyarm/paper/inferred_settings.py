@@ -63,14 +63,14 @@ def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
     planned = scenario_from(study.tables(name, settings), replaced={"plant": flight.plant})
     changed = with_numbers(planned, study.numbers(name, settings))
     # a single flight needs no room for longer delays
-    return dataclasses.replace(changed, delays=dataclasses.replace(changed.delays, longest_command=None))
+    return changed.with_words(delays=dataclasses.replace(changed.delays, longest_command=None))
 
 
 def measure_inferred(flight: Flight, settings: Mapping[str, Any]) -> Metrics:
     """Fly and measure a flight of the paper under settings that were found."""
     planned = inferred_scenario(flight, settings)
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
-    later = float(planned.joined) - MOTION if flight.case == "case1" and planned.joined else 0.0
+    later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0
     holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
     return metrics(flight.case, run(planned), holds)
 

@@ -82,22 +82,22 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
     for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
         moving = min(rise, seconds)
         segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
-    base = planned.trajectory
+    base = planned.reference
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
-    return dataclasses.replace(planned, trajectory=dataclasses.replace(base, joints=(first, *base.joints[1:])))
+    return planned.with_words(reference=dataclasses.replace(base, joints=(first, *base.joints[1:])))
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
     """0.05 N m s/rad on joint 1 only, what the published torques of joint 1 ask for."""
-    truth = planned.world.vehicle
+    truth = planned.plant.vehicle
     first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
     vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
-    return dataclasses.replace(planned, world=dataclasses.replace(planned.world, vehicle=vehicle))
+    return planned.with_words(plant=dataclasses.replace(planned.plant, vehicle=vehicle))
 
 
 def delayed(planned: Scenario) -> Scenario:
     """Every command 3 ms late."""
-    return dataclasses.replace(planned, delays=Delays(command=LATENCY))
+    return planned.with_words(delays=Delays(command=LATENCY))
 
 
 def shifted_bag(case: str, log: Log, shift: float) -> Metrics:

@@ -71,6 +71,6 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 
 def make_plant(scenario: Any, around: Any) -> Plant:
     """The plant of a scenario; ``around`` is an example of what it is told of one period."""
-    kind = find("plant", scenario.plant, "plant.kind")
-    plant: Plant = kind(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    kind = find("plant", scenario.kind, "plant.kind")
+    plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

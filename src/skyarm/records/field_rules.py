@@ -60,7 +60,7 @@ def require_fields(record: Any, where: str, skipped: tuple[type, ...] = ()) -> N
         for i, item in enumerate(record):
             require_fields(item, f"{where}[{i}]", skipped)
     elif (names := field_names(type(record))) is not None:
-        wanted, usual = rules(type(record)), _defaults(type(record))
+        wanted, usual = rules(type(record)), defaults(type(record))
         for name in names:
             value, at = getattr(record, name), f"{where}.{name}"
             # a default says itself what a field may hold
@@ -84,7 +84,8 @@ def _usual(kind: Any) -> Mapping[str, Any]:
     return {field.name: field.default for field in dataclasses.fields(kind)}
 
 
-_defaults: Callable[[type], Mapping[str, Any]] = _usual
+defaults: Callable[[type], Mapping[str, Any]] = _usual
+"""The default of each field of a dataclass; ``dataclasses.MISSING`` where one must be given."""
 
 
 def _rule(wanted: Any, unit: Unit) -> Rule | None:

@@ -131,7 +131,7 @@ def _parts(value: Any) -> list[Any]:
         named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
         return [*named, *(getattr(value, "__defaults__", None) or ()), *map(_content, _cells(value))]
     held = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
-    plant = getattr(value, "plant", None)
+    plant = getattr(value, "kind", None)
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
     return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
 

@@ -45,7 +45,9 @@ def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
 def restore_fields(
     data: Any, plugins: Mapping[str, str], without: Collection[str] = ()
 ) -> tuple[type[Any], dict[str, Any]]:
-    """Class and fields of a record that was written, without some: their code need not be there.
+    """Class of a record that was written, and its fields without some: their code need not be there.
+
+    The fields are those of the data, for a class that takes others than its own, too.
 
     Raises:
         ValueError: as :func:`restore`; of several plugins that are not loaded all are named.
@@ -53,8 +55,8 @@ def restore_fields(
     kept = {name: value for name, value in data.items() if name not in without}
     require_plugins(_names_of_code(kept), plugins)
     try:
-        kind, table = _kind_and_table(data, plugins, "")
-        return kind, _each({name: value for name, value in table.items() if name not in without}, plugins, "")
+        kept.pop("type")
+        return _class(data, plugins, ""), _each(kept, plugins, "")
     except RecursionError:
         raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
 
@@ -107,12 +109,20 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
     return kind(**_each(table, plugins, where))
 
 
-def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
-    """Class of a frozen dataclass, and plain data of the fields that it is made with."""
-    kind = code_of(data["type"], plugins)
+def _class(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> type[Any]:
+    """The frozen dataclass that data names."""
+    kind: Any = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
+    made: type[Any] = kind
+    return made
+
+
+def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
+    """Class of a frozen dataclass, and plain data of the fields that it is made with."""
+    kind: Any = _class(data, plugins, where)
+    names = field_names(kind) or ()
     table = {key: value for key, value in data.items() if key != "type"}
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:

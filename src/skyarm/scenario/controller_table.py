@@ -108,7 +108,7 @@ def under_law(scenario: Scenario, name: str) -> Scenario:
         ControllerError, AllocationError: as :func:`controller_by_name`.
     """
     changes = without_law(scenario.changes)
-    return dataclasses.replace(scenario, controller=controller_by_name(scenario, name), changes=changes)
+    return scenario.with_words(controller=controller_by_name(scenario, name), changes=changes)
 
 
 WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}

@@ -77,7 +77,7 @@ class Divergence(Ending):
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """The first number that is not finite, else the first that is too far."""
-        words, x = state_words(scenario.world.vehicle), leaves(state)
+        words, x = state_words(scenario.plant.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
                 return f"{name} is not finite"
@@ -114,7 +114,7 @@ class JointLimits(Ending):
 
     def _looked_at(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
         """Values and links of the joints that may not pass their limits."""
-        every = zip(state.joints, scenario.world.vehicle.links, strict=True)
+        every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
@@ -157,12 +157,12 @@ class Ground(Ending):
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every point above the ground."""
-        planes = any(surface.shape == "plane" for each in scenario.contacts for surface in each.surfaces)
-        return lowest_point(scenario.world.vehicle, state) >= slack if scenario.ground and not planes else True
+        planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
+        return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """How low."""
-        return f"lowest point at z = {float(lowest_point(scenario.world.vehicle, state)):.4g} m"
+        return f"lowest point at z = {float(lowest_point(scenario.plant.vehicle, state)):.4g} m"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -228,8 +228,8 @@ STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
     """(distance in m, rotor, surface) of every rotor's disc and every surface that stands still."""
     R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
-    for contact in scenario.contacts:
-        for rotor in turned(scenario.world.vehicle, state.tilts).rotors:
+    for contact in scenario.worlds:
+        for rotor in turned(scenario.plant.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
             for surface in contact.still:
                 found.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
@@ -238,8 +238,8 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
 
 def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
     """(depth in m, what, surface) of the base's origin and of every joint in every surface that stands still."""
-    vehicle, found = scenario.world.vehicle, list[tuple[Any, str, str]]()
-    for contact in scenario.contacts:
+    vehicle, found = scenario.plant.vehicle, list[tuple[Any, str, str]]()
+    for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
         points = [("the base", state.position)]
         joints = zip(vehicle.links, poses, strict=False)

@@ -60,24 +60,24 @@ def with_part(scenario: Scenario, path: str, value: Any) -> Scenario:
 def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]:
     """Fields of the scenario that a part in the words of a file replaces."""
     if path in PARTS:
-        field, read = PARTS[path]
-        return {field: read(value, path)}
+        place, read = PARTS[path]
+        return {place[-1]: read(value, path)}
     if path == LAW:
         return {"controller": _law(scenario, value)}
     if path == "controller":
         known = loop_facts(scenario.rates, scenario.delays)
         return {path: tables.controller(Fields(value, path), scenario.controller.par.model, None, known)}
-    setting = tables.setting_of(scenario.world, scenario.duration)
+    setting = tables.setting_of(scenario.plant, scenario.duration)
     if path in OF_REFERENCE:
-        for what, there in (("tip", scenario.trajectory.tip), ("governor", scenario.path_time)):
+        for what, there in (("tip", scenario.reference.tip), ("governor", scenario.path_time)):
             if there is not None:
                 allowed = f"must stay as it is where the reference has a {what}; replace reference as a whole"
                 raise ValueError(f"{path} = {shown(value)}: {allowed}")
         entry = {path.removeprefix("reference."): value}
-        found = trajectory_from(entry, scenario.world.vehicle.n, "reference", setting)
+        found = trajectory_from(entry, scenario.plant.vehicle.n, "reference", setting)
         fields = {name: getattr(found, name) for name in OF_REFERENCE[path]}
-        return {"trajectory": dataclasses.replace(scenario.trajectory, **fields)}
-    given, governor = tables.reference(value, scenario.world, setting)
+        return {"reference": dataclasses.replace(scenario.reference, **fields)}
+    given, governor = tables.reference(value, scenario.plant, setting)
     given |= {"path_time": None, "pause": None}
     if governor is not None:
         from skyarm.scenario.path_governor import with_governor
@@ -373,13 +373,13 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     Raises:
         ScenarioError: names it.
     """
-    delays, before, after = new.delays, old.world.vehicle, new.world.vehicle
+    delays, before, after = new.delays, old.plant.vehicle, new.plant.vehicle
     if old.delays.longest_command is not None:
         # a varied delay of the commands stands within a queue of the same length
         began = old.delays
         delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
     pairs: list[tuple[str, Any, Any]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "plant", "integrator", "duration")),
+        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "solver", "duration")),
         ("delays", old.delays, delays),
         ("joints", before.n, after.n),
         ("rotors", len(before.rotors), len(after.rotors)),
@@ -387,7 +387,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     for name, began, value in pairs:
         if began != value:
             raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
-    for a, b in zip(old.instruments, new.instruments, strict=False):
+    for a, b in zip(old.sensors, new.sensors, strict=False):
         for clock in ("frequency", "latency"):
             began, value = getattr(a.sensor, clock), getattr(b.sensor, clock)
             if began != value:

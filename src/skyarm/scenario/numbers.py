@@ -45,7 +45,7 @@ from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
 
-ROTORS: Place = ("controller", "par", "model", "vehicle", "rotors")
+ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
 
 DRIVES: Place = (*ROTORS[:-1], "drives")
 
@@ -118,7 +118,7 @@ def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
 
 def _with_start(scenario: Scenario) -> Scenario:
     """The scenario with the state that it starts from as its initial state."""
-    return scenario if scenario.initial is not None else dataclasses.replace(scenario, initial=first_state(scenario))
+    return scenario if scenario.initial is not None else scenario.with_words(initial=first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
@@ -174,7 +174,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         else:
             start[path] = value
     if air:
-        leaves[("wind", "turbulence")] = turbulence(scenario, air)
+        leaves[("environment", "wind", "turbulence")] = turbulence(scenario, air)
     fields = _fields(scenario, leaves)
     for (field, *inner, _, frame), mass in loads.items():
         record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
@@ -184,12 +184,12 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
         par = changed.controller.par
         mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
-        changed = dataclasses.replace(changed, controller=_with_par(changed.controller, mixer=mixer))
+        changed = changed.with_words(controller=_with_par(changed.controller, mixer=mixer))
     if any(place[: len(DRIVES)] == DRIVES and place[-1] == "latency" for place in leaves):
         made = with_believed_queues(changed.controller, 1.0 / scenario.rates.control)
-        changed = dataclasses.replace(changed, controller=made)
+        changed = changed.with_words(controller=made)
     if start:
-        changed = dataclasses.replace(changed, initial=start_with(changed, start))
+        changed = changed.with_words(initial=start_with(changed, start))
     result: Scenario = changed
     return result
 
@@ -227,8 +227,8 @@ def _with_par(controller: Controller, **fields: Any) -> Controller:
 ATTITUDE = ("initial.roll", "initial.pitch", "initial.yaw")
 
 PAYLOADS: Mapping[str, Place] = {
-    "plant.payload": ("world", "vehicle"),
-    "model.payload": ("controller", "par", "model", "vehicle"),
+    "plant.payload": ("agent", "plant", "vehicle"),
+    "model.payload": ("agent", "controller", "par", "model", "vehicle"),
 }
 
 
@@ -265,15 +265,15 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
         joints = [number(q) for q in first_state(scenario).joints]
         for i in range(len(joints)):
             joints[i] = values.get(f"initial.joints.{i}", joints[i])
-        at = scenario.trajectory.at(0.0)
-        held = trimmed_state(scenario.world, at.position, number(at.yaw), tuple(joints))
+        at = scenario.reference.at(0.0)
+        held = trimmed_state(scenario.plant, at.position, number(at.yaw), tuple(joints))
     # places are read from a scenario whose numbers are plain, as any initial state has them
-    shape = dataclasses.replace(scenario, initial=held)
+    shape = scenario.with_words(initial=held)
     changed: Any = shape.initial
     for path, value in values.items():
         if path not in ATTITUDE:
             for place in places_of(shape, path):
-                changed = replaced(changed, {place[1:]: value})
+                changed = replaced(changed, {place[2:]: value})
     angles = [values.get(path) for path in ATTITUDE]
     if any(angle is not None for angle in angles):
         known = euler_angles(held.quaternion.rotation())

@@ -91,7 +91,7 @@ def options_from(table: Any) -> GovernorOptions:
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     """The scenario with a planned time of its reference; without any where none is needed."""
-    bare = dataclasses.replace(scenario, path_time=None, pause=options.pause)
+    bare = scenario.with_words(path_time=None, pause=options.pause)
     if bare.duration > LONGEST:
         allowed = f"must be left out of a flight of more than {LONGEST:g} s"
         raise ValueError(f"reference.governor: {allowed}")
@@ -99,12 +99,12 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     found = plan_of(bare, options)
     for line in (*_steps(bare), *_missed(found, bare, options)):
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
-    return bare if found.path_time is None else dataclasses.replace(bare, path_time=found.path_time)
+    return bare if found.path_time is None else bare.with_words(path_time=found.path_time)
 
 
 def _require_no_instants(scenario: Scenario) -> None:
     """Refuse what a flight takes or leaves at instants: they would come before the vehicle."""
-    grippers = () if scenario.contact is None else scenario.contact.grippers
+    grippers = () if scenario.world is None else scenario.world.grippers
     for each in grippers:
         if each.closed.signal.switch_times():
             allowed = f"must be left out where gripper {each.name!r} closes or opens at an instant"
@@ -121,9 +121,9 @@ def _missed(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterat
 
 def _steps(scenario: Scenario) -> Iterator[str]:
     """Steps of the reference: whoever is slower on his way there jumps all the same."""
-    for t in scenario.trajectory.switch_times():
+    for t in scenario.reference.switch_times():
         if 0.0 < t < scenario.duration:
-            before, after = (scenario.trajectory.at(s) for s in (t - JUMP, t))
+            before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
             moved = _length(after.position - before.position)
             pairs = zip(before.joints, after.joints, strict=True)
             turned = max((abs(float(a) - float(b)) for a, b in pairs), default=0.0)
@@ -146,7 +146,7 @@ def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     """The plan of a scenario's reference, from what its law believes."""
-    trajectory, limits = scenario.trajectory, Limits(scenario.controller.par.model, options)
+    trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     if trajectory.guards:
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
     ceilings = Ceilings(

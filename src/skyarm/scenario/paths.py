@@ -25,16 +25,16 @@ from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ROOTS: Mapping[str, Place] = {
-    "plant": ("world",),
-    "model": ("controller", "par", "model"),
-    "controller": ("controller", "par"),
-    **{path: (field,) for path, (field, _) in PARTS.items() if path != "environment.ground"},
-    "sensors": ("sensors",),
-    "initial": ("initial",),
-    "reference": ("trajectory",),
+    "plant": ("agent", "plant"),
+    "model": ("agent", "controller", "par", "model"),
+    "controller": ("agent", "controller", "par"),
+    **{path: place for path, (place, _) in PARTS.items() if path != "environment.ground"},
+    "sensors": ("agent", "noise"),
+    "initial": ("agent", "initial"),
+    "reference": ("agent", "reference"),
     "changes": ("changes",),
-    "payloads": ("payloads",),
-    "world": ("contact",),
+    "payloads": ("agent", "payloads"),
+    "world": ("environment", "world"),
 }
 """Beginning of a path -> its place in the scenario's record."""
 
@@ -56,9 +56,9 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
     """
     if path in LATER and scenario.delays.longest_command is not None:
-        return (("delays", path.removeprefix("delays.")),)
+        return (("agent", "delays", path.removeprefix("delays.")),)
     if path == JOINED:
-        return (("joined",),)
+        return (("agent", "tracking_start"),)
     for field in STRUCTURE:
         if path == field or path.startswith(f"{field}."):
             raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
@@ -77,12 +77,14 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of paths, the longest first where one begins another."""
     named: dict[str, Place] = {
-        f"sensors.{each.name}": ("instruments", str(i), "sensor") for i, each in enumerate(scenario.instruments)
+        f"sensors.{each.name}": ("agent", "sensors", str(i), "sensor") for i, each in enumerate(scenario.sensors)
     }
-    carried = ("world", "vehicle", "drives")
-    mounted = enumerate(scenario.world.vehicle.drives)
+    carried = ("agent", "plant", "vehicle", "drives")
+    mounted = enumerate(scenario.plant.vehicle.drives)
     named |= {f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in mounted}
-    named |= {f"plant.drives.{each.joint}": ("drives", str(i), "drive") for i, each in enumerate(scenario.drives)}
+    named |= {
+        f"plant.drives.{each.joint}": ("agent", "drives", str(i), "drive") for i, each in enumerate(scenario.drives)
+    }
     return {**named, **ROOTS}
 
 

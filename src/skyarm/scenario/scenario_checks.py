@@ -15,15 +15,14 @@ from skyarm.control.controller import innermost, learns_load, part_of, senses_fo
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.files import did_you_mean, must_be_one_of, number, shown
+from skyarm.files import did_you_mean, number, shown
 from skyarm.plant.joint_rate import joint_rate
-from skyarm.plant.largest_step import INTEGRATORS, check_largest_step
+from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.leaves import named_leaves
 from skyarm.reference.trajectory import Trajectory
-from skyarm.registry.registrations import registrations
-from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, check_name
+from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -51,26 +50,15 @@ ADDED = {
     "initial": "initial",
     "air": "environment.air",
     "forces": "environment.forces",
-    "instruments": "instruments",
+    "sensors": "sensors",
 }
 """Fields whose records may not check themselves -> their name in messages."""
 
 FLOWN = (
-    *("world", "trajectory", "joined", "components", "faults", "sensors"),
-    *("instruments", "drives", "delays", "initial", "contact"),
+    *("plant", "reference", "tracking_start", "components", "faults", "noise"),
+    *("sensors", "drives", "delays", "initial", "world"),
 )
 """Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
-
-
-def check_names(scenario: Scenario) -> None:
-    """Require a name for files, a plant and an integrator."""
-    check_name(scenario.name)
-    for field, value, allowed in (
-        ("plant.kind", scenario.plant, registrations("plant")),
-        ("plant.integrator", scenario.integrator, dict.fromkeys(INTEGRATORS)),
-    ):
-        if not isinstance(value, str) or value not in allowed:
-            raise ValueError(f"{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -81,20 +69,20 @@ def check_scenario(scenario: Scenario) -> None:
     """
     if not isinstance(getattr(scenario.controller.par, "model", None), Model):
         raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
-    truth = scenario.world.vehicle
+    truth = scenario.plant.vehicle
     if truth.n > MOST_JOINTS:
         raise ValueError(
             f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
         )
     if scenario.initial is not None:
-        _check_initial(scenario.initial, scenario.world.vehicle)
+        _check_initial(scenario.initial, scenario.plant.vehicle)
     _check_times(scenario)
     _check_reference(scenario)
     _check_sensors(scenario)
     _check_drives(scenario)
     _check_vehicles(scenario)
     _check_surroundings(scenario)
-    if scenario.plant == MUJOCO_CONTACTS:
+    if scenario.kind == MUJOCO_CONTACTS:
         _check_mujoco_contacts(scenario)
     _check_clocks_of_law(scenario)
     for field, where in ADDED.items():
@@ -117,7 +105,7 @@ def _check_times(scenario: Scenario) -> None:
         if name == "measurement":
             require_whole("delays.measurement", delay, rates.control, "control periods")
         # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
-        elif delays.longest_command is None or scenario.plant in STEPPING:
+        elif delays.longest_command is None or scenario.kind in STEPPING:
             require_whole(f"delays.{name}", delay, rates.physics, "physics steps")
     longest = delays.longest_command
     if longest is None:
@@ -156,28 +144,28 @@ def _check_clocks_of_law(scenario: Scenario) -> None:
 
 def _check_reference(scenario: Scenario) -> None:
     """The law starts tracking within the flight, and a governor has planned for all of it."""
-    if concrete(scenario.joined):
-        joined = number(scenario.joined, "reference.joined", low=0.0)
+    if concrete(scenario.tracking_start):
+        joined = number(scenario.tracking_start, "reference.joined", low=0.0)
         if joined > scenario.duration:
             raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
     path = scenario.path_time
-    if scenario.trajectory.guards and not (path is None and scenario.pause is None):
+    if scenario.reference.guards and not (path is None and scenario.pause is None):
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
     if path is not None and path.duration < scenario.duration - 1e-9:
         raise ValueError(
             f"reference.governor: was planned for {path.duration:g} s, the flight lasts {scenario.duration:g} s; "
             "plan it anew (skyarm.govern)"
         )
-    found, joints = len(scenario.trajectory.joints), scenario.world.vehicle.n
+    found, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
     if found != joints:
         raise ValueError(f"reference.joints = {found} signals: must be {joints}, one for each joint")
 
 
 def _check_sensors(scenario: Scenario) -> None:
     """Named sensors tick with the loop and have names of their own; law, phases and estimator have those they need."""
-    rates, vehicle = scenario.rates, scenario.world.vehicle
+    rates, vehicle = scenario.rates, scenario.plant.vehicle
     sensors: dict[str, Sensor] = {}
-    for each in scenario.instruments:
+    for each in scenario.sensors:
         where = f"sensors.{each.name}"
         if each.name in sensors:
             raise ValueError(f"{where}: the name is taken")
@@ -194,8 +182,8 @@ def _check_sensors(scenario: Scenario) -> None:
     par, held = scenario.controller.par, tuple(sensors.items())
     if senses_force(par):
         _require_tip_sensor("controller", held, vehicle)
-    _check_guards(scenario.trajectory, held, vehicle)
-    if learns_load(par) and scenario.trajectory.load is None:
+    _check_guards(scenario.reference, held, vehicle)
+    if learns_load(par) and scenario.reference.load is None:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
         most = shown(part_of(scenario.controller.par, "load").limit)
         raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
@@ -206,7 +194,7 @@ def _check_sensors(scenario: Scenario) -> None:
 
 def _check_drives(scenario: Scenario) -> None:
     """Drives are of joints that are there and have torque; surroundings, drives and contact bear a control period."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.world.vehicle
+    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
     for fitted in scenario.joint_drives:
@@ -232,7 +220,7 @@ def _check_vehicles(scenario: Scenario) -> None:
     Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
     """
     check_controller(scenario.controller)
-    truth, model = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     try:
         require_plant(truth)
         make_mixer(truth)
@@ -275,7 +263,7 @@ def _counts_of_law(par: Any, joints: int, rotors: int) -> Iterator[tuple[str, Se
 
 def _check_surroundings(scenario: Scenario) -> None:
     """Faults, payloads, forces and contact name actuators, frames and links that the true vehicle has."""
-    vehicle, period = scenario.world.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
         try:
             fault.check(vehicle)
@@ -288,10 +276,10 @@ def _check_surroundings(scenario: Scenario) -> None:
     for what, several in (("payloads", scenario.payloads), ("environment.forces", scenario.forces)):
         for i, each in enumerate(several):
             try:
-                each.require_vehicle(vehicle, period, scenario.world.gravity)
+                each.require_vehicle(vehicle, period, scenario.plant.gravity)
             except ValueError as error:
                 raise ValueError(f"{what}[{i}].{error}") from None
-    for contact in scenario.contacts:
+    for contact in scenario.worlds:
         from skyarm.scenario.start_in_world import require_steps_to_fly
 
         contact.check(vehicle)
@@ -300,15 +288,15 @@ def _check_surroundings(scenario: Scenario) -> None:
 
 def _check_mujoco_contacts(scenario: Scenario) -> None:
     """Refuse what MuJoCo's own contacts cannot fly."""
-    plant, contact = f"plant.kind = {shown(scenario.plant)}: must be 'rigid_body' or 'mujoco'", scenario.contact
+    plant, contact = f"plant.kind = {shown(scenario.kind)}: must be 'rigid_body' or 'mujoco'", scenario.world
     if contact is None:
         raise ValueError(f"{plant} without a [world], of which nothing can be touched")
     if scenario.integrator != "euler":
         raise ValueError(
             f"plant.integrator = {shown(scenario.integrator)}: must be 'euler' of plant.kind = 'mujoco_contacts'"
         )
-    if scenario.world.vehicle.followers:
-        raise ValueError(f"{plant} for vehicle {scenario.world.vehicle.name!r}, whose joints follow others")
+    if scenario.plant.vehicle.followers:
+        raise ValueError(f"{plant} for vehicle {scenario.plant.vehicle.name!r}, whose joints follow others")
     if any(payload.rigid for payload in scenario.payloads):
         raise ValueError(f"{plant} with [[payloads]]; objects and grippers do what they do")
     if any(fault.stuck for fault in scenario.faults):
@@ -364,7 +352,7 @@ def require_flight(scenario: Any) -> None:
         for field, value in named_leaves(record, where):
             if not (concrete(value) or callable(value)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
-    if scenario.contacts:
+    if scenario.worlds:
         from skyarm.scenario.start_in_world import require_start_outside
 
         try:

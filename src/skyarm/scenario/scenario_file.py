@@ -41,7 +41,6 @@ vehicle and gravity, but knows of no payload. Every error is one line: file, fie
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -153,7 +152,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     world = Truth(vehicle=tables.truth(plant, folder), gravity=tables.gravity(plant))
     tables.require_plugins(top)
     duration = top.take("duration")
-    chosen = {"plant": plant.take("kind", "rigid_body"), "seed": top.take("seed", 0), "duration": duration}
+    chosen = {"kind": plant.take("kind", "rigid_body"), "seed": top.take("seed", 0), "duration": duration}
+    replaced = {"kind" if name == "plant" else name: value for name, value in replaced.items()}
     chosen |= {name: replaced[name] for name in chosen if name in replaced}
     chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
     rates, delays = record_from(Rates, top.inner("rates")), record_from(Delays, top.inner("delays"))
@@ -166,7 +166,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
 
         handled = [event for event in setting.events if not event.gripper]
         payloads, believed = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
-        payloads, believed = loads.waiting_beliefs(payloads, believed, reference["trajectory"])
+        payloads, believed = loads.waiting_beliefs(payloads, believed, reference["reference"])
         reference["payloads"] = payloads
         changes = loads.belief_changes(payloads, believed, chosen["duration"], rates.control)
         contact = loads.with_commands(contact, [event for event in setting.events if event.gripper], rates.control)
@@ -178,16 +178,16 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         name=top.take("name"),
         title=top.text("title", ""),
         rates=rates,
-        world=world,
-        integrator=plant.take("integrator", usual_integrator(chosen["plant"])),
+        plant=world,
+        integrator=plant.take("integrator", usual_integrator(chosen["kind"])),
         controller=tables.controller(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
-        sensors=sensors,
-        instruments=instruments,
+        noise=sensors,
+        sensors=instruments,
         drives=tables.drives(plant),
         delays=delays,
         episode=top.take("episode", 0),
         windows=windows_from(top.inner("windows")),
-        contact=contact,
+        world=contact,
         changes=(*_changes(top, replaced), *changes),
         **tables.parts_from({"": top, "environment": environment}),
         **reference,
@@ -209,14 +209,14 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
 
 def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting) -> Scenario:
     """The scenario with objects and vehicle where they start, and its reference governed."""
-    if scenario.contact is not None:
+    if scenario.world is not None:
         from skyarm.scenario.standing_start import with_standing_objects
 
-        rested = with_standing_objects(scenario.contact, float(scenario.world.gravity))
-        scenario = dataclasses.replace(scenario, contact=rested)
+        rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
+        scenario = scenario.with_words(world=rested)
     if initial is not None:
-        scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
-    if scenario.contact is not None:
+        scenario = scenario.with_words(initial=tables.initial(Fields(initial, "initial"), scenario))
+    if scenario.world is not None:
         from skyarm.scenario.start_in_world import require_start_outside
 
         require_start_outside(scenario)

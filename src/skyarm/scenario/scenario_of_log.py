@@ -14,6 +14,7 @@ from skyarm.control.model import Model
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters
 from skyarm.files import shown, unreadable
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned, under_law
@@ -30,7 +31,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
     Raises:
         ScenarioError: one line, ``file: what is wrong``.
     """
-    changes = dict(replaced or {})
+    changes = {"kind" if name == "plant" else name: value for name, value in (replaced or {}).items()}
     reason = unreadable(Path(path))
     try:
         if reason:
@@ -47,9 +48,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
 
 def _has_layers(log: Any) -> bool:
     """Whether a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
-    held: Any = log.info.get("scenario_record")
-    for name in ("controller", "par", "type"):
-        held = held.get(name) if isinstance(held, dict) else None
+    held = written_part(log.info, "agent", "controller", "par", "type")
     return held in (dotted(SafetyParameters), dotted(ActuatorParameters), dotted(VectoredParameters))
 
 

@@ -17,18 +17,21 @@ from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
 from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
-from skyarm.files import number, shown
+from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.names import ALLOWED, is_result_name
 from skyarm.metrics.windows import Windows
 from skyarm.plant.interface import Truth
+from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records import coerce, leaves
 from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, defaults, require_fields
+from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Trajectory
 from skyarm.reference.governor.path_time import PathTime
 from skyarm.reference.governor.pause import PathPause
+from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.endings import Ending
 from skyarm.sensors.measurement import SensorNoise
@@ -228,87 +231,254 @@ def without_law(changes: Iterable[Change]) -> tuple[Change, ...]:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Solver:
+    """Simulation of a plant.
+
+    Attributes:
+        kind: "rigid_body", "mujoco" or "mujoco_contacts". integrator: "rk4", "euler" or "rk4_staged"; of the last kind
+            "euler".
+    """
+
+    kind: str = "rigid_body"
+    integrator: str = "rk4"
+
+    def __post_init__(self) -> None:
+        for field, value, allowed in (
+            ("kind", self.kind, registrations("plant")),
+            ("integrator", self.integrator, dict.fromkeys(INTEGRATORS)),
+        ):
+            if not isinstance(value, str) or value not in allowed:
+                raise ScenarioError(f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Environment:
+    """Surroundings that all vehicles share.
+
+    Attributes:
+        wind: of the air. air, forces: further components (:mod:`skyarm.environment.component`).
+        ground: end the episode when the lowest point reaches z = 0.
+        world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.contact`); None for free flight.
+    """
+
+    wind: Wind = NO_WIND
+    air: tuple[Component, ...] = ()
+    forces: tuple[Component, ...] = ()
+    ground: bool = True
+    world: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        if self.world is not None and not hasattr(self.world, "on"):
+            raise ScenarioError(f"world = {shown(self.world)}: must be a Contact or None")
+        accept_fields(self, "", ScenarioError)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Agent:
+    """One vehicle with all that is its own: truth, law, reference, sensors, estimator, drives, delays, loads.
+
+    Attributes:
+        plant: true vehicle and gravity.
+        controller: law with its model.
+        reference: desired motion.
+        tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
+            reference. An int of 0 is structure: the law tracks from the first instant.
+        path_time: time scaling of the reference by a governor (:func:`skyarm.govern`); None for none.
+        pause: of a governor that slows the reference's time in flight; None for none.
+        noise: of the full state. sensors: in addition to it.
+        estimator: from all readings to the measurement that the law receives.
+        drives: of joints whose setpoint is not the torque.
+        delays: dead times of the loop.
+        initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
+        faults: losses of single actuators.
+        payloads: loads that are picked up and set down in flight.
+    """
+
+    plant: Truth
+    controller: Controller
+    reference: Trajectory
+    tracking_start: Scalar = 0
+    path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    pause: PathPause | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    noise: SensorNoise = PERFECT_SENSORS
+    sensors: tuple[NamedSensor, ...] = ()
+    estimator: Estimator = PASS_THROUGH
+    drives: tuple[JointDrive, ...] = ()
+    delays: Delays = Delays()
+    initial: State | None = None
+    faults: tuple[Fault, ...] = ()
+    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "", ScenarioError)
+        if self.initial is not None:
+            try:
+                require_fields(self.initial, "initial")
+            except ValueError as error:
+                raise ScenarioError(str(error)) from None
+            object.__setattr__(self, "initial", _as_data(self.initial))
+
+
+GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
+"""Fields of a scenario that are records of several of a file's words."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, init=False)
 class Scenario:
     """Everything that fixes an episode.
+
+    It is made of its fields, or of the words of a group in the group's place: ``Scenario(wind=...)``,
+    ``dataclasses.replace(scenario, wind=...)`` and ``scenario.wind`` mean ``environment.wind``.
 
     Attributes:
         name: short name. title: one line for people.
         duration: s.
-        world: the truth: vehicle and gravity of the plant.
-        plant: "rigid_body", "mujoco" or "mujoco_contacts". integrator: "rk4", "euler" or "rk4_staged"; of the
-            last plant "euler".
-        controller: law with its belief.
-        trajectory: reference.
-        joined: s; until then the law is told the reference of t = 0, at rest, while the reference goes on and errors
-            are taken against it. An int of 0 is structure: the law follows from the first instant.
-        wind, faults: environment; losses of single actuators.
-        air, forces: what surrounds the vehicle beside the wind (:mod:`skyarm.environment.component`).
-        sensors, delays: measurement.
-        instruments: sensors beside the full state. estimator: from all readings to what the law is told.
-        drives: of joints whose setpoint is not the torque.
-        endings: what ends the episode beside the library's endings (:mod:`skyarm.scenario.endings`).
-        initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
+        solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
+        endings: what ends the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
+        windows: spans of time of its metrics; those that end after a shortened flight are general in it.
+        changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the end of a shortened flight are
+            left out.
         seed, episode: keys of all noise.
-        ground: end the episode when the lowest point reaches z = 0.
-        windows: when its metrics look; those that end after a shortened flight are general in it.
-        changes: what is other from an instant of the flight on (:mod:`skyarm.scenario.in_flight`); those that would
-            come after the end of a shortened flight do not.
-        payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
-        path_time: of a governor (:func:`skyarm.govern`): how far along the reference the law is led, while errors are
-            taken against the reference as it is commanded; None leads it as commanded.
-        pause: of a governor that slows the reference's time in flight; None never does.
-        contact: surfaces of the world and the vehicle's points that touch them (:mod:`skyarm.contact`); None for
-            nothing to touch.
     """
 
     name: str
     title: str = ""
     duration: Annotated[float, Unit("s", low=0.0, strict=True)]
     rates: Rates = Rates()
-    world: Truth
-    plant: str = "rigid_body"
-    integrator: str = "rk4"
-    controller: Controller
-    trajectory: Trajectory
-    joined: Scalar = 0
-    wind: Wind = NO_WIND
-    faults: tuple[Fault, ...] = ()
-    air: tuple[Component, ...] = ()
-    forces: tuple[Component, ...] = ()
-    sensors: SensorNoise = PERFECT_SENSORS
-    instruments: tuple[NamedSensor, ...] = ()
-    estimator: Estimator = PASS_THROUGH
-    drives: tuple[JointDrive, ...] = ()
+    solver: Solver = Solver()
+    agent: Agent
+    environment: Environment = Environment()
     endings: tuple[Ending, ...] = ()
-    delays: Delays = Delays()
-    initial: State | None = None
-    seed: int = 0
-    episode: int = 0
-    ground: bool = True
     windows: Windows = Windows()
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    pause: PathPause | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    contact: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    seed: int = 0
+    episode: int = 0
 
-    def __post_init__(self) -> None:
-        from skyarm.scenario.scenario_checks import check_names, check_scenario
+    def __init__(self, **words: Any) -> None:
+        from skyarm.scenario.scenario_checks import check_scenario
 
         try:
-            check_names(self)
-            if self.contact is not None and not hasattr(self.contact, "on"):
-                raise ScenarioError(f"contact = {shown(self.contact)}: must be a Contact or None")
+            for name, value in _grouped(words).items():
+                object.__setattr__(self, name, value)
+            check_name(self.name)
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
-            if self.contact is not None:
-                object.__setattr__(self, "contact", self.contact.on(self.world.vehicle))
+            if self.world is not None and (fitted := self.world.on(self.plant.vehicle)) is not self.world:
+                object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
             check_scenario(self)
-            if self.initial is not None:
-                object.__setattr__(self, "initial", _as_data(self.initial))
         except ValueError as error:
             raise ScenarioError(str(error)) from None
+
+    def with_words(self, **words: Any) -> Scenario:
+        """The scenario with other fields, or words of its groups."""
+        made: Any = dataclasses.replace(self, **words)
+        return made  # type: ignore[no-any-return]
+
+    @property
+    def kind(self) -> str:
+        """Of the solver."""
+        return self.solver.kind
+
+    @property
+    def integrator(self) -> str:
+        """Of the solver."""
+        return self.solver.integrator
+
+    @property
+    def wind(self) -> Wind:
+        """Of the environment."""
+        return self.environment.wind
+
+    @property
+    def air(self) -> tuple[Component, ...]:
+        """Of the environment."""
+        return self.environment.air
+
+    @property
+    def forces(self) -> tuple[Component, ...]:
+        """Of the environment."""
+        return self.environment.forces
+
+    @property
+    def ground(self) -> bool:
+        """Of the environment."""
+        return self.environment.ground
+
+    @property
+    def world(self) -> Contact | None:
+        """Of the environment."""
+        return self.environment.world
+
+    @property
+    def plant(self) -> Truth:
+        """Of the agent."""
+        return self.agent.plant
+
+    @property
+    def controller(self) -> Controller:
+        """Of the agent."""
+        return self.agent.controller
+
+    @property
+    def reference(self) -> Trajectory:
+        """Of the agent."""
+        return self.agent.reference
+
+    @property
+    def tracking_start(self) -> Scalar:
+        """Of the agent."""
+        return self.agent.tracking_start
+
+    @property
+    def path_time(self) -> PathTime | None:
+        """Of the agent."""
+        return self.agent.path_time
+
+    @property
+    def pause(self) -> PathPause | None:
+        """Of the agent."""
+        return self.agent.pause
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Of the agent."""
+        return self.agent.noise
+
+    @property
+    def sensors(self) -> tuple[NamedSensor, ...]:
+        """Of the agent."""
+        return self.agent.sensors
+
+    @property
+    def estimator(self) -> Estimator:
+        """Of the agent."""
+        return self.agent.estimator
+
+    @property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Of the agent."""
+        return self.agent.drives
+
+    @property
+    def delays(self) -> Delays:
+        """Of the agent."""
+        return self.agent.delays
+
+    @property
+    def initial(self) -> State | None:
+        """Of the agent."""
+        return self.agent.initial
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Of the agent."""
+        return self.agent.faults
+
+    @property
+    def payloads(self) -> tuple[TimedPayload, ...]:
+        """Of the agent."""
+        return self.agent.payloads
 
     @property
     def steps(self) -> int:
@@ -318,52 +488,72 @@ class Scenario:
     @property
     def components(self) -> tuple[Component, ...]:
         """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
-        contacts = self.contacts
-        if self.plant == MUJOCO_CONTACTS:
+        contacts = self.worlds
+        if self.kind == MUJOCO_CONTACTS:
             from skyarm.contact.plant_contact import plant_contact
 
             contacts = tuple(map(plant_contact, contacts))
         return (self.wind, *self.air, *self.forces, *self.payloads, *contacts, *self.power)
 
     @property
-    def contacts(self) -> tuple[Contact, ...]:
+    def worlds(self) -> tuple[Contact, ...]:
         """The contact, if there is something to touch."""
-        return () if self.contact is None else (self.contact,)
+        return () if self.world is None else (self.world,)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
         """The load on the true vehicle's battery, if it has one."""
-        vehicle = self.world.vehicle
+        vehicle = self.plant.vehicle
         return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 
     @property
-    def estimates(self) -> bool:
+    def has_estimator(self) -> bool:
         """Whether an estimator stands between the sensors and the law."""
         return type(self.estimator) is not PassThrough
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
         """(name, sensor): the full state, then the named ones."""
-        return ((FULL_STATE, self.sensors), *((each.name, each.sensor) for each in self.instruments))
+        return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
 
     @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
         """Drives of joints by name: the scenario's, and those that its vehicle carries where it says nothing else."""
         named = [each.joint for each in self.drives]
-        carried = (each for each in self.world.vehicle.drives if each.name not in named)
+        carried = (each for each in self.plant.vehicle.drives if each.name not in named)
         return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
 
     @property
-    def told(self) -> tuple[bool, ...]:
+    def commands_setpoints(self) -> tuple[bool, ...]:
         """Joint by joint, whether its command is a setpoint of its drive in place of a torque or force."""
-        drives = self.all_drives or (TORQUE_DRIVE,) * self.world.vehicle.n
+        drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
         return tuple(not isinstance(drive, TorqueDrive) for drive in drives)
 
     @property
     def all_drives(self) -> tuple[Drive, ...]:
         """A drive for each joint; empty where every joint takes its torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.world.vehicle.links) if given else ()
+        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
+
+
+def _grouped(words: dict[str, Any]) -> dict[str, Any]:
+    """Every field of a scenario from fields and words of groups."""
+    found: dict[str, Any] = {}
+    for name, default in defaults(Scenario).items():
+        kind = GROUPS.get(name)
+        inner = {word: words.pop(word) for word in field_names(kind) or () if word in words} if kind else {}
+        if kind and inner:
+            given = words.pop(name, None)
+            found[name] = kind(**inner) if given is None else dataclasses.replace(given, **inner)
+        elif name in words:
+            found[name] = words.pop(name)
+        elif default is dataclasses.MISSING:
+            raise TypeError(f"Scenario: {name} is missing")
+        else:
+            found[name] = default
+    if words:
+        raise TypeError(f"Scenario: has no field {', '.join(words)}")
+    return found
 
 
 def check_name(name: str) -> None:
@@ -404,8 +594,8 @@ def first_state(scenario: Scenario) -> State:
     """The scenario's initial state, or hover trim at the reference."""
     if scenario.initial is not None:
         return scenario.initial
-    start = scenario.trajectory.at(0.0)
-    return trimmed_state(scenario.world, start.position, data(start.yaw), tuple(start.joints))
+    start = scenario.reference.at(0.0)
+    return trimmed_state(scenario.plant, start.position, data(start.yaw), tuple(start.joints))
 
 
 def _as_data(state: State) -> State:

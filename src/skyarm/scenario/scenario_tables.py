@@ -22,7 +22,7 @@ from skyarm.estimate.estimator import Estimator
 from skyarm.files import Fields, number, shown
 from skyarm.files.fields import list_of_tables
 from skyarm.plant.interface import Truth
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.reference.feasibility import Feasibility, feasibility
 from skyarm.reference.reference_tables import reference_from
@@ -63,26 +63,26 @@ def _ground(value: Any, where: str) -> bool:
     return Fields({"ground": value}, where.rpartition(".")[0]).flag("ground")
 
 
-PARTS: Mapping[str, tuple[str, Callable[[Any, str], Any]]] = {
-    "environment.wind": ("wind", wind_from),
-    "environment.faults": ("faults", faults_from),
-    "environment.air": ("air", partial(_several, "air", Component)),
-    "environment.forces": ("forces", partial(_several, "force", Component)),
-    "environment.ground": ("ground", _ground),
-    "estimator": ("estimator", _estimator),
-    "endings": ("endings", partial(_several, "ending", Ending)),
+PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
+    "environment.wind": (("environment", "wind"), wind_from),
+    "environment.faults": (("agent", "faults"), faults_from),
+    "environment.air": (("environment", "air"), partial(_several, "air", Component)),
+    "environment.forces": (("environment", "forces"), partial(_several, "force", Component)),
+    "environment.ground": (("environment", "ground"), _ground),
+    "estimator": (("agent", "estimator"), _estimator),
+    "endings": (("endings",), partial(_several, "ending", Ending)),
 }
-"""Path in a file -> field of the scenario, and reader of (value, path): parts that need no others to be read."""
+"""Path in a file -> place in the scenario, and reader of (value, path): parts that need no others to be read."""
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
     """Fields of a scenario from those of the ``PARTS`` that are there, by the name of the table that they stand in."""
     found = {}
-    for path, (field, read) in PARTS.items():
+    for path, (place, read) in PARTS.items():
         within, _, name = path.rpartition(".")
         value = tables[within].take(name, None)
         if name in tables[within].table:
-            found[field] = read(value, path)
+            found[place[-1]] = read(value, path)
     return found
 
 
@@ -275,7 +275,7 @@ def setting_of(world: Truth, duration: float) -> Setting:
 
 def feasibility_of(scenario: Scenario) -> Feasibility | None:
     """Reach and limits of the plan of a scenario's tip; None where the tip has no reference of its own."""
-    return feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))
+    return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
 def _in_folder(table: Any, folder: Path) -> Any:
@@ -304,18 +304,18 @@ def reference(
 
             governor = options_from(table["governor"])
     trajectory = reference_from(_in_folder(rest, folder), world.vehicle.n, "reference", setting)
-    return {"trajectory": trajectory, "joined": joined}, governor
+    return {"reference": trajectory, "tracking_start": joined}, governor
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:
     """Hover trim at the reference with the given fields replaced; ``standing`` sets it down below, rotors at rest."""
     stands = fields.flag("standing", False)
-    start = scenario.trajectory.at(0.0)
+    start = scenario.reference.at(0.0)
     joints = fields.numbers("joints", [float(q) for q in start.joints])
-    n = scenario.world.vehicle.n
+    n = scenario.plant.vehicle.n
     if len(joints) != n:
         raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
-    trim = trimmed_state(scenario.world, start.position, float(start.yaw), joints)
+    trim = trimmed_state(scenario.plant, start.position, float(start.yaw), joints)
     if stands:
         _require_standing(fields, scenario)
         trim = dataclasses.replace(trim, rotor_speeds=(0.0,) * len(trim.rotor_speeds))
@@ -337,12 +337,12 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     if not stands:
         return state
 
-    return standing(scenario.world, scenario.contacts[0], state)
+    return standing(scenario.plant, scenario.worlds[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:
     """Refuse a start at rest on nothing, or with a motion."""
-    if not scenario.contacts:
+    if not scenario.worlds:
         raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):
         if name in fields.table:

@@ -169,6 +169,9 @@ FOR_PEOPLE = ("title", "sources", "notes", "type")
 
 Words = tuple[str, ...]
 
+SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
+"""Places of lists whose items are of several classes."""
+
 
 def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
     """Path -> values in two scenarios, where they differ.
@@ -199,7 +202,9 @@ def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
 
 def _chosen(words: Words) -> bool:
     """Whether what stands there may be of several classes."""
-    return words in (("wind",), ("estimator",)) or (len(words) == 2 and words[0] in ("air", "forces", "endings"))
+    return words in (("environment", "wind"), ("agent", "estimator")) or (
+        words[:-1] in (("environment", "air"), ("environment", "forces"), ("endings",))
+    )
 
 
 def _path(words: Words) -> str:

@@ -27,12 +27,12 @@ def require_start_outside(scenario: Scenario) -> None:
     Raises:
         ValueError: one line: the point, the surface, the depth.
     """
-    for contact in scenario.contacts:
-        state, vehicle = first_state(scenario), scenario.world.vehicle
-        if not concrete(*leaves((contact, state, scenario.world.gravity, vehicle.mass))):
+    for contact in scenario.worlds:
+        state, vehicle = first_state(scenario), scenario.plant.vehicle
+        if not concrete(*leaves((contact, state, scenario.plant.gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself
         memory, motion = contact.start(1.0, ()), PointMotion(vehicle, state)
-        weight = float(vehicle.mass) * float(scenario.world.gravity)
+        weight = float(vehicle.mass) * float(scenario.plant.gravity)
         for (surface, point), touch in zip(contact.pairs, contact.touches(memory, motion), strict=True):
             if float(touch.normal) > MOST * max(weight, 1e-9):
                 raise ValueError(
@@ -40,8 +40,8 @@ def require_start_outside(scenario: Scenario) -> None:
                     f"which would push it with {float(touch.normal):.3g} N: must start outside, or at rest by "
                     "initial.standing = true"
                 )
-        _require_objects_outside(contact, motion, weight, float(scenario.world.gravity))
-        require_places_apart(contact, float(scenario.world.gravity), MOST)
+        _require_objects_outside(contact, motion, weight, float(scenario.plant.gravity))
+        require_places_apart(contact, float(scenario.plant.gravity), MOST)
         for ending in (RotorContact(), BodyContact()):
             if not ending.fine(scenario, state, state.position, 0):
                 cause = ending.cause(scenario, state, state.position)

@@ -133,7 +133,7 @@ def _of_joint(name: str, value: Any, kind: str) -> Suspicion:
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
     """Lines about numbers of a scenario that are allowed and hardly meant; empty where there is none."""
-    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.world.vehicle))
+    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.plant.vehicle))
     return (*vehicle, *unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario))
 
 
@@ -173,8 +173,8 @@ def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _of_scenario(scenario: Scenario) -> Iterator[Suspicion]:
-    links, wind, start = scenario.world.vehicle.links, scenario.wind, scenario.initial
-    for name, gravity in (("plant", scenario.world.gravity), ("model", scenario.controller.par.model.gravity)):
+    links, wind, start = scenario.plant.vehicle.links, scenario.wind, scenario.initial
+    for name, gravity in (("plant", scenario.plant.gravity), ("model", scenario.controller.par.model.gravity)):
         yield f"{name}.gravity =", gravity, 25.0, "m/s^2: is more than Jupiter's; m/s^2?"
     if isinstance(wind, MovingAir):
         speeds = [("velocity", wind.velocity_W), *(("gust.velocity", gust.peak) for gust in all_gusts(wind))]
@@ -184,10 +184,10 @@ def _of_scenario(scenario: Scenario) -> Iterator[Suspicion]:
         yield f"environment.wind.{name} of", velocity, 60.0, "m/s: is a hurricane; m/s, not km/h?"
     for name, (bound, unit, other) in NOISE.items():
         words = f"{unit}: is that much noise at every sample; {unit}, not {other}?"
-        yield f"sensors.{name} =", getattr(scenario.sensors, name), bound, words
+        yield f"sensors.{name} =", getattr(scenario.noise, name), bound, words
     for name in ("measurement", "command"):
         yield f"delays.{name} =", getattr(scenario.delays, name), 1.0, "s: is long; s, not ms?"
-    looks = [scenario.trajectory.at(k / LOOKS * scenario.duration) for k in range(LOOKS + 1)]
+    looks = [scenario.reference.at(k / LOOKS * scenario.duration) for k in range(LOOKS + 1)]
     farthest = max((look.position for look in looks), key=_norm)
     yield "reference.base reaches", farthest, SPREAD, "m from the origin: m, not mm?"
     words = "rad at the start: is more than a turn; rad, not degrees?"
@@ -217,7 +217,7 @@ def _of_vehicle(vehicle: Vehicle) -> Iterator[Suspicion]:
 
 
 def _model(scenario: Scenario) -> Iterator[str]:
-    truth, model = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     if model != truth:
         known = set(unlikely_in_vehicle(truth))
         yield from (f"model: {line}" for line in unlikely_in_vehicle(model) if line not in known)
@@ -227,7 +227,7 @@ def _model(scenario: Scenario) -> Iterator[str]:
 
 
 def _wind_force(scenario: Scenario) -> Iterator[str]:
-    wind, weight = scenario.wind, float(scenario.world.vehicle.mass) * EARTH
+    wind, weight = scenario.wind, float(scenario.plant.vehicle.mass) * EARTH
     if isinstance(wind, ForceWind):
         for name, force in (("force", wind.force_W), *(("gust.force", gust.peak) for gust in all_gusts(wind))):
             if _norm(force) > MOST_WIND * weight:
@@ -237,7 +237,7 @@ def _wind_force(scenario: Scenario) -> Iterator[str]:
 
 def _without_drag(scenario: Scenario) -> Iterator[str]:
     """Air that moves about a vehicle on which it has no effect."""
-    vehicle, wind = scenario.world.vehicle, scenario.wind
+    vehicle, wind = scenario.plant.vehicle, scenario.wind
     drags = [(rotor.drag_coefficient, rotor.rolling_moment_coefficient) for rotor in vehicle.rotors]
     if any(float(value) for pair in drags for value in pair):
         return
@@ -255,7 +255,7 @@ def _without_drag(scenario: Scenario) -> Iterator[str]:
 
 def _start_beyond_limits(scenario: Scenario) -> Iterator[str]:
     joints = () if scenario.initial is None else scenario.initial.joints
-    for i, (q, link) in enumerate(zip(joints, scenario.world.vehicle.links, strict=False)):
+    for i, (q, link) in enumerate(zip(joints, scenario.plant.vehicle.links, strict=False)):
         low, high = float(link.joint.lower), float(link.joint.upper)
         if not low - SLACK <= float(q) <= high + SLACK:
             limits = f"{low:g} ... {high:g} of {link.joint.name!r}"
@@ -427,7 +427,7 @@ def law_of_undriven(scenario: Scenario) -> Iterator[str]:
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
     """
-    free = undriven_joints(scenario.world.vehicle, [each.joint for each in scenario.joint_drives])
+    free = undriven_joints(scenario.plant.vehicle, [each.joint for each in scenario.joint_drives])
     name = scenario.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
     if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:

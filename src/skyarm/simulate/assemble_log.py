@@ -33,7 +33,7 @@ from skyarm.simulate.inputs import EpisodeInputs
 def logged_in_contact(scenario: Scenario, numbers: Sequence[Any]) -> dict[str, list[Any]]:
     """Array of a log -> its columns, of numbers as :meth:`skyarm.contact.contact.Contact.logged` gives them."""
     found: dict[str, list[Any]] = {}
-    for contact in scenario.contacts:
+    for contact in scenario.worlds:
         pairs, wide = contact.logged_pairs, len(CONTACT_ARRAYS)
         touching, behind = numbers[: wide * pairs], list(numbers[wide * pairs :])
         if pairs:
@@ -131,7 +131,7 @@ def _fill(tables: Sequence[dict[str, Array]]) -> None:
 def _tables(piece: Piece) -> dict[str, Array]:
     """A log's arrays over the periods of a piece."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u = flown.states, flown.commands
     wind = flown.wind
@@ -158,8 +158,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
     if len(path_time):
         tables["path_time"] = path_time
-    if scenario.trajectory.phases:
-        tables["phase"] = phase_numbers(scenario.trajectory, path_time)
+    if scenario.reference.phases:
+        tables["phase"] = phase_numbers(scenario.reference, path_time)
     own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
     if vehicle.tilts:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
@@ -208,9 +208,9 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.world.vehicle.frame(sensor.feels or None).name
+        frame = None if sensor.feels is None else scenario.plant.vehicle.frame(sensor.feels or None).name
         keep(f"{READINGS}.{name}", reading, every=every, late=readings_waiting(scenario, i), frame=frame)
-    if flown.measurement is not None and scenario.estimates:
+    if flown.measurement is not None and scenario.has_estimator:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:
         measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
@@ -236,10 +236,10 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "schema": 1,
         "scenario": scenario.name,
         "title": scenario.title,
-        "plant": scenario.plant,
+        "plant": scenario.kind,
         "integrator": scenario.integrator,
-        "plant_vehicle": scenario.world.vehicle.name,
-        "plant_gravity": float(scenario.world.gravity),
+        "plant_vehicle": scenario.plant.vehicle.name,
+        "plant_gravity": float(scenario.plant.gravity),
         "model_vehicle": scenario.controller.par.model.vehicle.name,
         "model_gravity": float(scenario.controller.par.model.gravity),
         "controller": scenario.controller.name,
@@ -248,15 +248,15 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
         "seed": scenario.seed,
         "episode": scenario.episode,
-        "sensor_noise_channels": len(leaves(scenario.sensors)),
+        "sensor_noise_channels": len(leaves(scenario.noise)),
         "status": ending.status if ending else "completed",
         "cause": ending.cause if ending else "",
         "end_time": ending.time if ending else scenario.duration,
         "versions": versions("numpy", "mujoco-core"),
         "plugins": identities(),
         "code": files,
-        **({"phases": [phase.name for phase in scenario.trajectory.phases]} if scenario.trajectory.phases else {}),
-        **({"waits": waits_of(scenario.trajectory.guards)} if scenario.trajectory.guards else {}),
+        **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
+        **({"waits": waits_of(scenario.reference.guards)} if scenario.reference.guards else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

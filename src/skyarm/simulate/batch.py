@@ -105,7 +105,7 @@ class Batch:
         require_count("effort", effort, 0)
         log_every = require_count("log_every", log_every, 0)
         self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
-        self.names = metric_names(metrics, scenario.world.vehicle.n, scenario.told)
+        self.names = metric_names(metrics, scenario.plant.vehicle.n, scenario.commands_setpoints)
         scenario.controller.require_compiled("a batch")
         require_shapes(scenario)
         require_apart(scenario, self.paths)
@@ -114,7 +114,7 @@ class Batch:
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
-        self._wanted = needed(self.names, scenario.world.vehicle.n)
+        self._wanted = needed(self.names, scenario.plant.vehicle.n)
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
@@ -216,5 +216,5 @@ class Batch:
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
         held = dict(zip(self._wanted, totals, strict=True))
-        joints, period = self.scenario.world.vehicle.n, 1.0 / self.scenario.rates.control
+        joints, period = self.scenario.plant.vehicle.n, 1.0 / self.scenario.rates.control
         return metric_values(self.names, held, instants, joints, period)

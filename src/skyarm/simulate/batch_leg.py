@@ -48,7 +48,7 @@ def make_counting_period(
     """
     stages = Stages(scenario)
     period = make_period(stages, RigidBodySteps(stages, substeps))
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
 
     def step(
         both: tuple[LoopState, tuple[Any, ...]],
@@ -87,11 +87,11 @@ def make_counting_period(
 
 def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[Any, ...]]:
     """What metrics see of a contact; nothing of a scenario without a world."""
-    if not scenario.contacts:
+    if not scenario.worlds:
         return {}
     arrays = logged_in_contact(scenario, sample.wind.contacts)
-    contact, taken = scenario.contacts[0], arrays.get("gripper_taken", [])
-    push, places = scenario.trajectory.push, arrays.get("object_position", [])
+    contact, taken = scenario.worlds[0], arrays.get("gripper_taken", [])
+    push, places = scenario.reference.push, arrays.get("object_position", [])
     time = row.time if isinstance(row.path_time, tuple) else row.path_time
     return {
         "push": () if push is None else push.at(time),
@@ -186,7 +186,7 @@ class Leg:
             stiff = own.of(options.stiffest)
             first = first_loop_state(stiff)
         around = first_surroundings(stiff, first)
-        plant = RigidBodyPlant(stiff.world, around, stiff.integrator, 1.0 / stiff.rates.physics)
+        plant = RigidBodyPlant(stiff.plant, around, stiff.integrator, 1.0 / stiff.rates.physics)
         self.largest = lanes_step(around, euler=stiff.integrator == "euler")
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
         numbers = (*self.base, *self._set.values())
@@ -214,7 +214,7 @@ class Leg:
             following, sample = period(both, row, goals, inside, uniforms)
             wanted = row.reference.dense() if options.changing else row.reference
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
-            received += ((ESTIMATE, sample.measurement),) if varied.estimates else ()
+            received += ((ESTIMATE, sample.measurement),) if varied.has_estimator else ()
             kept = Logged(
                 alive=sample.alive, state=sample.state, command=sample.command, reference=wanted, received=received
             )

@@ -53,7 +53,7 @@ class Feed:
         flags = [np.asarray(masks[name], dtype=float) for name in self._flags]
         columns = [inputs.times, *flags]
         self.example: Any = (0.0, (0.0,) * len(flags))
-        self._waits = bool(scenario.trajectory.guards)
+        self._waits = bool(scenario.reference.guards)
         if self._waits:
             pass  # the loop has the reference's clock
         elif self._own_motion:
@@ -70,7 +70,7 @@ class Feed:
 
     def _goal_table(self, reference: Reference) -> Goal:
         """Goals at every instant, as a record of arrays."""
-        vehicle = self._scenario.world.vehicle
+        vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
@@ -84,25 +84,25 @@ class Feed:
         time, flags, *rest = fed
         inside: dict[str, Any] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
-        vehicle = varied.world.vehicle
+        vehicle = varied.plant.vehicle
         if self._waits:
             return Row(time=time, reference=()), (), inside
         if self._own_motion:
-            held, free = (varied.trajectory.at(t) for t in (rest[0], time))
+            held, free = (varied.reference.at(t) for t in (rest[0], time))
             goals = goal_of(vehicle, held.dense()), goal_of(vehicle, free.dense())
             return Row(time=time, reference=held), goals, inside
         reference, *tables, (told, path_time) = rest
         row = Row(time=time, reference=reference, told=told, path_time=path_time)
         if self._own_arm(varied):
-            free = varied.trajectory.at(time)
+            free = varied.reference.at(time)
             goals = goal_of(vehicle, reference.dense()), goal_of(vehicle, free.dense())
             return row, goals, inside
         return row, (tables[0], tables[1]), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
         """Whether a varied number moves the tool of a vehicle whose joints stay where they are."""
-        still = self._scenario.trajectory.at(0.0).dense()
-        nodes = [c for c in goal_of(varied.world.vehicle, still).tool if isinstance(c, Node)]
+        still = self._scenario.reference.at(0.0).dense()
+        nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
     def goals(self, values: Mapping[str, Array], ticks: Array, now: LoopState) -> Array:
@@ -117,7 +117,7 @@ class Feed:
             return np.stack(_columns(self._inputs.held_reference.dense().position, self._scenario.steps), axis=1)[ticks]
         motion = {path: column for path, column in values.items() if path.startswith("reference.")}
         with np.errstate(all="ignore"):
-            found = with_numbers(self._scenario, motion).trajectory.at(self._held_times[ticks]).dense().position
+            found = with_numbers(self._scenario, motion).reference.at(self._held_times[ticks]).dense().position
         return np.stack(_columns(found, len(ticks)), axis=1)
 
 

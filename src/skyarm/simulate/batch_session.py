@@ -66,7 +66,7 @@ class LanePrograms:
         self.base = tuple(number_at(scenario, path) for path in paths)
         self.first: LoopState = first_loop_state(scenario)
         around = first_surroundings(stiffest, self.first if stiffest is scenario else first_loop_state(stiffest))
-        self._plant = RigidBodyPlant(stiffest.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        self._plant = RigidBodyPlant(stiffest.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
         self.largest_step = lanes_step(around, euler=scenario.integrator == "euler")
         counts = [2 * count for _, count in draw_plan(scenario).components]
         self.start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
@@ -93,10 +93,10 @@ class LanePrograms:
     def _row(self, scenario: Scenario, ticks: Any) -> Row:
         """A lane's own time and held reference; the loop has that of a task whose phases wait."""
         rate = float(self._scenario.rates.control)
-        if scenario.trajectory.guards:
+        if scenario.reference.guards:
             return Row(time=ticks / rate, reference=())
         held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        return Row(time=ticks / rate, reference=scenario.trajectory.at(held / rate).dense())
+        return Row(time=ticks / rate, reference=scenario.reference.at(held / rate).dense())
 
     def _starting(self, numbers: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
         return first_loop_state(self._varied(numbers), draws)

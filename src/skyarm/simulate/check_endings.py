@@ -64,7 +64,7 @@ def _both(a: Any, b: Any) -> Any:
 
 def ended_by(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """The ending that a state in flat floats means, or None; ``goal`` is the held reference's position."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     state = rebuild(example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
@@ -77,8 +77,8 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
     if float(getattr(clock, "failed", 0.0)) < 0.5:
         return None
     # the clock has gone on to the next guard
-    guard = scenario.trajectory.guards[max(round(float(clock.guard)) - 1, 0)]
-    words = failure_words(scenario.trajectory, guard)
+    guard = scenario.reference.guards[max(round(float(clock.guard)) - 1, 0)]
+    words = failure_words(scenario.reference, guard)
     if guard.force is not None and not guard.sensed and observed_push(scenario.controller.memory) is None:
         words += f"; law {scenario.controller.name} observes no force"
     return Ended(PHASE_FAILED, words, time)
@@ -86,7 +86,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
 
 def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
     """The ending that a command means, or None."""
-    cause = not_finite(scenario.world.vehicle, command)
+    cause = not_finite(scenario.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
 

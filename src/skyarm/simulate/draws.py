@@ -56,7 +56,7 @@ def draw_plan(scenario: Scenario) -> Draws:
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
     """
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     sensors = [(0, sensor.uniforms(vehicle)) for _, sensor in scenario.all_sensors[:1]]
     sensors += [(_channel("sensor", name), sensor.uniforms(vehicle)) for name, sensor in scenario.all_sensors[1:]]
     first, *added = scenario.components

@@ -104,7 +104,7 @@ class EpisodeCode:
         self._example: Any = structure_of(self.carry)
         self.draws = draws_needed(scenario)
         self._plant: Any = None
-        if scenario.plant == "rigid_body":
+        if scenario.kind == "rigid_body":
             self.substeps = Substeps(rigid_body_plant(scenario, self.first))
         else:
             around = first_surroundings(scenario, self.first)
@@ -134,7 +134,7 @@ class EpisodeCode:
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
         if self.own_reference:
             time, held = row
-            row = Row(time=time, reference=() if scenario.trajectory.guards else scenario.trajectory.at(held))
+            row = Row(time=time, reference=() if scenario.reference.guards else scenario.reference.at(held))
         return stages, plant, row
 
     def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Sample]:

@@ -28,8 +28,8 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
         scenario: of the episode.
         draws: uniform numbers that start each component; the episode's own if left out.
     """
-    state, vehicle = first_state(scenario), scenario.world.vehicle
-    efforts = hover_trim(vehicle, state.joints, scenario.world.gravity).efforts
+    state, vehicle = first_state(scenario), scenario.plant.vehicle
+    efforts = hover_trim(vehicle, state.joints, scenario.plant.gravity).efforts
     if scenario.all_drives:
         rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
@@ -57,7 +57,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
     """A sensor before its first reading; what is on its way has the shape of a reading, and is never seen."""
-    vehicle, (_, sensor) = scenario.world.vehicle, scenario.all_sensors[index]
+    vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
         blank: Any = blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))

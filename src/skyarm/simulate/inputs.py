@@ -169,7 +169,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 def _motion(scenario: Scenario) -> Program:
     """The reference at a time; an absurd one overflows to inf or NaN and ends the episode as diverged."""
-    return trace(lambda clock: scenario.trajectory.at(clock[0]), (0.0,))
+    return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
 def _rows(record: Any, count: int) -> Array:

@@ -43,8 +43,8 @@ def require_rigid_body(scenario: Scenario) -> None:
     Raises:
         ScenarioError: one line.
     """
-    if scenario.plant != "rigid_body":
-        raise ScenarioError(f"plant.kind = {shown(scenario.plant)}: must be rigid_body for a batch")
+    if scenario.kind != "rigid_body":
+        raise ScenarioError(f"plant.kind = {shown(scenario.kind)}: must be rigid_body for a batch")
 
 
 def require_width(width: Any) -> None:
@@ -347,7 +347,7 @@ def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[s
         if path.startswith(STATED):
             for place in places_of(scenario, path):
                 # air and forces stand in a tuple, a drive beside the name of its joint, in the scenario or its vehicle
-                depth = {"drives": 3, "world": 5, "contact": 1}.get(place[0], 2)
+                depth = {"drives": 4, "plant": 6, "world": 2}.get(place[1], 3)
                 found.setdefault(place[:depth], {}).setdefault(path, []).append(place[depth:])
     return found
 

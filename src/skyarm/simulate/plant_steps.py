@@ -30,7 +30,7 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
         first: its first loop state, where that is there already.
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
-    return RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
 
 
 class Substeps:
@@ -63,13 +63,13 @@ class RigidBodySteps:
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
         force, _ = accelerate(
-            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
+            self._scenario.plant, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
         )
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
         """State and coupled memories after the period: under the command before for the late part, then the other."""
-        now = after_impact(self._scenario.world.vehicle, state, around), memories_of(around)
+        now = after_impact(self._scenario.plant.vehicle, state, around), memories_of(around)
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
         left: Any = self._period
@@ -84,4 +84,4 @@ class RigidBodySteps:
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         """State and memories after an interval of one command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        return hold(self._scenario.world, self._scenario.integrator, count, now, command, around, seconds)
+        return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)

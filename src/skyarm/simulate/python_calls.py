@@ -113,15 +113,15 @@ class CalledPlant:
 
     def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
         self._plant, self._period, self._late = plant, stages.period, stages.late
-        scenario, vehicle = stages.scenario, stages.scenario.world.vehicle
+        scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
         for name in ("command", "rotors", "joints"):
             steps = getattr(scenario.delays, name) * scenario.rates.physics
             if abs(steps - round(steps)) > 1e-6:
                 delay = getattr(scenario.delays, name)
                 raise ScenarioError(
-                    f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.plant}"
+                    f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
                 )
-        self._kind, self._rotors, self._joints = scenario.plant, len(vehicle.rotors), vehicle.n
+        self._kind, self._rotors, self._joints = scenario.kind, len(vehicle.rotors), vehicle.n
         self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
         self._apart = None if stages.apart is None else tuple(rest for _, rest in stages.apart)
         self._impact, self._coupled = _impact_of(plant, scenario), places_in(around)
@@ -193,5 +193,5 @@ def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] |
     found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
     if found is None:
         what = "rigid payloads" if rigid else "environment.faults with stuck"
-        raise ScenarioError(f"plant.kind = {scenario.plant!r}: does not know {what}; it has no after_impact")
+        raise ScenarioError(f"plant.kind = {scenario.kind!r}: does not know {what}; it has no after_impact")
     return found

@@ -110,8 +110,8 @@ class Waits:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._trajectory = scenario.trajectory
-        self.guards: tuple[Guard, ...] = scenario.trajectory.guards
+        self._trajectory = scenario.reference
+        self.guards: tuple[Guard, ...] = scenario.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
         self._believed = tuple(each for each in scenario.payloads if each.believed)
         self._rate = float(scenario.rates.control)
@@ -368,7 +368,7 @@ class Paces:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._pause, self._trajectory = scenario.pause, scenario.trajectory
+        self._pause, self._trajectory = scenario.pause, scenario.reference
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.controller.par.model.vehicle
@@ -442,7 +442,7 @@ def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: 
         then: what held in its place.
     """
     parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
-    return parts != old or (begun is not before and begun.trajectory != before.trajectory)
+    return parts != old or (begun is not before and begun.reference != before.reference)
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from pathlib import Path
 
@@ -70,7 +69,7 @@ def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> 
         if controller is None:
             return scenario
         if isinstance(controller, Controller):
-            return dataclasses.replace(scenario, controller=controller, changes=without_law(scenario.changes))
+            return scenario.with_words(controller=controller, changes=without_law(scenario.changes))
         return under_law(scenario, controller)
     except (ValueError, AllocationError) as error:
         raise ScenarioError(str(error)) from None

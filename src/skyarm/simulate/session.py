@@ -176,9 +176,9 @@ class Session:
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._n = scenario.world.vehicle.n
-        self._rotors = len(scenario.world.vehicle.rotors)
-        self._tilts = len(scenario.world.vehicle.tilts)
+        self._n = scenario.plant.vehicle.n
+        self._rotors = len(scenario.plant.vehicle.rotors)
+        self._tilts = len(scenario.plant.vehicle.tilts)
         if self._waits:
             self._let_change()
 
@@ -348,7 +348,7 @@ class Session:
     def _make_engine(self, course: Course) -> Engine:
         """Machine code where it can be made, else Python."""
         scenario = course.now
-        if self._compiles and scenario.plant == "rigid_body" and scenario.controller.compiled:
+        if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
             if course.begun is not self._begun:
                 self._begun, self._codes = course.begun, []
             try:

@@ -77,13 +77,13 @@ class Stages:
         self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
-        self.tip_sensor = tip_sensor(self.sensors, scenario.world.vehicle)
+        self.tip_sensor = tip_sensor(self.sensors, scenario.plant.vehicle)
         asked = self.tip_sensor is not None and senses_torque(scenario.controller.par)
-        self.twist_at = sensor_offset(self.sensors, scenario.world.vehicle) if asked else None
+        self.twist_at = sensor_offset(self.sensors, scenario.plant.vehicle) if asked else None
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
-        noisy = [sigma for sigma in leaves(scenario.sensors) if type(sigma) is not float or sigma > 0.0]
-        full = [FULL_STATE] if scenario.estimates and noisy else []
-        self.logged = (*full, *(each.name for each in scenario.instruments))
+        noisy = [sigma for sigma in leaves(scenario.noise) if type(sigma) is not float or sigma > 0.0]
+        full = [FULL_STATE] if scenario.has_estimator and noisy else []
+        self.logged = (*full, *(each.name for each in scenario.sensors))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
@@ -96,8 +96,8 @@ class Stages:
             return row
         path_time = self.waits.path_time(now.clock)
         reference = self.waits.held_reference(now.clock, now.ticks)
-        if self.scenario.trajectory.load is not None:  # the gripper's command is of this period, not of a sample
-            load = self.scenario.trajectory.load.derivatives(path_time)[0]
+        if self.scenario.reference.load is not None:  # the gripper's command is of this period, not of a sample
+            load = self.scenario.reference.load.derivatives(path_time)[0]
             reference = dataclasses.replace(reference, load=(load,))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
@@ -141,13 +141,13 @@ class Stages:
         )
         told = path_time if self.waits.guards else time  # of a reference that waits, its own time
         for i in self.coupled:
-            acted = self.components[i].act(going[i], told, PointMotion(self.scenario.world.vehicle, state))
+            acted = self.components[i].act(going[i], told, PointMotion(self.scenario.plant.vehicle, state))
             going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
     def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
         """The frame that holds a payload."""
-        world = self.scenario.world
+        world = self.scenario.plant
         motion = PointMotion(world.vehicle, state)
         at = motion.frame(payload.frame or None)
         return Grasp(
@@ -159,7 +159,7 @@ class Stages:
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
         if not frames:
             return ()
-        vehicle, gravity = self.scenario.world.vehicle, self.scenario.world.gravity
+        vehicle, gravity = self.scenario.plant.vehicle, self.scenario.plant.gravity
         return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
@@ -171,7 +171,7 @@ class Stages:
             memories=memories[:felt],
             supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
             time=time,
-            effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
+            effectiveness=effectiveness_at(scenario.faults, scenario.plant.vehicle, time),
             drives=scenario.all_drives,
             drive_memories=tuple(drives),
         )
@@ -235,7 +235,7 @@ class Stages:
     ) -> tuple[Any, Command]:
         """The law, or the command from outside, which leaves the law's memory as it is."""
         if self._command is not None and self._given is None:
-            return memory, with_rest(self.scenario.world.vehicle, self._command)
+            return memory, with_rest(self.scenario.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
         if self._command is None:
             return following, command
@@ -248,7 +248,7 @@ class Stages:
         """The law's memory and command."""
         par = self.waits.believing(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
-        return following, with_rest(self.scenario.world.vehicle, command)
+        return following, with_rest(self.scenario.plant.vehicle, command)
 
     def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
         """Command line: refuses a command that is not finite; the queue, and what acts once it has moved."""
@@ -284,7 +284,7 @@ class Stages:
 
     def felt(self, around: Surroundings, state: State) -> WindSample:
         """What the log keeps of the surroundings."""
-        return felt(around, self.scenario.world.vehicle, state)
+        return felt(around, self.scenario.plant.vehicle, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
         """What the law has found out, for the log; () of most laws."""
@@ -309,7 +309,7 @@ ASKED = (0, 5)
 
 def joins_late(scenario: Scenario) -> bool:
     """Whether the law may join after the first instant."""
-    return not (type(scenario.joined) is int and scenario.joined == 0)
+    return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Reference:
@@ -319,7 +319,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Referen
     """
     if not joins_late(scenario):
         return going
-    still, resting = scenario.trajectory.at(0.0), time < scenario.joined
+    still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
     fields: dict[str, Any] = {}
     for name in field_names(Reference) or ():
         moving, rest = getattr(going, name), getattr(still, name)

@@ -7,7 +7,6 @@ periods, which finds state that a part keeps outside its memory. What ships is n
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -157,10 +156,10 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         controller = _made(law, flown.controller.par.model)
         check_controller(controller)
     rates = flown.rates
-    start = first_state(dataclasses.replace(flown, controller=controller))
-    seen = measurement_of(start, Vec3(0.0, 0.0, float(flown.world.gravity)))
+    start = first_state(flown.with_words(controller=controller))
+    seen = measurement_of(start, Vec3(0.0, 0.0, float(flown.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
-    wanted = [flown.trajectory.at(float(time)) for time in times[: flown.steps]]
+    wanted = [flown.reference.at(float(time)) for time in times[: flown.steps]]
     try_law(controller, 1.0 / rates.control, seen, wanted)
 
 
@@ -192,7 +191,7 @@ def _require_classes(scenario: Scenario) -> None:
         if mistake is not None:
             raise ScenarioError(f"{mistake[0]}: {place} ({kind.__name__}) {mistake[1]}")
         given = getattr(record, "uniforms", 0)
-        count = given(scenario.world.vehicle) if callable(given) else given
+        count = given(scenario.plant.vehicle) if callable(given) else given
         if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
             found = place_of(given if callable(given) and own_code(given) is not None else kind)
             said = "gives uniforms" if callable(given) else "has uniforms"
@@ -204,7 +203,7 @@ def _records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Place and record of every user-defined part."""
     places: list[tuple[str, Any]] = list(zip(_component_places(scenario), scenario.components, strict=True))
     places += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
-    places += [(f"sensors.{named.name}", named.sensor) for named in scenario.instruments]
+    places += [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]
     places += [("estimator", scenario.estimator)]
     places += [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]
     return ((place, record) for place, record in places if own_code(type(record)))
@@ -217,7 +216,7 @@ def _component_places(scenario: Scenario) -> list[str]:
         *(f"environment.air[{i}]" for i in range(len(scenario.air))),
         *(f"environment.forces[{i}]" for i in range(len(scenario.forces))),
         *(f"payloads[{i}]" for i in range(len(scenario.payloads))),
-        *["world"] * len(scenario.contacts),
+        *["world"] * len(scenario.worlds),
         *["plant.vehicle.battery"] * len(scenario.power),
     ]
 
@@ -240,7 +239,7 @@ def _parts(scenario: Scenario, period: float) -> Iterator[Part]:
 
 def _component(place: str, component: Any, index: int, scenario: Scenario, period: float) -> Part:
     """Air or a force."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
 
     def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
         following = component.advance(memory, time[0], period, state, draws)
@@ -270,7 +269,7 @@ def _component(place: str, component: Any, index: int, scenario: Scenario, perio
 
 
 def _drive(place: str, drive: Any, scenario: Scenario, period: float) -> Part:
-    joints = [link.joint.name for link in scenario.world.vehicle.links]
+    joints = [link.joint.name for link in scenario.plant.vehicle.links]
     index = joints.index(place.removeprefix("plant.drives."))
 
     def step(memory: Any, _time: Any, state: State, _draws: Any) -> tuple[Any, Any]:
@@ -287,7 +286,7 @@ def _drive(place: str, drive: Any, scenario: Scenario, period: float) -> Part:
 
 
 def _sensor(place: str, sensor: Any, scenario: Scenario, period: float) -> Part:
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     every = 1.0 / sensor.frequency if sensor.frequency else period
 
     def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
@@ -313,11 +312,11 @@ def _sensor(place: str, sensor: Any, scenario: Scenario, period: float) -> Part:
 
 
 def _estimator(place: str, estimator: Any, scenario: Scenario, period: float) -> Part:
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
 
     def step(memory: Any, time: Any, state: State, _draws: Any) -> tuple[Any, Any]:
         readings: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
-        for named in scenario.instruments:
+        for named in scenario.sensors:
             sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
             taken = sensor.take(sensor.start(vehicle), time[0], state, WEIGHT, NO_PUSH, middle, period)
             readings[named.name] = taken[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -76,7 +75,7 @@ class Evidence:
 
 def hovering(scenario: Scenario) -> Scenario:
     """The scenario's first reference held in calm air, long enough to settle; nothing fails."""
-    start = scenario.trajectory.at(0.0)
+    start = scenario.reference.at(0.0)
 
     def held(value: Any) -> Constant:
         return Constant(float(value))
@@ -88,9 +87,8 @@ def hovering(scenario: Scenario) -> Scenario:
         yaw=held(start.yaw),
         joints=tuple(held(q) for q in start.joints),
     )
-    return dataclasses.replace(
-        scenario,
-        trajectory=still,
+    return scenario.with_words(
+        reference=still,
         path_time=None,
         pause=None,
         duration=SETTLING,
@@ -187,7 +185,7 @@ class Frozen:
 
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
-    flight = dataclasses.replace(flight, plant="rigid_body")
+    flight = flight.with_words(kind="rigid_body")
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
     inputs, differentiator = engine.inputs, Differentiator(flight)
     for k in range(1, count + 1):

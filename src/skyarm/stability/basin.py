@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -196,8 +195,8 @@ def basin(
         if not 0.0 <= value <= MOST[name]:
             raise ScenarioError(f"{name} = {value!r}: must be from 0 to {MOST[name]:g}")
     flight = hovering(scenario)
-    flight = dataclasses.replace(flight, plant="rigid_body", sensors=PERFECT_SENSORS, duration=DURATION)
-    flight = dataclasses.replace(flight, initial=first_state(flight))
+    flight = flight.with_words(kind="rigid_body", noise=PERFECT_SENSORS, duration=DURATION)
+    flight = flight.with_words(initial=first_state(flight))
     values = initial_states(flight, count, seed, rate=rate, offset=offset, speed=speed)
     outcome = Batch(flight, PATHS).fly(values, threads=threads)
     wanted = np.array([[float(c)] for c in first_state(flight).position])

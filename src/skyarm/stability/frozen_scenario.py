@@ -45,9 +45,7 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
-    return dataclasses.replace(
-        scenario, sensors=PERFECT_SENSORS, wind=calm, air=air, forces=forces, changes=(), drives=drives
-    )
+    return scenario.with_words(noise=PERFECT_SENSORS, wind=calm, air=air, forces=forces, changes=(), drives=drives)
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
@@ -79,7 +77,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
 
 def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
     """Whether a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.world.vehicle
+    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
 
     def advance(memory: Any, time: Any, state: State, draws: Any) -> Any:
@@ -93,14 +91,14 @@ def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
 
 def _without_tilts(scenario: Scenario) -> Scenario:
     """The scenario with rotors fixed at rest."""
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     if not vehicle.tilts:
         return scenario
     if turns_rotors(scenario.controller):
         raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
     fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
     first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
-    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=fixed), initial=first)
+    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=fixed), initial=first)
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
@@ -114,7 +112,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
         return scenario
     held = dataclasses.replace(own.parts, adaptation=dataclasses.replace(adaptation, load=None, friction=None))
     still = with_innermost(par, dataclasses.replace(own, parts=held))
-    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
+    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
@@ -137,8 +135,8 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
     par = scenario.controller.par
     model = dataclasses.replace(par.model, vehicle=even(par.model.vehicle))
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
-    world = dataclasses.replace(scenario.world, vehicle=even(scenario.world.vehicle))
-    return dataclasses.replace(scenario, controller=controller, world=world)
+    world = dataclasses.replace(scenario.plant, vehicle=even(scenario.plant.vehicle))
+    return scenario.with_words(controller=controller, plant=world)
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:
@@ -151,10 +149,10 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
     loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the battery comes last
     for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
         _require_none(leaves(memory), f"payloads[{i}]", payload)
-    for named in scenario.instruments:
+    for named in scenario.sensors:
         _require_none(True, f"sensors.{named.name}", named.sensor)
     _require_none(leaves(first.estimate), "estimator", scenario.estimator)
-    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.sensors)
+    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.noise)
 
 
 def _require_none(held: Any, field: str, part: Any) -> None:

@@ -133,9 +133,9 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
     return Scenario(
         name=model.vehicle.name,
         rates=Rates(physics=physics, control=rate, reference=reference),
-        world=Truth(vehicle=_embodied(model.vehicle), gravity=model.gravity),
+        plant=Truth(vehicle=_embodied(model.vehicle), gravity=model.gravity),
         controller=controller,
-        trajectory=hover((0.0, 0.0, HEIGHT), joints=joints),
+        reference=hover((0.0, 0.0, HEIGHT), joints=joints),
         duration=SETTLING,
         delays=Delays(measurement=float(getattr(own, "delay_periods", 0)) / rate),
     )

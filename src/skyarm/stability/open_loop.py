@@ -221,11 +221,11 @@ class Differentiator:
         memories = (*self._components[: len(self._components) - len(power)], *power)
         air = stages.surroundings(memories, point.drives, row.time)
         force, _ = accelerate(
-            scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
+            scenario.plant, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
         )
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
-        now = measure(scenario.sensors, row.time, point.state, proper, [0] * count)
+        now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.controller)(
             point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
         )
@@ -248,7 +248,7 @@ class Differentiator:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period)
         step = STEP[scenario.integrator]
-        return repeat(count, lambda x: step(scenario.world, x, command, air, seconds / count), state)
+        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count), state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
         """The linearised open loop where the flight is at ``carry``.
@@ -297,7 +297,7 @@ class Differentiator:
         """Where the loop is cut, at the command and the measurement of the instant."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.world.vehicle, speeds, at.seen.quaternion)
+        return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
 
     def _completed(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]

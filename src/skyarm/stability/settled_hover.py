@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,7 +42,7 @@ class SettledHover:
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         flight = hovering(nominal(without_adaptation(scenario)))
-        flight = dataclasses.replace(flight, plant="rigid_body")
+        flight = flight.with_words(kind="rigid_body")
         self.paths = tuple(paths)
         self._differentiator = Differentiator(flight, self.paths)
         options = LegOptions(

@@ -221,7 +221,7 @@ def _rate(where: str, scenario: Scenario) -> float:
 
 def _fastest_friction(scenario: Scenario) -> float:
     """Of the joints of the plant, 1/s, whatever holds in the course of the flight."""
-    return max(joint_rate(stretch.overrides.of(scenario).world.vehicle) for stretch in stretches(scenario))
+    return max(joint_rate(stretch.overrides.of(scenario).plant.vehicle) for stretch in stretches(scenario))
 
 
 def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:

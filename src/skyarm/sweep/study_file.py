@@ -229,7 +229,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     wanted = top.take("metrics", ["standard"])
     if not isinstance(wanted, list) or not wanted:
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
-    return metric_names(wanted, scenario.world.vehicle.n, scenario.told)
+    return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
@@ -273,10 +273,8 @@ def _controllers(top: Fields) -> list[str] | None:
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
     """The scenario with every varied number made data, so that it may also be varied from zero."""
-    if scenario.plant != "rigid_body":
-        raise ValueError(
-            f"scenario: plant.kind = {scenario.plant!r}: must be rigid_body, whose episodes fly in batches"
-        )
+    if scenario.kind != "rigid_body":
+        raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
     for path in paths:
         at = f'{"derived" if path in derived else "vary"}."{path}"'
         try:

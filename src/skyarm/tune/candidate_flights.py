@@ -120,11 +120,13 @@ class CandidateFlights:
         self.knobs, self.plants, self.seed, self.threads = tuple(knobs), plants, seed, threads
         still = _without_motions(plants)
         self._own = None if own is None else CandidateFlights(own, knobs, still, threads=threads, seed=seed)
-        vehicle = scenario.world.vehicle
+        vehicle = scenario.plant.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
-        self._efforts = tuple(f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.told) if not setpoint)
+        self._efforts = tuple(
+            f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.commands_setpoints) if not setpoint
+        )
         self._windows = ("", "gust_") if gust else ("",)
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
         metrics = [_error(window, each) for window in self._windows for each in self._errors]

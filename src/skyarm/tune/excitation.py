@@ -204,11 +204,11 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     return Scenario(
         name=vehicle.name,
         rates=rates,
-        world=Truth(vehicle=vehicle, gravity=gravity),
+        plant=Truth(vehicle=vehicle, gravity=gravity),
         controller=controller,
-        trajectory=motion(vehicle),
+        reference=motion(vehicle),
         duration=DURATION,
-        sensors=NOISE,
+        noise=NOISE,
         delays=delays,
     )
 
@@ -222,39 +222,37 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
         own_motion: fly the scenario's own reference, for its own duration and windows.
         unseen: fly the path that is kept aside; errors count once the gust is over.
     """
-    noisy = scenario.sensors != PERFECT_SENSORS or scenario.instruments or scenario.estimator != PASS_THROUGH
+    noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.delays, longest_command=longest)
-    found = dataclasses.replace(
-        scenario,
-        sensors=scenario.sensors if noisy else NOISE,
+    found = scenario.with_words(
+        noise=scenario.noise if noisy else NOISE,
         delays=delays,
         changes=(),
         faults=(),
         payloads=(),
         ground=False,
-        contact=None,
-        plant="rigid_body",
+        world=None,
+        kind="rigid_body",
         initial=None,
-        joined=0,
+        tracking_start=0,
         forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
     )
     if not own_motion:
-        found = dataclasses.replace(
-            found,
-            trajectory=(unseen_motion if unseen else motion)(scenario.world.vehicle),
+        found = found.with_words(
+            reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle),
             path_time=None,
             pause=None,
             duration=UNSEEN.stop if unseen else DURATION,
             windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )
     if law is not None:
-        found = dataclasses.replace(found, controller=controller_by_name(found, law))
+        found = found.with_words(controller=controller_by_name(found, law))
     return found
 
 
 def _gust(scenario: Scenario) -> Gust:
-    weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
@@ -293,10 +291,10 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
         seed: key.
         mixed: a motion for each plant; the scenario flies that of :func:`skyarm.tune.excitation.motion`.
     """
-    truth = scenario.world.vehicle
+    truth = scenario.plant.vehicle
     own = float(scenario.delays.command)
     longest = scenario.delays.longest_command
-    spread, eased = spread_of(truth, float(scenario.world.gravity), 0.0 if longest is None else longest - own)
+    spread, eased = spread_of(truth, float(scenario.plant.gravity), 0.0 if longest is None else longest - own)
     values = draw(scenario, spread, count, seed=seed)
     if not truth.end_effector:
         del values["plant.payload.mass"]

@@ -87,7 +87,7 @@ def slowed(members: Sequence[Knob], share: float) -> dict[str, float]:
 
 def differences(scenario: Scenario) -> list[Difference]:
     """Mismatches of plant and model in numbers that a loop in hover depends on."""
-    plant, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    plant, belief = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     found: list[Difference] = []
     if len(plant.rotors) == len(belief.rotors):
         lags = [f"rotors.{i}.{name}" for i in range(len(plant.rotors)) for name in TIME_CONSTANTS]
@@ -281,7 +281,7 @@ class _Probe:
         plant = {path for each in self._differences for path in each.believed}
         self._base = slowed(knobs, 1.0) | {path: number_at(scenario, path) for path in sorted(plant)}
         # the code has no delays: they are put into the linearised loop
-        prompt = dataclasses.replace(scenario, delays=Delays(), payloads=())
+        prompt = scenario.with_words(delays=Delays(), payloads=())
         self._loops = SettledHover(prompt, tuple(self._base))
         self._required = required(scenario)
         delays, rate = scenario.delays, scenario.rates.control
@@ -294,7 +294,7 @@ class _Probe:
 
     def explanation(self) -> Explanation:
         """Margins now, causes, remedies."""
-        spare = thrust_margin(self._scenario.world.vehicle, float(self._scenario.world.gravity))
+        spare = thrust_margin(self._scenario.plant.vehicle, float(self._scenario.plant.gravity))
         now = self._edges({})
         causes = [] if now is None else self._causes(now)
         if spare < THRUST:

@@ -74,7 +74,7 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 def calm(flight: Scenario) -> Scenario:
     """The flight of candidates without the wind that is drawn, and with no delay but those that are known."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
-    return dataclasses.replace(flight, forces=flight.forces[:-1], delays=delays)
+    return flight.with_words(forces=flight.forces[:-1], delays=delays)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -218,7 +218,7 @@ def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
         for knob in knobs
     )
     law = flight.controller
-    place = dataclasses.replace(flight, controller=dataclasses.replace(law, par=replaced(law.par, numbers)))
+    place = flight.with_words(controller=dataclasses.replace(law, par=replaced(law.par, numbers)))
     starts = {GIVEN: _row([values(knob) for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _row(known[name], middle)

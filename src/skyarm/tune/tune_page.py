@@ -65,7 +65,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     before = gains_of(tuning, tuning.before)
     units = {knob.path: knob.unit for knob in plan.knobs}
     lines = [
-        f"# Gains of {plan.label} for {plan.flight.world.vehicle.name}, written by skyarm tune.",
+        f"# Gains of {plan.label} for {plan.flight.plant.vehicle.name}, written by skyarm tune.",
         '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --controller THIS FILE',
         "schema = 1",
         *_table("law", words),
@@ -90,8 +90,8 @@ def about(tuning: Tuning) -> dict[str, Any]:
     return {
         **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
         "scenario": plan.check.name,
-        "vehicle": plan.flight.world.vehicle.name,
-        "vehicle_digest": identity(plan.flight.world.vehicle),
+        "vehicle": plan.flight.plant.vehicle.name,
+        "vehicle_digest": identity(plan.flight.plant.vehicle),
         "belief_digest": identity(plan.flight.controller.par.model.vehicle),
         "flight_digest": identity(plan.flight),
         "candidates": plan.effort.candidates,
@@ -226,7 +226,7 @@ def tune_page(found: Tuning) -> str:
     rule = f"<p>Picked is {rule}.{short}</p>"
     body = section("From calm to stiff", rule + slider) + section("All stops", _all(found))
     body += section("Plants and a path by which nothing was chosen", _aside(found))
-    return plain_page(f"{plan.label} for {plan.flight.world.vehicle.name}", facts, body)
+    return plain_page(f"{plan.label} for {plan.flight.plant.vehicle.name}", facts, body)
 
 
 def _panel(found: Tuning, number: int) -> str:
@@ -280,7 +280,7 @@ def shown(vehicle: Vehicle) -> list[tuple[str, Callable[[Point], str]]]:
 
 
 def _vehicle(found: Tuning) -> Vehicle:
-    return found.plan.flight.world.vehicle
+    return found.plan.flight.plant.vehicle
 
 
 def _all(found: Tuning) -> str:

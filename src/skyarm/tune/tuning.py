@@ -300,7 +300,7 @@ class Tuner:
     def check(self, rows: Array, again: Scores) -> list[Point]:
         """The beginning and the finalists on unseen plants, with margins; ``again`` is of drawn motions."""
         plan = self._plan
-        mixed = plan.check.trajectory == plan.flight.trajectory
+        mixed = plan.check.reference == plan.flight.reference
         flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
         self._progress(self._total, self._total, "margins")
         scored, margins = scores(flown), self._margins.measured(rows)
@@ -374,9 +374,9 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
     plan = dataclasses.replace(
         plan,
         flight=start.flight,
-        check=dataclasses.replace(plan.check, controller=law),
-        aside=dataclasses.replace(plan.aside, controller=law),
-        own=dataclasses.replace(plan.own, controller=law) if plan.own else None,
+        check=plan.check.with_words(controller=law),
+        aside=plan.aside.with_words(controller=law),
+        own=plan.own.with_words(controller=law) if plan.own else None,
         knobs=start.knobs,
     )
     with one_writer(folder), one_blas_thread():

@@ -219,9 +219,9 @@ def test_a_limit_that_a_curve_comes_near_is_drawn_and_another_is_said() -> None:
 
 def test_limits_of_joints_are_those_of_the_vehicle() -> None:
     scenario = skyarm.load_scenario("case2", duration=0.2)
-    vehicle = scenario.world.vehicle.with_joints(lower=-0.4, upper=1.0)
-    world = dataclasses.replace(scenario.world, vehicle=vehicle)
-    facts = flight_facts(skyarm.run(dataclasses.replace(scenario, world=world)))
+    vehicle = scenario.plant.vehicle.with_joints(lower=-0.4, upper=1.0)
+    world = dataclasses.replace(scenario.plant, vehicle=vehicle)
+    facts = flight_facts(skyarm.run(dataclasses.replace(scenario, plant=world)))
     assert facts.joint_limits == ((-0.4, 1.0),) * 2
     assert facts.effort_limits == ((-0.5, 0.5),) * 2
 

@@ -59,12 +59,12 @@ def test_from_behind_left_is_left() -> None:
 def test_the_wanted_force_of_a_task_that_waits_stands_at_its_own_time() -> None:
     push = TipPush(force=Windowed(Constant(2.0), 1.0, 2.0), normal=(-1.0, 0.0, 0.0))
     time, late = np.array([0.0, 1.5, 3.0]), np.array([0.0, 0.5, 1.5])
-    waits = SimpleNamespace(trajectory=SimpleNamespace(push=push, guards=(1,)))
+    waits = SimpleNamespace(reference=SimpleNamespace(push=push, guards=(1,)))
     log: Any = SimpleNamespace(scenario=waits, time=time, path_time=late)
     found = wanted_push(log)
     assert found is not None
     assert found.tolist() == [0.0, 0.0, 2.0]
-    waits.trajectory.guards = ()
+    waits.reference.guards = ()
     assert wanted_push(log).tolist() == [0.0, 2.0, 0.0]  # type: ignore[union-attr]
-    waits.trajectory.push = None
+    waits.reference.push = None
     assert wanted_push(log) is None

@@ -77,7 +77,7 @@ def test_the_ghost_turns_with_the_desired_yaw() -> None:
     log = flight()
     yaw = np.linspace(2.9, 3.4, log.time.size)  # across half a turn
     wrapped = np.arctan2(np.sin(yaw), np.cos(yaw))
-    vehicle = log.scenario.world.vehicle
+    vehicle = log.scenario.plant.vehicle
     turned = dataclasses.replace(
         log,
         yaw_reference=wrapped,

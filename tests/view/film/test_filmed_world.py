@@ -95,7 +95,7 @@ def test_a_film_of_a_push_shows_force_and_the_error_across_the_believed_normal()
     assert words.startswith(f"contact {log.contact_force[-1].sum():.1f} N, tip error ")
     assert state_words(filmed(), 0.0, 0).startswith("tip error ")
     free = film_flight(flight(), "a", COLORS[0], TIMES[:3])
-    assert (free.contact, free.contact_curve, free.wanted_curve, free.surfaces, free.touches) == (
+    assert (free.world, free.contact_curve, free.wanted_curve, free.surfaces, free.touches) == (
         None,
         None,
         None,
@@ -108,7 +108,7 @@ def test_a_camera_stands_where_no_surface_hides_the_tip() -> None:
     assert free_azimuth([film_flight(flight(), "a", COLORS[0], TIMES[:3])]) == AZIMUTH
     azimuth = free_azimuth([filmed()])
     assert azimuth != AZIMUTH, "the wall is ahead, and so is the usual camera"
-    (wall,) = (each for each in touching().scenario.contacts[0].surfaces if each.name == "wall")
+    (wall,) = (each for each in touching().scenario.worlds[0].surfaces if each.name == "wall")
 
     def hidden(side: float) -> bool:
         way = filmed().tip[-1] - np.linspace(0.05, 2.0, 200)[:, None] * looking_towards(side, ELEVATION)
@@ -164,7 +164,7 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
         np.testing.assert_allclose(place, [-1.0, 0.0, height], atol=2e-4)
     name = "/flight1/touches"
     seen = [(at, m["visible"]) for at, m in messages if "Visibility" in m["type"] and m["name"] == name]
-    first = TIMES[np.flatnonzero(filmed().contact > 0.02)[0]]
+    first = TIMES[np.flatnonzero(filmed().world > 0.02)[0]]
     assert not any(visible for at, visible in seen if at < first - 1e-9)
     assert seen[-1][1]
     (ground,) = [m for _, m in messages if m["type"] == "GridMessage"]
@@ -216,7 +216,7 @@ def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> Non
     sides = [[patch.get_label() for patch in ax.patches].count("world/side") for ax in (above, right)]
     assert sides == [1, 0]
     walls = [patch for patch in above.patches if patch.get_label() == "world/wall"]
-    (wall,) = (each for each in log.scenario.contacts[0].surfaces if each.name == "wall")
+    (wall,) = (each for each in log.scenario.worlds[0].surfaces if each.name == "wall")
     corners = walls[0].get_xy()
     places = Vec3(corners[:, 0], corners[:, 1], np.full(len(corners), 0.5))
     np.testing.assert_allclose(wall.depth(places, 0, 0.0)[0], 0.0, atol=1e-12)

@@ -48,7 +48,7 @@ def test_every_body_is_where_the_log_has_it(two: Recording) -> None:
                 place = place_at(found["messages"], name, "SetPositionMessage", "position", k / FPS)
                 # 0.1 mm are recorded
                 np.testing.assert_allclose(place, position, atol=1e-4)
-            tip = np.array([float(c) for c in flight(law).scenario.world.vehicle.frame().position])
+            tip = np.array([float(c) for c in flight(law).scenario.plant.vehicle.frame().position])
             # the second link hangs on the base
             for node in ("vehicle/1", "vehicle"):
                 name = f"/flight{i + 1}/{node}"
@@ -89,7 +89,7 @@ def test_flights_stand_apart_or_in_one_place() -> None:
 
 def test_the_round_ends_of_a_rod_are_at_its_ends(two: Recording) -> None:
     messages = unpacked(two.content)["messages"]
-    rods = [shape for shape in vehicle_shapes(flight().scenario.world.vehicle) if shape.kind == "capsule"]
+    rods = [shape for shape in vehicle_shapes(flight().scenario.plant.vehicle) if shape.kind == "capsule"]
     assert len(rods) > 4
     for rod in rods:
         for end, sign in (("start", -0.5), ("end", 0.5)):

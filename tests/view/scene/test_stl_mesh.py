@@ -114,7 +114,7 @@ def test_meshes_of_a_file_are_beside_it_and_in_what_is_drawn(file: Path) -> None
     document = copy.deepcopy(DOCUMENT)
     document["world"]["objects"][0]["mesh"] = "box.stl"
     document["world"]["surfaces"][1]["mesh"] = "box.stl"
-    contact = scenario_from(document, file.parent).contact
+    contact = scenario_from(document, file.parent).world
     assert contact is not None
     assert contact.objects[0].mesh == contact.surfaces[1].mesh == str(file)
     pose = {"parcel": (np.eye(3)[None], np.zeros((1, 3)))}

@@ -253,7 +253,7 @@ def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(sourc
             load_fleet(source)
         return
     prepared, scenario = load_fleet(source).prepared, skyarm.load_scenario(source)
-    assert (prepared.scenario.trajectory, prepared.scenario.path_time) == (scenario.trajectory, scenario.path_time)
+    assert (prepared.scenario.reference, prepared.scenario.path_time) == (scenario.reference, scenario.path_time)
     assert prepared.scenario.changes == scenario.changes
     assert prepared.scenario.duration == (scenario.duration if prepared.planned else LONGEST)
     assert 30 < len(knobs_of(prepared.scenario, prepared.push)) < 200, (

@@ -54,12 +54,12 @@ def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once(
     scenario, scene = session().scenario, Scene()
     begin = held_poses(scenario.components, session().now.components)
     world = SolidNodes(scene, "/world1")
-    world.place(world_shapes(scenario.contacts, np.zeros(1), carried=begin))
+    world.place(world_shapes(scenario.worlds, np.zeros(1), carried=begin))
     wall, post, parcel = (scene.nodes[f"/world1/world/{name}"] for name in ("wall", "post", "parcel"))
     assert "/world1/world/ground" not in scene.nodes
     before = getattr(wall, "writes", 0)
     fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
-    world.place(world_shapes(scenario.contacts, np.array([0.25]), carried=fallen))
+    world.place(world_shapes(scenario.worlds, np.array([0.25]), carried=fallen))
     np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45], atol=1e-4)
     np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5], atol=1e-4)
     np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0], atol=1e-4)

@@ -13,6 +13,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.contact import Contact
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import distinct
 from skyarm.log.ros.messages import NANO
 from skyarm.records.restore import restore
@@ -278,7 +279,7 @@ class WorldMarkers:
 def contacts_of(log: Log) -> tuple[Contact, ...]:
     """The world's contact; empty without a world, or of a log that needs code of someone's own that is not loaded."""
     try:
-        found = restore(log.info["scenario_record"]["contact"], log.info.get("plugins"))
+        found = restore(written_part(log.info, "environment", "world"), log.info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):
         return ()
     return (found,) if isinstance(found, Contact) else ()

@@ -18,6 +18,7 @@ from skyarm.actuation import rotor_forces
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, ROS1, Bytes, encode, flight_definition
 from skyarm.log.ros.scene import (
@@ -172,7 +173,7 @@ class FlightTopics:
 def vehicle_of(log: Log) -> Vehicle | None:
     """The plant's vehicle; None of a log that keeps none, or that needs code of someone's own that is not loaded."""
     try:
-        found = restore(log.info["scenario_record"]["world"]["vehicle"], log.info.get("plugins"))
+        found = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from skyarm.environment import Gust
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import names_of
 from skyarm.log.periods import contact_pairs, contact_periods
 from skyarm.records.leaves import parts
@@ -108,7 +109,7 @@ def flight_facts(log: Log) -> FlightFacts:
             events=() if gust is None else (Event("gust", *gust),),
             touching=touchings(log),
         )
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     joints = [link.joint for link in vehicle.links]
     return FlightFacts(
         joints=tuple(joint.name[:1].upper() + joint.name[1:] for joint in joints),
@@ -206,9 +207,8 @@ def touchings(log: Log) -> tuple[Touching, ...]:
 
 def _at_tip(log: Log) -> set[str]:
     """Names of the points at the vehicle's tip, as the log's record has them."""
-    written = log.info.get("scenario_record") or {}
-    points = (written.get("contact") or {}).get("points") or ()
-    tip = ((written.get("world") or {}).get("vehicle") or {}).get("end_effector")
+    points = written_part(log.info, "environment", "world", "points") or ()
+    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
     return {str(each.get("name")) for each in points if tip and each.get("frame") == tip}
 
 
@@ -232,11 +232,11 @@ def wanted_force(point: str) -> Callable[[Log], Array | None]:
 def wanted_push(log: Log) -> Array | None:
     """Desired contact force (N,) of the tip, N; None where none ever is."""
     scenario = scenario_of(log)
-    push = None if scenario is None else getattr(scenario.trajectory, "push", None)
+    push = None if scenario is None else getattr(scenario.reference, "push", None)
     if scenario is None or push is None:
         return None
     # of a task that waits, at the reference's own time
-    times = log.path_time if log.path_time.size and scenario.trajectory.guards else log.time
+    times = log.path_time if log.path_time.size and scenario.reference.guards else log.time
     return np.array(np.broadcast_to(push.force.derivatives(times)[0], log.time.shape), float)
 
 

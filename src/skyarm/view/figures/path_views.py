@@ -144,7 +144,7 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple
     """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
     for log in named.values():
         scenario = scenario_of(log)
-        contacts = () if scenario is None else scenario.contacts
+        contacts = () if scenario is None else scenario.worlds
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
         if not contacts or not inside.size:
             continue
@@ -249,7 +249,7 @@ def task_figure(log: Log) -> Picture:
 def _view(log: Log) -> View:
     """The view along the axis of a hinge that is gripped, or along which the tip goes least; else from the right."""
     if log.gripper_force.size and log.gripper_force.any() and log.mechanism_position.size:
-        hinge = log.scenario.contacts[0].mechanisms[0].hinge
+        hinge = log.scenario.worlds[0].mechanisms[0].hinge
         if hinge:
             return VIEWS[int(np.argmax(np.abs([float(c) for c in hinge[3:]])))]
     wide = np.ptp(log.tip, axis=0) if log.time.size else np.zeros(3)

@@ -140,8 +140,8 @@ class EpisodePictures:
         flight = film_flight(log, scenario.name, COLORS[0], times)
         if flight.surfaces:
             middle, half = np.mean(whole.desired_tip, axis=0), patch_about(whole.desired_tip)
-            carried = carried_at(log, scenario.contacts, times)
-            flight = replace(flight, surfaces=world_shapes(scenario.contacts, times, middle, half, carried))
+            carried = carried_at(log, scenario.worlds, times)
+            flight = replace(flight, surfaces=world_shapes(scenario.worlds, times, middle, half, carried))
         solids = vehicle_solids(flight) + (ghost_solids(flight) if settings.ghost else [])
         reach = longest_boom(flight.vehicle)
         marks = [

@@ -163,13 +163,13 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         ValueError: the log does not tell its vehicle.
     """
     scenario = log.scenario
-    vehicle, contacts = scenario.world.vehicle, scenario.contacts
+    vehicle, contacts = scenario.plant.vehicle, scenario.worlds
     carried = carried_at(log, contacts, times)
     now = {name: read(log.time, getattr(log, name), times) for name in READ}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     quaternion = read(log.time, continuous(log.quaternion), times)
     poses = body_poses(vehicle, now["position"], quaternion, now["joints"])
-    push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
+    push, whole = getattr(scenario.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), _contact(log)
     return FilmedFlight(
         label=label,

@@ -88,17 +88,15 @@ class Chart:
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
     """The plots of some flights: four, and one of contact where there is a world."""
-    links = flights[0].first.world.vehicle.links if flights else ()
+    links = flights[0].first.plant.vehicle.links if flights else ()
     # of joints whose drives take another setpoint no effort is known
-    torques = [i for i in range(len(links)) if not any(flight.first.told[i] for flight in flights)]
+    torques = [i for i in range(len(links)) if not any(flight.first.commands_setpoints[i] for flight in flights)]
     limited = bool(torques) and all(math.isfinite(_limit(flights[0], i)) for i in torques)
     found = [
         Chart(gui, "tip error (mm)", flights, {"": lambda seen: 1e3 * seen.error}),
         Chart(gui, "tilt (deg)", flights, {"": lambda seen: math.degrees(seen.tilt)}),
     ]
-    surfaces = (
-        [surface.name for contact in flights[0].first.contacts for surface in contact.surfaces] if flights else []
-    )
+    surfaces = [surface.name for contact in flights[0].first.worlds for surface in contact.surfaces] if flights else []
     if surfaces:
         found.append(Chart(gui, "contact force (N)", flights, {name: _force(name) for name in surfaces}))
     if torques:
@@ -106,7 +104,7 @@ def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
         title = "joint efforts (% of limit)" if limited else "joint efforts (N m or N)"
         found.append(Chart(gui, title, flights, efforts, 100.0 if limited else None))
     rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}
-    if flights and flights[0].first.world.vehicle.rotors:
+    if flights and flights[0].first.plant.vehicle.rotors:
         found.append(Chart(gui, "slowest and fastest rotor (% of limit)", flights, rotors, 100.0))
     return found
 
@@ -117,7 +115,7 @@ def _force(surface: str) -> Column:
 
 
 def _limit(flight: Flight, joint: int) -> float:
-    return float(flight.first.world.vehicle.links[joint].joint.effort_limit)
+    return float(flight.first.plant.vehicle.links[joint].joint.effort_limit)
 
 
 def _effort(joint: int, scale: float) -> Column:

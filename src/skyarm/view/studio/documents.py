@@ -87,7 +87,7 @@ def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
     forces.append({"kind": "force_wind", "gust": {"peak": [0.0, 0.0, 0.0], "start": 0.0, "duration": 0.1}})
     environment["faults"] = [*environment.get("faults", []), *_faults(plain)]
     delays = ready.setdefault("delays", {})
-    if plain.plant == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
+    if plain.kind == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
         delays["longest_command"] = max(plain.delays.longest, LONGEST_DELAY)
     scenario, push = scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}"
     return Prepared(document, ready, Path(folder), scenario, push, planned)
@@ -97,7 +97,7 @@ def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.P
     """Whether a longer flight has another reference, as one of joints or a path time planned ahead has, or none."""
     try:
         longer = scenario_from({**document, "duration": plain.duration + 1.0}, folder)
-        return bool((plain.trajectory, plain.path_time) != (longer.trajectory, longer.path_time))
+        return bool((plain.reference, plain.path_time) != (longer.reference, longer.path_time))
     except ValueError:
         return True
 
@@ -105,7 +105,7 @@ def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.P
 def _faults(scenario: Scenario) -> list[dict[str, Any]]:
     """A fault that takes nothing, for every actuator that has none."""
     known = {fault.name for fault in scenario.faults}
-    vehicle = scenario.world.vehicle
+    vehicle = scenario.plant.vehicle
     actuators = [("rotor", rotor.name) for rotor in vehicle.rotors]
     actuators += [("joint", link.joint.name) for link in vehicle.links]
     names = [name for _, name in actuators]

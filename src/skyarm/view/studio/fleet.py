@@ -340,7 +340,7 @@ class Flight(Watched):
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> LiveSession | Session:
     """Machine code in which every number may move, or the stages one by one."""
-    if scenario.plant == "rigid_body" and scenario.controller.compiled:
+    if scenario.kind == "rigid_body" and scenario.controller.compiled:
         with contextlib.suppress(NoMachineCodeError):
             return LiveSession(scenario, paths)
     return Session(scenario, machine_code=False)

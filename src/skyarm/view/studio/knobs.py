@@ -125,10 +125,10 @@ def _paths(scenario: Scenario, root: str) -> Iterator[str]:
         yield from (f"{root}.{i}.mass" for i in range(len(scenario.payloads)))
     elif root == "reference":
         if scenario.path_time is None:  # a governor has planned for the reference as it is
-            yield from _of_motion(scenario.trajectory)
+            yield from _of_motion(scenario.reference)
     elif root == "sensors":
-        yield from _below(scenario.sensors, root)
-        for each in scenario.instruments:
+        yield from _below(scenario.noise, root)
+        for each in scenario.sensors:
             yield from _below(each.sensor, f"{root}.{each.name}")
     else:
         held = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces, "faults": scenario.faults}

@@ -94,9 +94,9 @@ class FlightNodes:
     """
 
     def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
-        vehicle, end = scenario.world.vehicle, number + 1
+        vehicle, end = scenario.plant.vehicle, number + 1
         self._vehicle, self._number, self._around, self._lost = vehicle, number, placed.tip, False
-        self._paint, points = toned(COLORS[number]), point_shapes(scenario.contacts, vehicle)
+        self._paint, points = toned(COLORS[number]), point_shapes(scenario.worlds, vehicle)
         self.vehicle = VehicleNodes(
             scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, blades=True, cast=not plain
         )
@@ -108,7 +108,7 @@ class FlightNodes:
         self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
         self._loads = SolidNodes(scene, f"{STAGE}/loads{end}")
         self._world, self._touches = None, None
-        contacts = scenario.contacts
+        contacts = scenario.worlds
         if contacts:
             self._world = SolidNodes(scene, f"{STAGE}/world{end}", shadow=not plain)
             self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
@@ -126,7 +126,7 @@ class FlightNodes:
 
     def _place_world(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
         if self._world is not None:
-            solids = world_shapes(scenario.contacts, np.array([time]), tuple(self._around), carried=carried)
+            solids = world_shapes(scenario.worlds, np.array([time]), tuple(self._around), carried=carried)
             self._world.place(solids)
 
     def draw_bodies(self, placed: Placed, turns: dict[str, Array], beside: Array) -> None:
@@ -256,7 +256,7 @@ class Picture:
             nodes.remove()
         if self._ghost is not None:
             self._ghost.remove()
-        vehicle, state = scenario.world.vehicle, first_state(scenario)
+        vehicle, state = scenario.plant.vehicle, first_state(scenario)
         placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
         self._origin = placed.positions[0]
         self._follow(self._origin)
@@ -264,14 +264,14 @@ class Picture:
             FlightNodes(self._scene, i, scenario, title, placed, plain=self._plain) for i, title in enumerate(titles)
         ]
         self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, toned(GHOST, 0.25))
-        self._draw_ghost(goal_of(vehicle, scenario.trajectory.at(0.0)))
-        self._ground.position = (0.0, 0.0, ground_height(scenario.contacts))
+        self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
+        self._ground.position = (0.0, 0.0, ground_height(scenario.worlds))
         self.choose(self.view)
         self._look_at(scenario, placed)
 
     def _look_at(self, scenario: Scenario, placed: Placed) -> None:
         """The view that a new tab begins with: from ahead and the right, or from where no surface hides the tip."""
-        solids = world_shapes(scenario.contacts, np.zeros(1), tuple(placed.tip))
+        solids = world_shapes(scenario.worlds, np.zeros(1), tuple(placed.tip))
         hidden = [hidden_share(solids, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
         camera, at = self._server.initial_camera, placed.positions[0]
         camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))

@@ -130,7 +130,7 @@ class Watched:
     @property
     def vehicle(self) -> Vehicle:
         """The plant's."""
-        return self.session.scenario.world.vehicle
+        return self.session.scenario.plant.vehicle
 
     def placed(self) -> Placed:
         """Poses of the bodies now."""
@@ -139,7 +139,7 @@ class Watched:
 
     def goal(self) -> Placed:
         """Desired poses of the bodies now."""
-        return goal_of(self.vehicle, self.session.scenario.trajectory.at(self.session.time))
+        return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -164,12 +164,12 @@ class Watched:
 def sight(session: Flown) -> Sight:
     """Quantities of a session now."""
     scenario, now, time = session.scenario, session.now, session.time
-    vehicle, state = scenario.world.vehicle, now.state
+    vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
     around = Surroundings(components=scenario.components, memories=now.components, time=time)
     outside = felt(around, vehicle, state)
-    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.trajectory.at(time)).tip
-    push = getattr(scenario.trajectory, "push", None)
+    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
+    push = getattr(scenario.reference, "push", None)
     if push is not None:
         away = np.array(floats(push.across(Vec3(*map(float, away)), time, Vec3(*map(float, placed.tip)))))
     return Sight(
@@ -183,9 +183,7 @@ def sight(session: Flown) -> Sight:
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
         observed=observed_force(now.memory),
-        touching=touching(scenario.components, now.components, PointMotion(vehicle, state))
-        if scenario.contacts
-        else (),
+        touching=touching(scenario.components, now.components, PointMotion(vehicle, state)) if scenario.worlds else (),
     )
 
 
