@@ -39,15 +39,14 @@ from skyarm.paper.report_tables import (
 )
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.interactive import (
     PanelsFigure,
-    PathFigure,
     damping_figure,
     experiment_figure,
     figure_json,
     plot_script,
     plot_style,
-    tool_path_figure,
 )
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
@@ -85,6 +84,9 @@ VEHICLE = "hummingbird_arm2_rotors"
 FILMED = "case3"
 """The circle: the only case in which the base and both joints move all the time."""
 
+CIRCLE = (7.5, 21.0)
+"""s of that flight whose path is drawn."""
+
 FILM_SETTINGS = FilmSettings(
     layout="over", camera="fixed", width=640, height=360, fps=12, speed=2.5, start=0.0, stop=20.0,
     title="Case 3: the baseline (PD) and the paper's law (CT)",
@@ -98,7 +100,7 @@ class Plots:
     def __init__(self) -> None:
         self.data: list[str] = []
 
-    def add(self, figure: PanelsFigure | PathFigure, caption: str) -> str:
+    def add(self, figure: PanelsFigure, caption: str) -> str:
         """Place for a plot; its data are kept for the end of the page."""
         name = f"plot-{len(self.data)}"
         self.data.append(f'<script type="application/json" id="{name}">{figure_json(figure)}</script>')
@@ -246,8 +248,8 @@ def _flights(case: str, flown: Mapping[str, Mapping[str, Log]], plots: Plots) ->
     caption = f"{title_of(case)}: errors of base, joints and tip, roll and pitch over time, on {drawn}. {prose.HOLDS}"
     found = plots.add(experiment_figure(flown, WINDOWS.get(case)), caption)
     if case == "case3":
-        caption = f"{title_of(case)}: path of the tip, desired and flown, on {drawn}; the vertical axis is stretched."
-        found += plots.add(tool_path_figure(flown), caption)
+        caption = f"{title_of(case)}: path of the tip, desired and flown, on {shown}."
+        found += image(caption, caption, image_bytes(flight_plot(flown[shown], kind="path", window=CIRCLE)), wide=True)
     return found
 
 

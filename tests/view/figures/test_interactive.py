@@ -4,28 +4,36 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from logs_synthetic import all_logs, synthetic_log
+from skyarm.pages import page, plot
 from skyarm.simulate import Window
 from skyarm.view.figures.interactive import (
     STYLES,
-    Choice,
-    Shade,
     damping_figure,
     experiment_figure,
     figure_json,
-    tool_path_figure,
+    plot_script,
+    plot_style,
 )
 from skyarm.view.figures.paper_figures import by_hold
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 def test_interactive_figure_holds_every_curve_of_both_plants() -> None:
     logs = {plant: cases["case2_gust"] for plant, cases in all_logs().items()}
     figure = experiment_figure(logs, Window(5.0, 20.0))
-    assert figure.shades == [Shade(name="window", start=5.0, stop=20.0), Shade(name="gust", start=7.5, stop=10.5)]
+    assert figure.shades == [
+        {"name": "window", "start": 5.0, "stop": 20.0},
+        {"name": "gust", "start": 7.5, "stop": 10.5},
+    ]
     names = ["CT, rigid_body", "PD, rigid_body", "CT, mujoco", "PD, mujoco"]
     assert list(dict.fromkeys(curve.name for curve in figure.curves)) == names
     assert len(figure.curves) == 4 * 7
@@ -33,9 +41,9 @@ def test_interactive_figure_holds_every_curve_of_both_plants() -> None:
     assert {curve.name for curve in figure.curves if curve.shown} == set(names[:2])
     assert len({curve.style for curve in figure.curves}) == 4
     assert figure.choices == [
-        Choice(label="rigid_body", names=names[:2]),
-        Choice(label="mujoco", names=names[2:]),
-        Choice(label="both", names=names),
+        {"label": "rigid_body", "names": names[:2]},
+        {"label": "mujoco", "names": names[2:]},
+        {"label": "both", "names": names},
     ]
 
 
@@ -62,7 +70,7 @@ def test_the_data_in_the_page_are_those_of_the_log() -> None:
     assert curve["y"] == pytest.approx(held.mean, abs=5.1e-7)
     assert curve["x0"] + curve["dx"] * np.arange(len(curve["y"])) == pytest.approx(held.time, abs=1e-8)
     assert curve["style"] == "ct-mujoco"
-    assert set(STYLES) >= {each["style"] for each in read["curves"]}
+    assert set(STYLES.values()) >= {each["style"] for each in read["curves"]}
 
 
 def test_a_gap_stands_for_what_is_not_finite() -> None:
@@ -71,20 +79,6 @@ def test_a_gap_stands_for_what_is_not_finite() -> None:
     position[100:120] = np.nan
     figure = experiment_figure({"rigid_body": {"CT": dataclasses.replace(log, position=position)}})
     assert [i for i, v in enumerate(figure.curves[0].y) if v is None] == [25, 26, 27, 28, 29]
-
-
-def test_tool_path_shows_one_reference_and_every_flight() -> None:
-    logs = {plant: cases["case3"] for plant, cases in all_logs().items()}
-    figure = tool_path_figure(logs, 10.0, 20.0)
-    assert [path.name for path in figure.curves][:3] == ["desired", "CT, rigid_body", "PD, rigid_body"]
-    assert len(figure.curves) == 5
-    assert [path.shown for path in figure.curves] == [True, True, True, False, False]
-    assert [choice.names[0] for choice in figure.choices] == ["desired"] * 3
-    desired, flown = figure.curves[:2]
-    assert np.array(flown.y, dtype=float) - np.array(desired.y, dtype=float) == pytest.approx(np.full(500, 0.01))
-    log = logs["rigid_body"]["CT"]
-    rows = np.flatnonzero((log.time >= 10.0) & (log.time < 20.0))[::4]
-    assert np.stack([flown.x, flown.y, flown.z], axis=1) == pytest.approx(log.tool[rows], abs=5.1e-7)
 
 
 def test_damping_figure_draws_measured_points_and_the_published_level() -> None:
@@ -106,7 +100,23 @@ def test_damping_figure_draws_measured_points_and_the_published_level() -> None:
 
 
 def test_specification_cannot_close_a_script_element() -> None:
-    figure = tool_path_figure({"</script><b>": {"CT": synthetic_log("case3", "rigid_body", "CT", seconds=9.0)}})
+    log = synthetic_log("case3", "rigid_body", "CT", seconds=9.0)
+    figure = experiment_figure({"</script><b>": {"CT": log}})
     assert "<" not in figure_json(figure)
-    assert "script" in figure_json(figure)
     assert json.loads(figure_json(figure))["curves"][1]["name"] == "CT, </script><b>"
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_a_page_draws_every_panel_and_hides_what_waits(tmp_path: Path) -> None:
+    logs = {plant: cases["case2_gust"] for plant, cases in all_logs().items()}
+    data = (
+        f'<script type="application/json" id="gust">{figure_json(experiment_figure(logs, Window(5.0, 20.0)))}</script>'
+    )
+    written = page("Title", "", plot("gust", "Caption"), style={"": plot_style()}, script=plot_script(), data=data)
+    (tmp_path / "page.html").write_text(written, "utf-8")
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom")
+    command = [str(CHROMIUM), *options, (tmp_path / "page.html").as_uri()]
+    seen = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    assert seen.count("<canvas") == 7
+    assert seen.count('class="u-series u-off"') == 2 * 7
+    assert "Tip error [m]" in seen
