@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from skyarm.view.figures.flight_panels import peaks
 from skyarm.view.figures.style import PAGE, plain_numbers
 
 Array = npt.NDArray[np.float64]
@@ -78,7 +79,8 @@ def error_strip(
     style.dress(ax)
     logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
     for curve in curves:
-        time, error = _highest(curve.time, unit * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
+        clipped = np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST)
+        time, error = peaks(curve.time, unit * clipped, max(1, len(clipped) // POINTS))
         ax.plot(time, error, color=curve.color, linewidth=1.7 * scale)
     if logarithmic:
         ax.set_yscale("log")
@@ -99,10 +101,3 @@ def error_strip(
 def _far_apart(curves: Sequence[Curve]) -> bool:
     medians = [max(float(np.median(curve.error)), SMALLEST) for curve in curves]
     return max(medians) / min(medians) > RATIO_OF_LOGARITHM
-
-
-def _highest(time: Array, error: Array) -> tuple[Array, Array]:
-    """At most POINTS points of a curve, each the largest of its stretch."""
-    every = max(1, len(time) // POINTS)
-    whole = max(len(time) // every, 1) * every
-    return time[:whole:every], error[:whole].reshape(-1, every).max(axis=1)

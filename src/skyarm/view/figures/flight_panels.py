@@ -70,6 +70,12 @@ def distance(name: str, reference: str, factor: float = 1.0) -> Read:
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
+def peaks(time: Array, values: Array, every: int) -> tuple[Array, Array]:
+    """Largest value of each stretch of so many samples, and when the stretches begin."""
+    whole = len(values) // every * every
+    return time[:whole:every], values[:whole].reshape(-1, every).max(axis=1)
+
+
 def _tracking(flight: FlightFacts) -> list[Panel]:
     base = [
         Panel(label=f"Base {axis}", unit="m", of=column("position", i), desired=column("position_reference", i))

@@ -7,9 +7,8 @@ Source: Barakou, Tzafestas and Valavanis, Drones 2026, 10, 274, Figures 3-18.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from matplotlib.figure import Figure
 from skyarm.log.flight_log import Log
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
-from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, Read, column, distance
+from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, distance, peaks
 from skyarm.view.figures.style import PAGE, PAPER, Look, limits, plain_numbers, shade_gust, shade_window
 
 Array = npt.NDArray[np.float64]
@@ -43,20 +42,30 @@ STEP = 0.05
 """s: each point is the largest error of so long a stretch, so that crossings of zero do not blacken the picture."""
 
 
+def _axes(label: str, array: str, **reference: str) -> tuple[Panel, ...]:
+    """A panel for each axis of the world: errors against the held reference, or with ``desired`` values beside it."""
+    error, desired = reference.get("error", ""), reference.get("desired", "")
+    return tuple(
+        Panel(
+            label=f"{label} {axis}",
+            unit="m",
+            of=column(array, i, error),
+            desired=column(desired, i) if desired else None,
+        )
+        for i, axis in enumerate(AXES)
+    )
+
+
 ROLL = Panel(label="Roll", unit="rad", of=column("euler", 0), scale="attitude")
 PITCH = Panel(label="Pitch", unit="rad", of=column("euler", 1), scale="attitude")
+ATTITUDE = ROLL, PITCH
+"""On one scale: the arm moves in the pitch plane, and roll should look as small as it is."""
+
 POSITION_ERROR = Panel(label="Position error", unit="m", of=distance("position", "position_held"), magnitude=True)
 TOOL_ERROR = Panel(label="Tip error", unit="m", of=distance("tool", "tool_held"), magnitude=True)
-POSITION_ERRORS = tuple(
-    Panel(label=f"Error {axis}", unit="m", of=column("position", i, "position_held")) for i, axis in enumerate(AXES)
-)
-TOOL_ERRORS = tuple(
-    Panel(label=f"Tip error {axis}", unit="m", of=column("tool", i, "tool_held")) for i, axis in enumerate(AXES)
-)
-TOOL_POSITIONS = tuple(
-    Panel(label=f"Tip {axis}", unit="m", of=column("tool", i), desired=column("tool_held", i))
-    for i, axis in enumerate(AXES)
-)
+POSITION_ERRORS = _axes("Error", "position", error="position_held")
+TOOL_ERRORS = _axes("Tip error", "tool", error="tool_held")
+TOOL_POSITIONS = _axes("Tip", "tool", desired="tool_held")
 
 
 def joint_error(i: int) -> Panel:
@@ -64,149 +73,87 @@ def joint_error(i: int) -> Panel:
     return Panel(label=f"Joint {i + 1} error", unit="rad", of=column("joints", i, "joints_held"))
 
 
-def _size(read: Read) -> Read:
-    """Absolute value of a curve."""
-
-    def size(log: Log) -> Array | None:
-        found = read(log)
-        return None if found is None else np.abs(found)
-
-    return size
-
-
 JOINT_ERRORS = joint_error(0), joint_error(1)
 JOINT_ERROR_SIZES = tuple(
-    replace(each, label=f"Joint {i + 1} abs. error", of=_size(each.of), magnitude=True)
-    for i, each in enumerate(JOINT_ERRORS)
+    Panel(
+        label=f"Joint {i + 1} abs. error",
+        unit="rad",
+        of=lambda log, i=i: np.abs(log.joints[:, i] - log.joints_held[:, i]),  # type: ignore[misc]
+        magnitude=True,
+    )
+    for i in (0, 1)
 )
 JOINT_ANGLES = tuple(
     Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i)) for i in (0, 1)
 )
 
+CASES = {
+    "case1": "Case 1",
+    "case2": "Case 2",
+    "case2_gust": "Case 2 with a gust",
+    "case3": "Case 3",
+    "case3_wind": "Case 3 in constant wind",
+}
 
-@dataclass(frozen=True, slots=True)
+
 class PaperFigure:
-    """One figure of the paper: experiment, title, caption, parts of panels from top to bottom, lettered if several."""
+    """One figure of the paper.
 
-    case: str
-    title: str
-    caption: str
-    parts: tuple[tuple[Panel, ...], ...]
+    Args:
+        case: experiment. subject: of its title. caption: below it.
+        parts: panels from top to bottom, lettered if there are several parts.
+    """
 
-    @property
-    def panels(self) -> list[Panel]:
-        """All panels; the first one of each part bears its letter."""
-        letters = "abc" if len(self.parts) > 1 else [""]
-        return [
+    def __init__(self, case: str, subject: str, caption: str, *parts: tuple[Panel, ...]) -> None:
+        self.case, self.title, self.caption = case, f"{subject}, {CASES[case]}", caption
+        letters = "abc" if len(parts) > 1 else [""]
+        self.panels = [
             replace(panel, letter="" if i else letter)
-            for letter, part in zip(letters, self.parts, strict=False)
+            for letter, part in zip(letters, parts, strict=False)
             for i, panel in enumerate(part)
         ]
 
 
-ATTITUDE = ROLL, PITCH
-"""On one scale: the arm moves in the pitch plane, and roll should look as small as it is."""
-
-PAPER_CATALOGUE: Mapping[int, PaperFigure] = MappingProxyType(
-    {
-        3: PaperFigure(
-            "case1",
-            "Roll and pitch, Case 1",
-            "Quadrotor roll and pitch while hovering with an arm ramp.",
-            (ATTITUDE,),
-        ),
-        4: PaperFigure(
-            "case1",
-            "Arm ramp, Case 1",
-            "(a) Joint tracking error. (b) Joint angles, desired and actual, during the arm ramp.",
-            (JOINT_ERRORS, JOINT_ANGLES),
-        ),
-        5: PaperFigure(
-            "case1",
-            "Position error, Case 1",
-            "Norm of the quadrotor position error during the arm ramp.",
-            ((POSITION_ERROR,),),
-        ),
-        6: PaperFigure(
-            "case2",
-            "Roll and pitch, Case 2",
-            "Quadrotor roll and pitch while hovering with 0.5 Hz sinusoids on both joints.",
-            (ATTITUDE,),
-        ),
-        7: PaperFigure(
-            "case2",
-            "Position error, Case 2",
-            "(a) Norm of the quadrotor position error. (b) The same by world axis, during the arm sinusoids.",
-            ((POSITION_ERROR,), POSITION_ERRORS),
-        ),
-        8: PaperFigure(
-            "case2",
-            "Joint errors, Case 2",
-            "Joint tracking errors during the arm sinusoids.",
-            (JOINT_ERRORS,),
-        ),
-        9: PaperFigure(
-            "case2_gust",
-            "Pitch, Case 2 with a gust",
-            "Quadrotor pitch with a gust along x from 7.5 s to 10.5 s.",
-            ((PITCH,),),
-        ),
-        10: PaperFigure(
-            "case2_gust",
-            "Position error, Case 2 with a gust",
-            "Quadrotor position error by world axis with a gust along x.",
-            (POSITION_ERRORS,),
-        ),
-        11: PaperFigure(
-            "case2_gust",
-            "Joint errors, Case 2 with a gust",
-            "Joint tracking errors with a gust along x: joint 1 (top) and joint 2 (bottom).",
-            (JOINT_ERRORS,),
-        ),
-        12: PaperFigure(
-            "case3",
-            "Circle with arm motion, Case 3",
-            "(a) Norm of the quadrotor position error. (b) Roll and pitch, on the circle with a moving arm.",
-            ((POSITION_ERROR,), ATTITUDE),
-        ),
-        13: PaperFigure(
-            "case3",
-            "Tip position, Case 3",
-            "Tip position in the world, desired and actual.",
-            (TOOL_POSITIONS,),
-        ),
-        14: PaperFigure(
-            "case3",
-            "Joint and tip errors, Case 3",
-            "(a) Absolute joint tracking errors. (b) Norm of the tip error in the world.",
-            (JOINT_ERROR_SIZES, (TOOL_ERROR,)),
-        ),
-        15: PaperFigure(
-            "case3",
-            "Tip error, Case 3",
-            "Tip error by world axis.",
-            (TOOL_ERRORS,),
-        ),
-        16: PaperFigure(
-            "case3_wind",
-            "Position error, Case 3 in constant wind",
-            "Norm of the quadrotor position error in a constant wind along x.",
-            ((POSITION_ERROR,),),
-        ),
-        17: PaperFigure(
-            "case3_wind",
-            "Roll and pitch, Case 3 in constant wind",
-            "Quadrotor orientation in a constant wind along x.",
-            (ATTITUDE,),
-        ),
-        18: PaperFigure(
-            "case3_wind",
-            "Tip error, Case 3 in constant wind",
-            "Norm of the tip error in a constant wind along x.",
-            ((TOOL_ERROR,),),
-        ),
-    }
-)
+# fmt: off
+PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
+    3: PaperFigure("case1", "Roll and pitch", "Quadrotor roll and pitch while hovering with an arm ramp.", ATTITUDE),
+    4: PaperFigure(
+        "case1", "Arm ramp", "(a) Joint tracking error. (b) Joint angles, desired and actual, during the arm ramp.",
+        JOINT_ERRORS, JOINT_ANGLES),
+    5: PaperFigure(
+        "case1", "Position error", "Norm of the quadrotor position error during the arm ramp.", (POSITION_ERROR,)),
+    6: PaperFigure(
+        "case2", "Roll and pitch", "Quadrotor roll and pitch while hovering with 0.5 Hz sinusoids on both joints.",
+        ATTITUDE),
+    7: PaperFigure(
+        "case2", "Position error",
+        "(a) Norm of the quadrotor position error. (b) The same by world axis, during the arm sinusoids.",
+        (POSITION_ERROR,), POSITION_ERRORS),
+    8: PaperFigure("case2", "Joint errors", "Joint tracking errors during the arm sinusoids.", JOINT_ERRORS),
+    9: PaperFigure("case2_gust", "Pitch", "Quadrotor pitch with a gust along x from 7.5 s to 10.5 s.", (PITCH,)),
+    10: PaperFigure(
+        "case2_gust", "Position error", "Quadrotor position error by world axis with a gust along x.",
+        POSITION_ERRORS),
+    11: PaperFigure(
+        "case2_gust", "Joint errors",
+        "Joint tracking errors with a gust along x: joint 1 (top) and joint 2 (bottom).", JOINT_ERRORS),
+    12: PaperFigure(
+        "case3", "Circle with arm motion",
+        "(a) Norm of the quadrotor position error. (b) Roll and pitch, on the circle with a moving arm.",
+        (POSITION_ERROR,), ATTITUDE),
+    13: PaperFigure("case3", "Tip position", "Tip position in the world, desired and actual.", TOOL_POSITIONS),
+    14: PaperFigure(
+        "case3", "Joint and tip errors",
+        "(a) Absolute joint tracking errors. (b) Norm of the tip error in the world.",
+        JOINT_ERROR_SIZES, (TOOL_ERROR,)),
+    15: PaperFigure("case3", "Tip error", "Tip error by world axis.", TOOL_ERRORS),
+    16: PaperFigure(
+        "case3_wind", "Position error", "Norm of the quadrotor position error in a constant wind along x.",
+        (POSITION_ERROR,)),
+    17: PaperFigure("case3_wind", "Roll and pitch", "Quadrotor orientation in a constant wind along x.", ATTITUDE),
+    18: PaperFigure("case3_wind", "Tip error", "Norm of the tip error in a constant wind along x.", (TOOL_ERROR,)),
+}
+# fmt: on
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,19 +174,13 @@ def by_hold(log: Log, values: Array | None) -> Holds:
     """Reduce a curve (N,) at control instants to mean and range over each hold of the reference."""
     found = np.zeros(0) if values is None else values
     rates = log.info["rates_hz"]
-    block = max(1, round(rates["control"] / rates["reference"]))
-    starts = np.arange(0, found.size, block)
+    starts = np.arange(0, found.size, max(1, round(rates["control"] / rates["reference"])))
     if not starts.size:
         return Holds(found, found, found, found)
     counts = np.diff(np.append(starts, found.size))
     time, total = np.add.reduceat(log.time, starts), np.add.reduceat(found, starts)
     low, high = np.minimum.reduceat(found, starts), np.maximum.reduceat(found, starts)
     return Holds(time / counts, total / counts, low, high)
-
-
-def law_look(name: str, i: int) -> Look:
-    """Look of a law: the paper's two have their own."""
-    return PAPER.look(PLACES.get(name, 2 + i))
 
 
 def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
@@ -253,66 +194,54 @@ def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, W
         The paper's number -> figure; figures whose experiment was not flown are left out.
     """
     return {
-        number: draw(number, spec, logs[spec.case], windows.get(spec.case))
+        number: _draw(number, spec, logs[spec.case], windows.get(spec.case))
         for number, spec in PAPER_CATALOGUE.items()
         if logs.get(spec.case)
     }
 
 
-def draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None = None) -> Figure:
-    """Draw one figure of the paper."""
-    panels = spec.panels
-    figure, axes = STYLE.stacked(len(panels))
+def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None) -> Figure:
+    """One figure of the paper: a curve for each law, of its mean and range in each hold, and the longest reference."""
+    figure, axes = STYLE.stacked(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
     handles: dict[str, Any] = {}
-    for ax, panel, ends in zip(axes, panels, _limits(panels, logs.values()), strict=True):
+    drawn: dict[str, list[Array]] = {}
+    longest = max(logs.values(), key=lambda log: log.time.size)
+    gust = next((found for found in map(gust_interval, logs.values()) if found), None)
+    for ax, panel in zip(axes, spec.panels, strict=True):
         STYLE.name_axis(ax, panel.label, panel.unit)
         if panel.letter:
             box = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
             at: dict[str, Any] = {"transform": ax.transAxes, "va": "top", "bbox": box, "zorder": 5}
             ax.text(0.012, 0.95, f"({panel.letter})", **at, **STYLE.words)
-        handles |= _draw_lines(ax, panel, logs)
-        ax.set_ylim(*ends)
-    gust = next((found for found in map(gust_interval, logs.values()) if found), None)
-    for ax in axes:
+        seen = drawn.setdefault(panel.scale or panel.label, [])
+        for i, (controller, log) in enumerate(logs.items()):
+            curve, look, label = by_hold(log, panel.of(log)), _law_look(controller, i), controller + ending_of(log)
+            wide = curve.high - curve.low > VISIBLE_RANGE * (curve.high.max(initial=0.0) - curve.low.min(initial=0.0))
+            band = {"where": wide, "color": look.tint, "linewidth": 0.0, "zorder": look.layer - 1.0}
+            ax.fill_between(curve.time, curve.low, curve.high, **band)
+            (handles[label],) = ax.plot(curve.time, curve.mean, label=label, **look.line)
+            seen += [curve.low, curve.high]
+        if panel.desired:
+            curve = by_hold(longest, panel.desired(longest))
+            (handles["desired"],) = ax.plot(curve.time, curve.mean, label="desired", **STYLE.desired.line)
+            seen.append(curve.mean)
         if window:
             span = window.start, window.stop
             handles[f"window [{window.start:g}, {window.stop:g}) s"] = shade_window(ax, span)
         if gust:
             handles["gust"] = shade_gust(ax, gust)
+    for ax, panel in zip(axes, spec.panels, strict=True):
+        fitted: dict[str, Any] = {"floor": panel.magnitude, "span": panel.span, "cap": LARGEST_VALUE[panel.unit]}
+        ax.set_ylim(*limits(drawn[panel.scale or panel.label], **fitted))
     axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     STYLE.legend(figure, handles)
     return figure
 
 
-def _draw_lines(ax: Axes, panel: Panel, logs: Mapping[str, Log]) -> dict[str, Any]:
-    """Draw a line per controller (mean and range of each hold) and the longest log's reference; label -> line."""
-    handles: dict[str, Any] = {}
-    for i, (controller, log) in enumerate(logs.items()):
-        label = controller + ending_of(log)
-        curve, look = by_hold(log, panel.of(log)), law_look(controller, i)
-        wide = (curve.high - curve.low) > VISIBLE_RANGE * (curve.high.max(initial=0.0) - curve.low.min(initial=0.0))
-        band = {"where": wide, "color": look.tint, "linewidth": 0.0, "zorder": look.layer - 1.0}
-        ax.fill_between(curve.time, curve.low, curve.high, **band)
-        (handles[label],) = ax.plot(curve.time, curve.mean, label=label, **look.line)
-    if panel.desired and logs:
-        longest = max(logs.values(), key=lambda log: log.time.size)
-        curve = by_hold(longest, panel.desired(longest))
-        (handles["desired"],) = ax.plot(curve.time, curve.mean, label="desired", **STYLE.desired.line)
-    return handles
-
-
-def _limits(panels: Collection[Panel], logs: Collection[Log]) -> list[tuple[float, float]]:
-    """Limits of every panel; panels of one scale share theirs."""
-    curves: dict[str, list[Array]] = {}
-    keys = [panel.scale or f"panel {i}" for i, panel in enumerate(panels)]
-    for key, panel in zip(keys, panels, strict=True):
-        found = [read(log) for log in logs for read in (panel.of, panel.desired) if read]
-        curves.setdefault(key, []).extend(each for each in found if each is not None)
-    return [
-        limits(curves[key], floor=panel.magnitude, span=panel.span, cap=LARGEST_VALUE[panel.unit])
-        for key, panel in zip(keys, panels, strict=True)
-    ]
+def _law_look(name: str, i: int) -> Look:
+    """Look of a law: the paper's two have their own."""
+    return PAPER.look(PLACES.get(name, 2 + i))
 
 
 def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Figure:
@@ -323,28 +252,24 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
         steady: part of the flight whose path is drawn.
     """
     figure = PAPER.blank(9.0, 2.9)  # the width of a web page's column
-    axes = [PAPER.dress(ax) for ax in figure.subplots(1, 3)]
+    path, *others = (PAPER.dress(ax) for ax in figure.subplots(1, 3))
     handles: dict[str, Any] = {}
     for i, (controller, log) in enumerate(logs["case3"].items()):
-        at, look = steady.of(log), law_look(controller, i).line
-        (handles[controller],) = axes[0].plot(*log.tool[at, :2].T, label=controller, **look)
+        at, look = steady.of(log), _law_look(controller, i).line
+        (handles[controller],) = path.plot(*log.tool[at, :2].T, label=controller, **look)
         desired = log.tool_reference[at, :2]
-    (handles["desired"],) = axes[0].plot(*desired.T, label="desired", **PAPER.desired.line)
-    axes[0].set_aspect("equal", adjustable="datalim")
-    axes[0].set_ylabel("y [m]", **PAPER.words)
-    _curves(axes[1], logs["case3"], TOOL_ERROR, (7.5, 20.5))
-    _curves(axes[2], logs["case2_gust"], POSITION_ERRORS[0], (5.0, 17.0))
+    (handles["desired"],) = path.plot(*desired.T, label="desired", **PAPER.desired.line)
+    path.set_aspect("equal", adjustable="datalim")
+    path.set_ylabel("y [m]", **PAPER.words)
+    _curves(others[0], logs["case3"], TOOL_ERROR, (7.5, 20.5))
+    _curves(others[1], logs["case2_gust"], POSITION_ERRORS[0], (5.0, 17.0))
     gust = gust_interval(next(iter(logs["case2_gust"].values())))
     if gust:
-        handles["gust"] = shade_gust(axes[2], gust)
-    titles = (
-        ("Case 3: tip from above, 10 to 20 s", "x [m]"),
-        ("Case 3: tip error [mm]", "Time [s]"),
-        ("Case 2, 2 N gust: base x error [mm]", "Time [s]"),
-    )
-    for ax, (title, across) in zip(axes, titles, strict=True):
+        handles["gust"] = shade_gust(others[1], gust)
+    titles = "Case 3: tip from above, 10 to 20 s", "Case 3: tip error [mm]", "Case 2, 2 N gust: base x error [mm]"
+    for ax, title in zip((path, *others), titles, strict=True):
         ax.set_title(title, **PAPER.words)
-        ax.set_xlabel(across, **PAPER.words)
+        ax.set_xlabel("x [m]" if ax is path else "Time [s]", **PAPER.words)
     PAPER.legend(figure, handles)
     return figure
 
@@ -354,7 +279,7 @@ def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, 
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):
         curve = by_hold(log, panel.of(log))
-        ax.plot(curve.time, MILLIMETRES * curve.mean, **law_look(controller, i).line)
+        ax.plot(curve.time, MILLIMETRES * curve.mean, **_law_look(controller, i).line)
         drawn.append(MILLIMETRES * curve.mean[(curve.time >= span[0]) & (curve.time < span[1])])
     ax.set_xlim(*span)
     ax.set_ylim(*limits(drawn, floor=bool(np.min(np.concatenate(drawn)) >= 0.0), span=20.0, cap=2e3))
@@ -381,14 +306,12 @@ def tip_figure(logs: Mapping[str, Log], window: Window, title: str) -> Figure:
     handles: dict[str, Any] = {}
     for (name, log), look in zip(logs.items(), TIP_LINES, strict=False):
         error = 1e3 * np.linalg.norm(log.tool - log.tool_reference, axis=1)
-        every = max(1, round(STEP * float(log.info["rates_hz"]["control"])))
-        whole = error.size // every * every
-        highest = np.maximum(error[:whole].reshape(-1, every).max(axis=1), SMALLEST)
+        time, highest = peaks(log.time, error, max(1, round(STEP * float(log.info["rates_hz"]["control"]))))
         label = name + ending_of(log)
-        (handles[label],) = ax.plot(log.time[:whole:every], highest, label=label, **look.line)
+        (handles[label],) = ax.plot(time, np.maximum(highest, SMALLEST), label=label, **look.line)
     ax.set_yscale("log")
     plain_numbers(ax.yaxis)
-    ax.set_xlim(0.0, max((float(log.time[-1]) for log in logs.values() if log.time.size), default=1.0))
+    ax.set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     ax.set_xlabel("Time [s]", **PAGE.words)
     ax.set_ylabel("Error of the tip [mm]", **PAGE.words)
     ax.set_title(title, **PAGE.words)
