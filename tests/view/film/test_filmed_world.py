@@ -95,7 +95,7 @@ def test_a_film_of_a_push_shows_force_and_the_error_across_the_believed_normal()
     assert words.startswith(f"contact {log.contact_force[-1].sum():.1f} N, tip error ")
     assert state_words(filmed(), 0.0, 0).startswith("tip error ")
     free = film_flight(flight(), "a", COLORS[0], TIMES[:3])
-    assert (free.world, free.contact_curve, free.wanted_curve, free.surfaces, free.touches) == (
+    assert (free.contact, free.contact_curve, free.wanted_curve, free.surfaces, free.touches) == (
         None,
         None,
         None,
@@ -164,7 +164,7 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
         np.testing.assert_allclose(place, [-1.0, 0.0, height], atol=2e-4)
     name = "/flight1/touches"
     seen = [(at, m["visible"]) for at, m in messages if "Visibility" in m["type"] and m["name"] == name]
-    first = TIMES[np.flatnonzero(filmed().world > 0.02)[0]]
+    first = TIMES[np.flatnonzero(filmed().contact > 0.02)[0]]
     assert not any(visible for at, visible in seen if at < first - 1e-9)
     assert seen[-1][1]
     (ground,) = [m for _, m in messages if m["type"] == "GridMessage"]
