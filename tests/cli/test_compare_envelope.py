@@ -108,16 +108,13 @@ def test_what_it_does_not_know_is_refused_in_one_line(
     assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
-def test_a_law_of_a_file_flies_and_another_seed_replaces_the_report(tmp_path: Path) -> None:
+def test_a_law_of_a_file_flies(tmp_path: Path) -> None:
     law = f"{Path(__file__).resolve().parents[2] / 'examples' / 'own_law.py'}:make_lqr"
     options = ("--laws", law, "--axes", "swing_amplitude", "--quick", "--out", str(tmp_path / "x"))
     with registry_kept():
         first = skyarm("compare", "envelope-suite", *options)
-        again = skyarm("compare", "envelope-suite", *options, "--seed", "3")
-    assert (first.code, again.code) == (0, 0), first.err + again.err
+    assert first.code == 0, first.err
     assert "own_law.py:make_lqr" in first.out
-    assert "replaces" not in first.err
-    assert "replaces the report of seed 0" in again.err
     (cell,) = (tmp_path / "x" / "cells").iterdir()
     assert cell.name.endswith("own_law.py-make_lqr.cell")
 

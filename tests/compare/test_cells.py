@@ -77,11 +77,11 @@ def test_single_flights_round_their_delay_to_physics_steps(monkeypatch):
 FORGED = {
     "no archive": b"no archive",
     "nothing in it": {},
-    "no status": {"identity": None, "metric.x": np.zeros(2)},
+    "no status": {"identity": None, "x": np.zeros(2)},
     "objects": {"identity": None, "status": np.array([{}, {}], dtype=object)},
     "numbers for words": {"identity": None, "status": np.zeros(2)},
-    "other lengths": {"identity": None, "status": np.array(["completed"]), "metric.x": np.zeros(2)},
-    "words for numbers": {"identity": None, "status": np.array(["completed"]), "metric.x": np.array(["y"])},
+    "other lengths": {"identity": None, "status": np.array(["completed"]), "x": np.zeros(2)},
+    "words for numbers": {"identity": None, "status": np.array(["completed"]), "x": np.array(["y"])},
 }
 
 

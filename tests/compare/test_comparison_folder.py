@@ -13,7 +13,7 @@ from skyarm.compare import run_suite
 from skyarm.compare.cells import Cell
 from skyarm.compare.comparison import Comparison
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.run_suite import fly_suite, replaced
+from skyarm.compare.run_suite import fly_suite
 from skyarm.compare.suite import conditions
 from skyarm.compare.summary import SUCCESS_METRIC, pairs, table
 
@@ -98,20 +98,3 @@ def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkey
     with pytest.raises(ValueError, match="not JSON compliant"):
         fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
     assert not (tmp_path / "results.json").exists()
-
-
-def test_a_folder_of_another_comparison_is_told_from_one_of_the_same(tmp_path):
-    def comparison(laws=("paper_ct", "centroidal_tip"), plants=5, **more):
-        chosen = {name: conditions(plants, 2)[name] for name in ("perfect", "plants")}
-        return Comparison(entrants={name: ENTRANTS[name] for name in laws}, conditions=chosen, **more)
-
-    assert replaced(comparison(), tmp_path) == []
-    stored = tmp_path / "results.json"
-    stored.write_text(json.dumps(comparison().asked))
-    assert replaced(comparison(), tmp_path) == []
-    assert replaced(comparison(laws=("paper_ct",)), tmp_path) == ["laws paper_ct, centroidal_tip"]
-    assert replaced(comparison(plants=8), tmp_path) == ["conditions perfect of 1 flights, plants of 5 flights"]
-    assert replaced(comparison(seed=1, plant="mujoco"), tmp_path) == ["seed 0", "plant rigid_body"]
-    for content in ("{", "[]", '{"seed": 0}'):
-        stored.write_text(content)
-        assert replaced(comparison(), tmp_path) == [], content

@@ -13,7 +13,7 @@ from skyarm.compare.contact_record import HANDLE, SHOWN, cell_record, lacks
 from skyarm.compare.contact_report import handle_rows
 from skyarm.compare.contact_suite import ContactSuite
 from skyarm.compare.contact_tasks import TASKS
-from skyarm.compare.run_suite import replaced, write_suite
+from skyarm.compare.run_suite import write_suite
 from skyarm.pages import number
 
 GOOD = {
@@ -114,12 +114,5 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
     assert "noisy measurements" not in text, "a condition that nobody flew has no table"
     assert "1 of 2" in page
     assert "<gains>" not in page
-    head, row = suite.rows(found)
-    assert dict(zip(head, row, strict=True))["successes"] == 1
     write_suite(suite, found, {}, tmp_path)
     assert json.loads((tmp_path / "contact.json").read_text()) == found
-    assert (tmp_path / "contact.csv").read_text().splitlines()[0] == ",".join(head)
-    assert replaced(suite, tmp_path) == []
-    assert replaced(ContactSuite(worlds=3, seed=1), tmp_path) == ["worlds 2", "seed 0"]
-    (tmp_path / "contact.json").write_text("[")
-    assert replaced(ContactSuite(), tmp_path) == []

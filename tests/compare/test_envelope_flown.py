@@ -12,15 +12,14 @@ import skyarm
 from skyarm.compare import run_suite
 from skyarm.compare.cells import fly, key
 from skyarm.compare.envelope import Envelope, axis_flights, fly_envelope, with_laws_of
-from skyarm.compare.envelope_axes import AXES, TIP, TIP_MAX
+from skyarm.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widened
 from skyarm.compare.envelope_setting import PAPER, setting_of
-from skyarm.compare.envelope_trials import PLANTS, widened
 from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
-FILES = ["envelope.csv", "envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
+FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
 
 
 @pytest.fixture(scope="module")

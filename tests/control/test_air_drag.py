@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.compare import envelope_motions as motions
+from skyarm.compare import envelope_axes as motions
 from skyarm.compare.envelope_setting import setting_of
 from skyarm.control.blocks.air_drag import BelievedAir, hull_drag_along
 from skyarm.control.blocks.disturbance import Disturbance

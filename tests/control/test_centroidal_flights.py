@@ -10,7 +10,7 @@ from centroidal_flights import PERIOD, fly, planned
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compare import envelope_motions as motions
+from skyarm.compare import envelope_axes as motions
 from skyarm.compare.envelope_setting import PAPER, setting_of
 from skyarm.compare.suite import NOISE
 from skyarm.control.laws.centroidal import make_centroidal
@@ -145,7 +145,7 @@ def test_a_known_delay_is_predicted_away():
 MOVED = {
     "hover": lambda setting: setting.hover,
     "circle": lambda setting: motions.circle(setting, 0.3, 0.15),
-    "swing": lambda setting: motions.arm_swing(setting, 0.5, 0.5),
+    "swing": lambda setting: motions.along(setting, joints=motions.swings(setting, (0.5,), 0.5, motions.SWING_PHASE)),
 }
 
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.compare.vehicle_spread import thrust_margin
+from skyarm.compare.perturbed_plants import thrust_margin
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays

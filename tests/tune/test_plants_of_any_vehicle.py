@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skyarm.compare.perturbed_plants import Spread, draw
-from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust_margin
+from skyarm.compare.perturbed_plants import RESERVE, Spread, arm_length, draw, spread_of, thrust_margin
 from skyarm.contact import Contact, Surface
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario

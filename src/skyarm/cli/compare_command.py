@@ -18,7 +18,6 @@ from skyarm.cli.arguments import (
     split_names,
     workers,
 )
-from skyarm.cli.lines import say
 from skyarm.cli.output import bar, give, tell
 from skyarm.compare.comparison import SUITE, Comparison
 from skyarm.compare.contact_laws import LAWS as CONTACT_LAWS
@@ -31,7 +30,7 @@ from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import PAPER
 from skyarm.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.compare.own_scenario import OwnScenario
-from skyarm.compare.run_suite import Suite, fly_suite, prepare, replaced
+from skyarm.compare.run_suite import Suite, fly_suite, prepare
 from skyarm.compare.suite import conditions as conditions_of
 from skyarm.control.catalogue import choices, is_named, meant, require_different
 from skyarm.files import must_be_one_of, require_writable, shown, taken_back
@@ -173,11 +172,8 @@ def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]])
         scenario = flights.scenario()
         check_components(scenario)
         check_law(scenario)
-    other = replaced(suite, folder)
     with taken_back(folder, folder / "cells"):
         prepare(require_writable(out))
-        if other:
-            say(f"{folder}: replaces the report of {'; '.join(other)} (cells of what flies no more stay)", 0)
         with bar(suite.name, pause=0.0) as advance:
             found = fly(suite, folder, threads=threads, progress=advance)
     report = suite.report(found)

@@ -1,4 +1,4 @@
-"""Flights of a law in a case under a condition, their metrics, and the file that holds them.
+"""Cells of a suite: flights of a law in a case under a condition, their metrics, and the files that hold them.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,7 @@ from skyarm.simulate.loop import run
 
 Array = npt.NDArray[Any]
 Flown = tuple[dict[str, float], str]
-"""Metrics and ending of one flight."""
+"""Metrics and status of one flight."""
 
 METRICS = (
     *(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max")),
@@ -114,6 +114,12 @@ class Flights:
     seed: int = 0
     one_by_one: int = ONE_BY_ONE
 
+    further_metrics: ClassVar[tuple[str, ...]] = ()
+    """Metrics in addition to those that every comparison counts."""
+
+    same_noise: ClassVar[bool] = False
+    """Whether all episodes have the noise of the first."""
+
     @property
     def name(self) -> tuple[str, str, str]:
         """Condition, case, entrant."""
@@ -142,35 +148,30 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """How many fly: of perturbed plants the first ``one_by_one``, if they fly one by one."""
+        """Number of episodes: of perturbed plants the first ``one_by_one``, if they fly one by one."""
         every = self.condition.episodes
         return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
 
-    def key_of_noise(self, episode: int) -> int:
-        """Key of an episode's noise."""
-        return episode
+    def keys_of_noise(self, count: int) -> Array:
+        """Key of each episode's noise, (count,)."""
+        return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
 
     def trials(self, count: int) -> Array:
         """Number of each episode's trial, (count,): the plant, world or seed."""
         return np.arange(count, dtype=float)
 
-    @property
-    def further_metrics(self) -> tuple[str, ...]:
-        """Metrics in addition to those that every comparison counts."""
-        return ()
-
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
         """Numbers of the episodes that fix the integration steps of all, by path."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
+    def counted(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
+        """Metrics of a flight, registered ones and torques included.
 
-def counted_metrics(told: Sequence[bool]) -> tuple[str, ...]:
-    """Metrics counted of a vehicle, registered user-defined ones included.
-
-    Args:
-        told: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
-    """
-    return (*METRICS, *(f"tau{i + 1}_rms" for i, each in enumerate(told) if not each), *registered("metric"))
+        Args:
+            setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+        """
+        efforts = (f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if not each)
+        return (*METRICS, *efforts, *registered("metric"), *self.further_metrics)
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
@@ -182,21 +183,19 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=(*counted_metrics(scenario.commands_setpoints), *flights.further_metrics),
+        metrics=flights.counted(scenario.commands_setpoints),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, flights.stiffest(values)),
         effort=0 if episodes <= FEW else 2,
     )
-    keys = np.array([flights.key_of_noise(k) for k in range(episodes)])
-    found = batch.fly(values, seed=flights.seed, episodes=keys, threads=threads)
+    found = batch.fly(values, seed=flights.seed, episodes=flights.keys_of_noise(episodes), threads=threads)
     return Cell(found.metrics, found.status)
 
 
 def fly_episode(flights: Flights, episode: int) -> Flown:
     """Fly one episode of a cell by itself."""
     log = run(episode_scenario(flights, episode))
-    setpoints = [unit is not None for unit in names_of(log).setpoints]
-    names = (*counted_metrics(setpoints), *flights.further_metrics)
+    names = flights.counted([unit is not None for unit in names_of(log).setpoints])
     return score(log, names, flights.case.windows), str(log.status)
 
 
@@ -205,7 +204,8 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
     scenario = flights.scenario()
     numbers = {path: float(column[episode]) for path, column in flights.values(scenario).items()}
     late, rate = numbers.pop(LATE, None), scenario.rates.physics
-    found = dataclasses.replace(with_numbers(scenario, numbers), episode=flights.key_of_noise(episode))
+    key = int(flights.keys_of_noise(episode + 1)[episode])
+    found = dataclasses.replace(with_numbers(scenario, numbers), episode=key)
     if late is None:
         return found
     delays = Delays(measurement=found.delays.measurement, command=round(late * rate) / rate)
@@ -213,7 +213,7 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
 
 
 class Cells:
-    """A folder of cells; one that is there, and of this very scenario, is not flown again.
+    """A folder of cells as NPZ files; one that is there, and of this very scenario, is not flown again.
 
     Args:
         folder: made if missing.
@@ -227,20 +227,20 @@ class Cells:
         try:
             stored = self._path(flights).read_bytes()
             held = npz_arrays(stored[32:]) if hashlib.sha256(stored[32:]).digest() == stored[:32] else {}
-            if str(held["identity"]) != key(flights):
+            if str(held.pop("identity")) != key(flights):
                 return None
-            metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
-            status = held["status"]
+            status = held.pop("status")
         except (OSError, ValueError, KeyError):
-            return None  # a checksum that fits is no proof: the folder may come from anyone
-        fits = all(column.shape == status.shape and column.dtype == float for column in metrics.values())
-        return Cell(metrics, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
+            return None
+        # a checksum that fits is no proof: the folder may come from anyone
+        fits = all(column.shape == status.shape and column.dtype == float for column in held.values())
+        return Cell(held, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
 
     def put(self, flights: Flights, cell: Cell) -> None:
         """Keep a cell behind its checksum."""
         stream = io.BytesIO()
-        arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
-        np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
+        arrays: dict[str, Any] = {"identity": np.array(key(flights)), "status": cell.status, **cell.metrics}
+        np.savez_compressed(stream, **arrays)
         content = stream.getvalue()
         write_atomically(self._path(flights), hashlib.sha256(content).digest() + content)
 
@@ -251,15 +251,14 @@ class Cells:
 def key(flights: Flights) -> str:
     """Digest of everything that the numbers of a cell depend on."""
     scenario = flights.scenario()
-    values = flights.values(scenario)
     facts = {
         "versions": versions("numpy", "llvmlite"),
         "source": _source(),
-        "metrics": (*METRICS, *sorted(registered("metric")), *flights.further_metrics),
+        "metrics": flights.counted(()),
         "code": own_files([find("metric", name) for name in registered("metric")]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
-        "values": {path: hashlib.sha256(column.tobytes()).hexdigest() for path, column in values.items()},
+        "values": {p: hashlib.sha256(column.tobytes()).hexdigest() for p, column in flights.values(scenario).items()},
         "windows": dataclasses.asdict(flights.case.windows),
         "seed": flights.seed,
     }

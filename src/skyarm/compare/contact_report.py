@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from skyarm.compare.contact_laws import TITLES
-from skyarm.compare.contact_record import HANDLE, HELD, MOST, NEAR, SHOWN, SOON
+from skyarm.compare.contact_record import HELD, MOST, NEAR, SOON
 from skyarm.files import versions
 from skyarm.metrics.contact_totals import BAND
 from skyarm.pages import DASH, Report, Section, Table, image, number
@@ -140,19 +140,6 @@ def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
         for law, cell in task["conditions"][condition].items()
         if cell["radial"] is not None
     ]
-
-
-def csv_rows(found: Mapping[str, Any]) -> list[Sequence[Any]]:
-    """Head, and a row for each task, condition and law, SI units."""
-    numbers = ("flights", "successes", *SHOWN, *HANDLE)
-    rows: list[Sequence[Any]] = [("task", "condition", "law", *numbers, "soon_flights", "soon_successes", "lacked")]
-    for name, task in found["tasks"].items():
-        for condition, laws in task["conditions"].items():
-            for law, cell in laws.items():
-                values = ["" if cell[key] is None else cell[key] for key in numbers]
-                soon = [cell["soon"][key] for key in ("flights", "successes")]
-                rows.append((name, condition, law, *values, *soon, _causes(cell) or DASH))
-    return rows
 
 
 def _successes(cell: Mapping[str, Any] | None) -> str:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from skyarm.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
 from skyarm.compare.contact_laws import FLAGSHIP, LAWS, flies_its_own, scenario_of
 from skyarm.compare.contact_record import METRICS, cell_record
-from skyarm.compare.contact_report import CONDITIONS, contact_report, csv_rows
+from skyarm.compare.contact_report import CONDITIONS, contact_report
 from skyarm.compare.contact_tasks import TASKS, Task
 from skyarm.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.compare.entrants import Entrant
@@ -46,6 +46,8 @@ FILM: Mapping[str, Any] = {"camera": "fixed", "width": 640, "height": 400, "fps"
 @dataclass(frozen=True, kw_only=True)
 class ContactFlights(Flights):
     """Flights of a law in the perturbed worlds of a task, a lane a world."""
+
+    further_metrics = METRICS
 
     @property
     def task(self) -> Task:
@@ -89,11 +91,6 @@ class ContactFlights(Flights):
             if re.fullmatch(r"world\.objects\.\w+\.mass", path):
                 found[path] = float(column.min())
         return found
-
-    @property
-    def further_metrics(self) -> tuple[str, ...]:
-        """Those of contact."""
-        return METRICS
 
 
 @lru_cache(maxsize=64)
@@ -194,10 +191,6 @@ class ContactSuite(Suite):
             facts = {"law": flights.entrant.name, "condition": flights.condition.name, "status": str(log.status)}
             found["shown"][name] = facts | files
         return drawn
-
-    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
-        """A row for each task, condition and law."""
-        return csv_rows(found)
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """Successes, pictures, numbers and handles."""

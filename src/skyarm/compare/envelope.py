@@ -17,11 +17,10 @@ import numpy.typing as npt
 
 from skyarm.compare.cells import Cell, Cells, Flights
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, Axis
+from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.compare.envelope_record import axis_record, points_of, sentence, violations
-from skyarm.compare.envelope_report import csv_rows, envelope_picture, envelope_report
+from skyarm.compare.envelope_report import envelope_picture, envelope_report
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.compare.envelope_trials import PLANTS, plants_at
 from skyarm.compare.run_suite import Progress, Refused, Suite, fly_suite
 from skyarm.compare.suite import Case, Condition
 from skyarm.control.catalogue import is_named
@@ -63,9 +62,12 @@ class AxisFlights(Flights):
     vehicle: str = PAPER
     duration: float = DURATION
 
+    further_metrics = (OVERSHOOT, OUTSIDE)
+    same_noise = True
+
     @property
     def axis(self) -> Axis:
-        """What is made harder."""
+        """The trial that is made harder."""
         return AXES[self.case.name]
 
     @property
@@ -90,9 +92,7 @@ class AxisFlights(Flights):
             count = self.episodes(scenario) // len(self.points)
             drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
             return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
-        if self.axis.numbers is None:
-            return {}
-        rows = [self.axis.numbers(self.setting, value) for value in self.points]
+        rows = [self.axis.numbers(self.setting, value) for value in self.points] if self.axis.numbers else [{}]
         return {path: np.array([row[path] for row in rows]) for path in rows[0]}
 
     def episodes(self, scenario: Scenario) -> int:
@@ -101,18 +101,9 @@ class AxisFlights(Flights):
             return len(self.points)
         return len(self.points) * (min(PLANTS, self.one_by_one) if self.alone(scenario) else PLANTS)
 
-    def key_of_noise(self, episode: int) -> int:
-        """The noise of the first episode for every value."""
-        return 0
-
     def trials(self, count: int) -> Array:
         """The value of each episode, SI."""
         return np.repeat(self.points, count // len(self.points))
-
-    @property
-    def further_metrics(self) -> tuple[str, ...]:
-        """How far beyond a step, and for how long away from the reference."""
-        return (OVERSHOOT, OUTSIDE)
 
 
 def axis_flights(
@@ -215,10 +206,6 @@ class Envelope(Suite):
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Every axis."""
         return {"envelope.png": envelope_picture(found)}
-
-    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
-        """A row for each law and value."""
-        return csv_rows(found)
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """Sentences, summary, violations and a table for each axis."""

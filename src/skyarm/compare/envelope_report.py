@@ -153,18 +153,3 @@ def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
         rule = lost if each["rule"] == LOST else f"worse than {each['kept_by'][0]}"
         rows.append([trial, rule, number(each["own"], 1e3), number(each["other"], 1e3)])
     return rows
-
-
-def csv_rows(found: Mapping[str, Any]) -> list[Sequence[Any]]:
-    """Head, and a row for each law and value."""
-    scaled = (("judged", 1e3), ("tip_mean", 1e3), ("tip_max", 1e3), ("outside", 1.0), ("tilt", 57.29577951308232))
-    names = ("judged_mm", "tip_mean_mm", "tip_max_mm", "outside_s", "tilt_deg", "plants", "plants_held", "plants_lost")
-    rows: list[Sequence[Any]] = [("axis", "value", "unit", "law", "judged_by", *names, "status", "lost")]
-    for name, axis in found["axes"].items():
-        for law, points in axis["laws"].items():
-            for value, point in zip(axis["values"], points, strict=True):
-                numbers = ["" if point[key] is None else f"{point[key] * factor:.6g}" for key, factor in scaled]
-                counts = [point.get("plants", {}).get(key, "") for key in ("of", "held", "lost")]
-                fixed = (name, f"{value:g}", axis["unit"], law, axis["judged"])
-                rows.append((*fixed, *numbers, *counts, point["status"], int(point["lost"])))
-    return rows

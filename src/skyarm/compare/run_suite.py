@@ -6,7 +6,6 @@ flown, so that a suite that was killed continues; ``flights.parquet`` holds ever
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from abc import ABC, abstractmethod
@@ -61,10 +60,6 @@ class Suite(ABC):
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Path in the folder -> PNG of the page; files of further flights are named in the results."""
         return {}
-
-    def rows(self, found: Mapping[str, Any]) -> list[Sequence[Any]]:
-        """Head and rows of a CSV file; none where the suite writes none."""
-        return []
 
     @abstractmethod
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
@@ -175,17 +170,11 @@ def _fly_piece(flights: Flights, episode: int | None) -> Cell | Flown:
     return fly(flights) if episode is None else fly_episode(flights, episode)
 
 
-def write_suite(suite: Suite, found: Mapping[str, Any], pictures: Mapping[str, bytes], folder: Path) -> None:
+def write_suite(suite: Suite, found: Mapping[str, Any], pictures: dict[str, bytes], folder: Path) -> None:
     """Write results and report of a suite."""
-    report, rows = suite.report(found, pictures), suite.rows(found)
-    files = dict(pictures)
-    files[f"{suite.file}.json"] = (json.dumps(found, indent=1, allow_nan=False) + "\n").encode()
-    if rows:
-        stream = io.StringIO()
-        csv.writer(stream, lineterminator="\n").writerows(rows)
-        files[f"{suite.file}.csv"] = stream.getvalue().encode()
-    files |= {"tables.md": report.markdown().encode(), PAGE: report.html().encode()}
-    for name, content in files.items():
+    report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
+    texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
+    for name, content in (pictures | {name: text.encode() for name, text in texts.items()}).items():
         write_atomically(folder / name, content)
 
 
@@ -206,19 +195,3 @@ def write_flights(todo: Sequence[Flights], cells: Sequence[Cell], folder: Path) 
     stream = io.BytesIO()
     pq.write_table(pa.concat_tables(tables, promote_options="default"), stream)
     write_atomically(folder / "flights.parquet", stream.getvalue())
-
-
-def replaced(suite: Suite, folder: Path) -> list[str]:
-    """Options in which the report that a folder holds differs from a suite's; nothing where there is no report."""
-    asked = json.loads(json.dumps(suite.asked))
-    try:
-        stored = json.loads((folder / f"{suite.file}.json").read_bytes())
-        return [f"{name} {_words(stored[name])}" for name, value in asked.items() if stored[name] != value]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []
-
-
-def _words(option: Any) -> str:
-    if isinstance(option, dict):
-        return ", ".join(f"{name} of {count} flights" for name, count in option.items())
-    return ", ".join(map(str, option)) if isinstance(option, list) else str(option)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compare.vehicle_spread import arm_length
+from skyarm.compare.perturbed_plants import arm_length
 from skyarm.log.batch_log import BatchLog
 from skyarm.metrics.windows import Window, Windows
 from skyarm.records.leaves import parts

@@ -17,9 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.compare.perturbed_plants import Spread, draw
+from skyarm.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.compare.suite import DELAY, NOISE
-from skyarm.compare.vehicle_spread import fitted_damping, spread_of
 from skyarm.control.model import Model
 from skyarm.environment import ForceWind
 from skyarm.environment.gust import Gust

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compare.vehicle_spread import thrust_margin
+from skyarm.compare.perturbed_plants import thrust_margin
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.stability.along import Instant
