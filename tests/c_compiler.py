@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from skyarm.compile.c.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statements
+from skyarm.compile.tracing.lower import Lowered
+
 CC = shutil.which("cc")
 needs_cc = pytest.mark.skipif(CC is None, reason="no C compiler 'cc' on this machine")
 
@@ -48,3 +51,21 @@ def undefined(target: Path) -> set[str]:
         pytest.skip("no 'nm' on this machine")
     # what position-independent code needs is the linker's
     return set(re.findall(r"\bU _?(\w+)", run("nm", "-u", target))) - {"GLOBAL_OFFSET_TABLE_", "_GLOBAL_OFFSET_TABLE_"}
+
+
+def c_function(program: Lowered, name: str, *, single: bool = False) -> str:
+    """A C99 file with ``void name(const double *x, double *y)``: the program on plain arrays.
+
+    Args:
+        program: basic operations.
+        name: of the function, a C identifier.
+        single: float in place of double.
+    """
+    floats = Floats(single)
+    inputs = [f"x[{i}]" for i in range(len(program.inputs))]
+    outputs = [f"y[{i}]" for i in range(len(program.outputs))]
+    body = statements(program, floats, name, inputs, outputs)
+    signature = f"void {name}(const {floats.kind} *x, {floats.kind} *y)"
+    lines = ["#include <math.h>", "", KEEP_IEEE, helpers(program, floats, name), f"{signature};", signature, "{"]
+    unused = ["    (void)x;", "    (void)y;"]  # a program of constants reads nothing
+    return "\n".join([*lines, *unused, *(f"    {line}" for line in body), "}", "", END_IEEE])

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shooting import Shooting
 from skyarm.compile import trace
-from skyarm.compile.casadi.casadi_shooting import Shooting
 from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import Bounds, Stages, examples
 from skyarm.control.laws.predictive.prediction import Inputs

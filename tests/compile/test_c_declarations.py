@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import pytest
 
+from c_compiler import c_function
 from skyarm import scalars
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
 from skyarm.compile.c.c_file import StepFile
-from skyarm.compile.c.c_source import Floats, c_function
+from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import make_struct
 
 DECLARED = re.compile(r"const (\w+) (v\d+) = (.*);")

@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from test_trace_bits import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
 
-from c_compiler import CAREFUL, LIBM, library, needs_cc, object_file, undefined
+from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 from skyarm import scalars
 from skyarm.compile import Graph, trace
-from skyarm.compile.c.c_source import CONDITIONS, Floats, c_function
+from skyarm.compile.c.c_source import CONDITIONS, Floats
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.scalars import floats
 

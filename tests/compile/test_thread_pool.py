@@ -17,7 +17,7 @@ from programs_random import oscillator, same_bits
 
 from kernel_threads import queues, serving, wait_until
 from skyarm.compile.llvm import kernel as native
-from skyarm.compile.llvm import rounds, thread_pool
+from skyarm.compile.llvm import shared_steps, thread_pool
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
@@ -27,7 +27,7 @@ from thorough import sampled
 @pytest.fixture(autouse=True)
 def shared(monkeypatch):
     """However little there is to do, it is shared."""
-    monkeypatch.setattr(rounds, "SHARED", 1e-12)
+    monkeypatch.setattr(shared_steps, "SHARED", 1e-12)
 
 
 def spring():
@@ -47,13 +47,13 @@ def test_threads_are_made_once_when_they_are_needed_and_end_with_the_kernel():
     assert kernel.pools._idle == []
     fly(kernel, threads=3)
     at = queues(kernel)
-    wait_until(lambda: len(serving(at)) == 2)
+    wait_until(lambda: len(serving(at)) == 3)
     made = serving(at)
     for threads in (3, 2, 3):
         fly(kernel, threads=threads)
     assert serving(at) == made
     fly(kernel, threads=5)
-    wait_until(lambda: len(serving(at)) == 4)
+    wait_until(lambda: len(serving(at)) == 5)
     assert made < serving(at)
     del kernel
     gc.collect()
@@ -61,7 +61,7 @@ def test_threads_are_made_once_when_they_are_needed_and_end_with_the_kernel():
 
 
 def test_little_work_is_not_shared(monkeypatch):
-    monkeypatch.setattr(rounds, "SHARED", 1.0)
+    monkeypatch.setattr(shared_steps, "SHARED", 1.0)
     kernel = spring()
     fly(kernel, threads=4)
     assert queues(kernel) == []
@@ -88,7 +88,7 @@ def test_callers_at_once_have_threads_of_their_own():
     assert len(found) == 200
     assert all(same_bits(expected, one) for one in found)
     assert len(queues(kernel)) in (1, 2, 3, 4)
-    wait_until(lambda: len(serving(queues(kernel))) == 2 * len(queues(kernel)))
+    wait_until(lambda: len(serving(queues(kernel))) == 3 * len(queues(kernel)))
 
 
 def test_a_pool_is_one_callers_at_a_time():
@@ -139,11 +139,11 @@ PROGRAM = """
 import os, signal, sys, threading, time, _thread
 import numpy as np
 from programs_random import oscillator
-from skyarm.compile.llvm import rounds
+from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.compile.llvm.kernel import Kernel
-rounds.SHARED = 1e-12
+shared_steps.SHARED = 1e-12
 kernel = Kernel(trace_loop(lambda c, p, r, u: oscillator(c, p, u[:1], u), (0.0, 0.0), (0.0,), (), ((0, 2),)), Lanes(4))
 def fly(steps=50, lanes=103, threads=3):
     carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
@@ -182,12 +182,12 @@ for _ in range(20):
     if child == 0:
         same = all(np.array_equal(fly(), expected) for _ in range(3))
         (pool,) = [pool for pool in kernel.pools._idle if not pool.lost]
-        os._exit(0 if same and pool._size == 2 and len(os.listdir("/proc/self/task")) == 3 else 1)
+        os._exit(0 if same and pool._size == 3 and len(os.listdir("/proc/self/task")) == 4 else 1)
     assert os.waitpid(child, 0)[1] == 0
 print(np.array_equal(fly(), expected))
 """
     if not Path("/proc/self/task").exists():
-        text = text.replace('len(os.listdir("/proc/self/task")) == 3', "True")
+        text = text.replace('len(os.listdir("/proc/self/task")) == 4', "True")
     assert ran(text, tmp_path) == "True\n"
 
 

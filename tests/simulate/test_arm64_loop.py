@@ -11,7 +11,6 @@ from shared_programs import fly
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
-from skyarm.compile.llvm.llvm_rounds import CLOSED, LEAD, PLACES, SIZE
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scenario.scenario_file import load_scenario
@@ -24,44 +23,6 @@ pytest.importorskip("unicorn", reason="unicorn emulates the ARM processor")
 from arm64_machine import DATA, Arm64, compiled
 
 NOISE = SensorNoise(position=0.003, attitude=0.004, rate=0.03, joint_rates=0.02)
-
-
-def on_arm_in_rounds(loop, lanes, arrays, *, blocks, group, span, slices):
-    """Step blocks of lanes by rounds of so many slices; returns how many rounds there were."""
-    content, _ = compiled(assembly(loop, lanes, logging=True))
-    steps, groups = len(arrays[2]), -(-blocks // group)
-    reached, control = np.zeros(groups, np.int64), np.zeros(SIZE // 8, np.int64)
-    every = [control, *arrays, reached]
-    places = DATA + np.cumsum([0, *(-(-(array.nbytes + 64) // 64) * 64 for array in every)])
-    pointers = dict(zip(("carry", "parameters", "rows", "log", "keys", "reached"), places[1:].tolist(), strict=False))
-    numbers = {"lanes": blocks * lanes.width, "every": 3, "steps": steps, "blocks": blocks, "group": group}
-    rounds = 0
-    while np.any(reached < steps):
-        numbers |= {"groups": groups, "span": span, "left": slices, "next": int(np.argmax(reached < steps))}
-        for name, number in (pointers | numbers).items():
-            control[PLACES[name] // 8] = number
-        Arm64(content).call(LEAD, every, [])
-        assert control[PLACES["state"] // 8] == CLOSED
-        rounds += 1
-    return rounds
-
-
-def test_rounds_of_slices_have_the_bits_of_this_processor():
-    def step(carry, parameters, row, draws):
-        x, v = carry
-        v = v - 0.01 * (parameters[0] * x - row[0] - draws[0])
-        return (x + 0.01 * v, v), (x, v)
-
-    lanes, rng = Lanes(2), np.random.default_rng(4)
-    loop = trace_loop(step, (0.0, 0.0), (0.0,), (0.0,), ((0, 1),))
-    carry, parameters, rows = rng.normal(size=(2, 10)), rng.uniform(1.0, 9.0, (1, 10)), rng.normal(size=(20, 1))
-    expected = Kernel(loop, lanes, logging=True).run(carry, parameters, rows, seed=7, every=3)
-    log, keys = np.zeros((7, 2, 10)), np.array([7, *range(10)], dtype=np.uint64)
-    arrays = [carry.copy(), parameters, rows, log, keys]
-    # 5 blocks in groups of 2, 20 steps in slices of 8: 9 slices, 4 a round
-    assert on_arm_in_rounds(loop, lanes, arrays, blocks=5, group=2, span=8, slices=4) == 3
-    assert np.array_equal(arrays[0], expected[0])
-    assert np.array_equal(log, expected[1])
 
 
 def short(**changes):

@@ -14,7 +14,7 @@ import pytest
 import skyarm
 from kernel_threads import queues, serving, wait_until
 from skyarm.compile import leaves
-from skyarm.compile.llvm import lane_stepper, rounds
+from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.environment.environment_tables import wind_from
 
@@ -300,7 +300,7 @@ def test_a_law_that_cannot_be_traced_is_no_hindrance_to_actions():
 def shared(monkeypatch):
     """However few lanes there are, they are shared among threads."""
     monkeypatch.setattr(lane_stepper, "ALONE", 0)
-    monkeypatch.setattr(rounds, "SHARED", 1e-12)
+    monkeypatch.setattr(shared_steps, "SHARED", 1e-12)
 
 
 @pytest.mark.parametrize("single", [False, True])
@@ -325,7 +325,7 @@ def test_one_pool_lives_as_long_as_the_batch(shared):
     assert queues(kernel) == []
     batch.step(actions[0])
     at = queues(kernel)
-    wait_until(lambda: len(serving(at)) == 2)
+    wait_until(lambda: len(serving(at)) == 3)
     made = serving(at)
     for each in actions:
         batch.step(each)
@@ -335,7 +335,7 @@ def test_one_pool_lives_as_long_as_the_batch(shared):
     wait_until(lambda: not serving(at))
     batch.step(actions[1])
     later = queues(kernel)
-    wait_until(lambda: len(serving(later)) == 2)
+    wait_until(lambda: len(serving(later)) == 3)
     del batch, kernel
     gc.collect()
     wait_until(lambda: not serving(later))
@@ -346,7 +346,7 @@ def test_flights_of_a_batch_share_one_pool(shared):
     masses = {MASS: np.linspace(0.0, 0.1, 103)}
     batch.fly(masses, threads=3)
     at = queues(batch.kernel)
-    wait_until(lambda: len(serving(at)) == 2)
+    wait_until(lambda: len(serving(at)) == 3)
     made = serving(at)
     for _ in range(5):
         batch.fly(masses, threads=3)
@@ -356,33 +356,26 @@ def test_flights_of_a_batch_share_one_pool(shared):
 
 
 def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, monkeypatch):
-    """Ctrl-C may come between two rounds of a step: the step is flown to its end first."""
+    """Ctrl-C may come while the caller waits: the step is flown to its end first."""
     actions = pushes(103, 2)
     alone, batch = (skyarm.BatchSession(scenario(), 103, threads=threads) for threads in (1, 3))
     for each in actions:
         alone.step(each)
     batch.step(actions[0])
-    usual, asked = rounds.Rounds._over, []
 
-    def in_small_rounds(self):
-        over = usual(self)
-        self._control[rounds.LEFT] = min(self._control[rounds.LEFT], 1)
-        asked.append(over)
-        if len(asked) == 3:
-            raise KeyboardInterrupt
-        return over
+    def interrupted(*_):
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(rounds.Rounds, "_over", in_small_rounds)
+    monkeypatch.setattr(shared_steps.SharedSteps, "_share", interrupted)
     with pytest.raises(KeyboardInterrupt):
         batch.step(actions[1])
-    assert len(asked) > 4, "more rounds were needed than had been flown when it was raised"
     assert numbers(batch.state).tobytes() == numbers(alone.state).tobytes()
 
 
 FORKED = """
 import os, sys, numpy as np, skyarm
-from skyarm.compile.llvm import lane_stepper, rounds
-lane_stepper.ALONE, rounds.SHARED = 0, 1e-12
+from skyarm.compile.llvm import lane_stepper, shared_steps
+lane_stepper.ALONE, shared_steps.SHARED = 0, 1e-12
 batch = skyarm.BatchSession(skyarm.load_scenario("case3", duration=1.0), 103, threads=3)
 actions = np.array([[480.0]] * 4 + [[0.0]] * 2)
 for _ in range(5):

@@ -179,21 +179,3 @@ def _expression(node: Node, args: list[str], floats: Floats, prefix: str) -> str
         return f"{args[0]} ? {args[1]} : {args[2]}"
     function = floats.function(LIBRARY[op]) if op in LIBRARY else f"{prefix}_{op}"
     return f"{function}({', '.join(args)})"
-
-
-def c_function(program: Lowered, name: str, *, single: bool = False) -> str:
-    """A C99 file with ``void name(const double *x, double *y)``: the program on plain arrays.
-
-    Args:
-        program: basic operations.
-        name: of the function, a C identifier.
-        single: float in place of double.
-    """
-    floats = Floats(single)
-    inputs = [f"x[{i}]" for i in range(len(program.inputs))]
-    outputs = [f"y[{i}]" for i in range(len(program.outputs))]
-    body = statements(program, floats, name, inputs, outputs)
-    signature = f"void {name}(const {floats.kind} *x, {floats.kind} *y)"
-    lines = ["#include <math.h>", "", KEEP_IEEE, helpers(program, floats, name), f"{signature};", signature, "{"]
-    unused = ["    (void)x;", "    (void)y;"]  # a program of constants reads nothing
-    return "\n".join([*lines, *unused, *(f"    {line}" for line in body), "}", "", END_IEEE])

@@ -1,4 +1,4 @@
-"""Stepped programs on JAX: batches of lanes on a CPU or GPU, and derivatives of whole episodes.
+"""Stepped programs on JAX: batches of lanes on a CPU or GPU.
 
 The engine interprets the lowered program of :func:`skyarm.compile.tracing.stepped_loop.trace_loop` operation by
 operation; it does not call the step on JAX's own tracers. Measured on the closed loop of a vehicle with a two-joint
@@ -11,7 +11,6 @@ Double precision is JAX's to allow: ``jax.config.update("jax_enable_x64", True)`
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -23,7 +22,7 @@ from skyarm.compile.jax.jax_cpu import CPU_FLAGS, JaxStartedError, configure_cpu
 from skyarm.compile.jax.jax_operations import evaluate
 from skyarm.compile.jax.jax_random import uniforms
 from skyarm.compile.machine_code import missing_extra
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.stepped_loop import Loop
 
 try:
     import jax
@@ -34,7 +33,7 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
 
 Array = npt.NDArray[Any]
 
-__all__ = ["CPU_FLAGS", "JaxKernel", "JaxStartedError", "configure_cpu", "jax_loop"]
+__all__ = ["CPU_FLAGS", "JaxKernel", "JaxStartedError", "configure_cpu"]
 
 CPU_LANES = 64
 """Lanes of a block on a CPU: its values fit the first caches. Measured best of 16 to 512."""
@@ -48,30 +47,20 @@ class JaxKernel:
         lanes_per_block: lanes that step together; blocks follow each other. If left out 64 on a CPU, all on a GPU.
         single: 32-bit floats in place of 64-bit ones.
         logging: compile in the writing of the log.
-        device: of JAX; its default (the GPU where there is one) if left out.
 
     Raises:
         ValueError: double precision is wanted and JAX does not allow it.
     """
 
     def __init__(
-        self,
-        loop: Loop,
-        *,
-        lanes_per_block: int | None = None,
-        single: bool = False,
-        logging: bool = False,
-        device: Any = None,
+        self, loop: Loop, *, lanes_per_block: int | None = None, single: bool = False, logging: bool = False
     ) -> None:
-        self.loop = loop
-        self.logging = logging
+        self.loop, self._logged = loop, loop.logged if logging else 0
         self.dtype: Any = np.float32 if single else np.float64
         self._require_precision()
-        self.device = jax.devices()[0] if device is None else device
-        self.lanes_per_block = (
-            CPU_LANES if lanes_per_block is None and self.device.platform == "cpu" else lanes_per_block
-        )
-        self._flown: dict[Any, Any] = {}
+        on_processor = jax.default_backend() == "cpu"
+        self._block = CPU_LANES if lanes_per_block is None and on_processor else lanes_per_block
+        self._compiled: dict[Any, Any] = {}
 
     def run(
         self,
@@ -91,28 +80,51 @@ class JaxKernel:
 
         A number of lanes or rows that is new compiles anew. Threads are of no use on a GPU.
         """
+        self._require_precision()
         lanes = carry.shape[1]
-        jobs = [(*job, np.uint32(start)) for job in self.placed(carry, parameters, rows, seed, episodes, threads)]
-        compiled = self._ready(jobs[0], every)
+        block = min(self._block or lanes, lanes)
+        count = -(-lanes // (block * threads)) * threads
+        spread = np.minimum(np.arange(count * block), lanes - 1)  # whole blocks, the last lane repeated
+        numbers = np.arange(lanes) if episodes is None else np.asarray(episodes)
+        if not 0 <= seed < 2**64 or np.any(numbers < 0) or np.any(numbers >= 2**32):
+            raise ValueError(f"seed = {seed}, episodes: must be whole numbers below 2**64 and 2**32")
+        for name, given, shape in (
+            ("carry", carry, (self.loop.carry, lanes)),
+            ("parameters", parameters, (self.loop.parameters, lanes)),
+            ("rows", rows, (len(rows), self.loop.row)),
+        ):
+            if np.shape(given) != shape:
+                raise ValueError(f"{name}: shape {np.shape(given)}, allowed {shape}")
 
-        def work(job: tuple[Any, ...]) -> list[Array]:
-            return [np.asarray(one) for one in compiled(*job)]
+        def blocks(values: Array) -> Array:
+            whole = values[:, spread].astype(self.dtype).reshape(len(values), count, block)
+            return np.ascontiguousarray(np.moveaxis(whole, 1, 0))
+
+        each = blocks(carry), blocks(parameters), numbers[spread].astype(np.uint32).reshape(count, block)
+        words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
+        # placed here, as JAX keeps its precision per thread
+        shared = jax.device_put((np.asarray(rows, dtype=self.dtype), words, np.uint32(start)))
+        jobs = [jax.device_put([np.split(values, threads)[i] for values in each]) for i in range(threads)]
+        fly = self._code((*jobs[0], *shared), every)
+
+        def work(job: list[Any]) -> list[Array]:
+            return [np.asarray(found) for found in fly(*job, *shared)]
 
         if threads > 1:
             with ThreadPoolExecutor(threads) as pool:
                 parts = list(pool.map(work, jobs))
         else:
             parts = [work(jobs[0])]
-        log = np.moveaxis(np.concatenate([part[1] for part in parts]), 0, 2)
-        final = joined(np.concatenate([part[0] for part in parts]))
-        return final[:, :lanes], log.reshape(*log.shape[:2], final.shape[1])[:, :, :lanes]
+        # (blocks, ..., lanes of a block) -> (..., lanes)
+        final, log = (np.moveaxis(np.concatenate(part), 0, -2) for part in zip(*parts, strict=True))
+        return tuple(found.reshape(*found.shape[:-2], count * block)[..., :lanes] for found in (final, log))  # type: ignore[return-value]
 
-    def _ready(self, job: tuple[Any, ...], every: int) -> Any:
+    def _code(self, job: tuple[Any, ...], every: int) -> Any:
         """Compiled code for arguments of these shapes; made here, as JAX keeps its precision per thread."""
-        key = (every, *(value.shape for value in job))
-        if key not in self._flown:
-            self._flown[key] = jax.jit(partial(self._fly, every=every)).lower(*job).compile()
-        return self._flown[key]
+        key = (every, *(np.shape(value) for value in job))
+        if key not in self._compiled:
+            self._compiled[key] = jax.jit(partial(self._fly, every=every)).lower(*job).compile()
+        return self._compiled[key]
 
     def _require_precision(self) -> None:
         config: Any = jax.config
@@ -121,98 +133,33 @@ class JaxKernel:
                 'JAX computes in 32 bits until jax.config.update("jax_enable_x64", True): set it, or pass single=True'
             )
 
-    def placed(
-        self, carry: Array, parameters: Array, rows: Array, seed: int, episodes: Any, threads: int = 1
-    ) -> list[Any]:
-        """Arguments on the device, a set for each thread: lanes in whole blocks, the last lane repeated."""
-        self._require_precision()
-        lanes = carry.shape[1]
-        block = min(self.lanes_per_block or lanes, lanes)
-        count = -(-lanes // (block * threads)) * threads
-        spread = np.minimum(np.arange(count * block), lanes - 1)
-        numbers = np.arange(lanes) if episodes is None else np.asarray(episodes)
-        if not 0 <= seed < 2**64 or np.any(numbers < 0) or np.any(numbers >= 2**32):
-            raise ValueError(f"seed = {seed}, episodes: must be whole numbers below 2**64 and 2**32")
-
-        def blocks(values: Array, expected: int, name: str) -> Array:
-            if values.ndim != 2 or values.shape != (expected, lanes):
-                raise ValueError(f"{name}: shape {values.shape}, allowed ({expected}, {lanes})")
-            whole = values[:, spread].astype(self.dtype).reshape(expected, count, block)
-            return np.ascontiguousarray(np.moveaxis(whole, 1, 0))
-
-        c = blocks(carry, self.loop.carry, "carry")
-        p = blocks(parameters, self.loop.parameters, "parameters")
-        r = np.asarray(rows, dtype=self.dtype)
-        if r.ndim != 2 or r.shape[1] != self.loop.row:
-            raise ValueError(f"rows: shape {r.shape}, allowed (steps, {self.loop.row})")
-        words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
-        keys = numbers[spread].astype(np.uint32).reshape(count, block)
-        parts = [slice(a, a + count // threads) for a in range(0, count, count // threads)]
-        return [jax.device_put((c[part], p[part], r, words, keys[part]), self.device) for part in parts]
-
-    def _fly(self, c: Any, p: Any, r: Any, words: Any, keys: Any, start: Any, *, every: int) -> Any:
-        """All blocks, one after the other."""
-        logged = self.loop.logged if self.logging else 0
-
-        def block(args: Any) -> Any:
-            c, p, keys = args
-            return self.block(c, p, r, words, keys, start, every=every, logged=logged)
+    def _fly(self, c: Any, p: Any, keys: Any, r: Any, words: Any, start: Any, *, every: int) -> Any:
+        """All blocks, one after the other: carry (carry, block) and log (entries, logged, block) of each."""
+        
+        def block(of: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+            return self._fly_block(*of, r, words, start, every)
 
         return lax.map(block, (c, p, keys))
 
-    def block(
-        self, c: Any, p: Any, r: Any, words: Any, keys: Any, start: Any, every: int = 1, logged: int = 0
-    ) -> tuple[Any, Any]:
-        """One block of lanes through all rows; returns carry (carry, block) and log (entries, logged, block)."""
-        steps, width = r.shape[0], keys.shape[0]
-        each_lane = jax.vmap(partial(self._step, p_words=words), in_axes=(0, 0, None, 0, None))
-        parameters = tuple(p)
-
-        @partial(jax.checkpoint, prevent_cse=False)
-        def advance(carry: Any, row: Any, step: Any) -> Any:
-            out = each_lane(carry, parameters, tuple(row), keys, step)
-            return tuple(out[: self.loop.carry]), tuple(out[self.loop.carry :])
+    def _fly_block(self, c: Any, p: Any, keys: Any, r: Any, words: Any, start: Any, every: int) -> tuple[Any, Any]:
+        step = jax.vmap(partial(self._step, words), in_axes=(0, 0, None, 0, None))
 
         def body(state: Any, at: Any) -> Any:
             (carry, log), (i, row) = state, at
-            following, entry = advance(carry, row, start + i)
-            if logged:
+            found = step(carry, tuple(p), tuple(row), keys, start + i)
+            if self._logged:
                 place = (i // np.uint32(every)).astype(np.int32)
-                kept = lax.select(i % np.uint32(every) == 0, jnp.stack(entry), log[place])
+                entry = jnp.stack(found[self.loop.carry :])
+                kept = lax.select(i % np.uint32(every) == 0, entry, log[place])
                 log = lax.dynamic_update_index_in_dim(log, kept, place, 0)
-            return (following, log), None
+            return (tuple(found[: self.loop.carry]), log), None
 
-        log = jnp.zeros((-(-steps // every) if logged else 0, logged, width), self.dtype)
+        steps = r.shape[0]
+        log = jnp.zeros((-(-steps // every) if self._logged else 0, self._logged, keys.shape[0]), self.dtype)
         (carry, log), _ = lax.scan(body, (tuple(c), log), (np.arange(steps, dtype=np.uint32), r))
         return jnp.stack(carry), log
 
-    def _step(self, c: Any, p: Any, r: Any, episode: Any, step: Any, *, p_words: Any) -> list[Any]:
+    def _step(self, words: Any, c: Any, p: Any, r: Any, episode: Any, step: Any) -> list[Any]:
         """One step of one lane."""
-        draws = uniforms(p_words, episode, step, self.loop.uniforms, self.dtype) if self.loop.uniforms else []
+        draws = uniforms(words, episode, step, self.loop.uniforms, self.dtype) if self.loop.uniforms else []
         return evaluate(self.loop.program, (*c, *p, *r, *draws), self.dtype)
-
-
-def joined(blocks: Array) -> Array:
-    """(blocks, values, lanes of a block) as (values, lanes)."""
-    return np.moveaxis(blocks, 0, 1).reshape(blocks.shape[1], -1)
-
-
-def jax_loop(
-    step: Callable[..., tuple[Any, Any]],
-    carry: Any,
-    parameters: Any,
-    row: Any,
-    uniforms: tuple[tuple[int, int], ...] = (),
-    **options: Any,
-) -> JaxKernel:
-    """Trace step(carry, parameters, row, uniforms) -> (carry, log) and put it on JAX.
-
-    Args:
-        step: pure function of records.
-        carry: example record.
-        parameters: example record.
-        row: example record.
-        uniforms: (channel, count) of the numbers uniform in (0, 1) that a step draws.
-        options: of :class:`JaxKernel`.
-    """
-    return JaxKernel(trace_loop(step, carry, parameters, row, uniforms), **options)

@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.llvm_loop import CALL, assembly
-from skyarm.compile.llvm.llvm_rounds import HELP, LEAD
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.rounds import GUESS, Pace, Rounds
+from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps
 from skyarm.compile.llvm.thread_pool import ThreadPools
 from skyarm.compile.machine_code import LongCompilationWarning, llvm_needed, require_floor
 from skyarm.compile.tracing.repeat import operations
@@ -78,12 +77,10 @@ class Kernel:
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
         self.engine = _compiled(assembly(loop, self.lanes, logging=logging), effort)
-        lead, help_ = (SIGNATURE(self.engine.get_function_address(name)) for name in (LEAD, HELP))
-        self.functions = (lead, help_)
+        address = self.engine.get_function_address(CALL)
+        self.quick, self.pools = QUICK(address), ThreadPools()
         guess = GUESS * max(1, operations(loop.program.nodes))
-        self.pace = Pace(guess, guess)
-        self.pools = ThreadPools()
-        self.quick = QUICK(self.engine.get_function_address(CALL))
+        self.machine = Machine(SIGNATURE(address), self.engine, self.pools, guess)
 
     @property
     def dtype(self) -> Any:
@@ -104,8 +101,8 @@ class Kernel:
     ) -> tuple[Array, Array]:
         """Step all lanes through all rows.
 
-        What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second, with all threads
-        idle; the arrays given are only read.
+        What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
+        are only read.
 
         Args:
             carry: (carry, lanes).
@@ -133,18 +130,8 @@ class Kernel:
         keys = _keys(seed, np.arange(lanes) if episodes is None else np.asarray(episodes), lanes, padded)
         entries = -(-r.shape[0] // every) if self.logging else 0
         log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
-        work = Rounds(
-            self.functions,
-            self.engine,
-            (c, p, r, log, keys),
-            blocks=padded // width,
-            lanes=padded,
-            start=start,
-            every=every,
-            pace=self.pace,
-            threads=threads,
-        )
-        work.run(self.pools)
+        arrays, blocks = (c, p, r, log, keys), padded // width
+        SharedSteps(self.machine, arrays, blocks=blocks, lanes=padded, every=every, threads=threads).run(start)
         return c[:, :lanes], log[:, :, :lanes]
 
     def _padded(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.rounds import Rounds
+from skyarm.compile.llvm.shared_steps import SharedSteps
 
 Array = npt.NDArray[Any]
 
@@ -58,23 +57,9 @@ class LaneStepper:
         self._pointer = ctypes.c_void_p(self._arguments.ctypes.data)
         self._quick = kernel.quick
         self._arrays, self._blocks = arrays, blocks
-        self._threads = threads if lanes > ALONE else 1
-        self._rounds, self._process = self._shared(), os.getpid()
-
-    def _shared(self) -> Rounds:
-        """One step of all lanes, to be begun again and again."""
-        kernel, stride = self._kernel, self._carry.shape[1]
-        return Rounds(
-            kernel.functions,
-            kernel.engine,
-            self._arrays,
-            blocks=self._blocks,
-            lanes=stride,
-            start=0,
-            every=1,
-            pace=kernel.pace,
-            threads=self._threads,
-        )
+        self._shared: SharedSteps | None = None
+        if threads > 1 and lanes > ALONE:
+            self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
 
     def fill(self) -> None:
         """Lanes beyond the last, which vectors need, become like the last; to be called once numbers are set."""
@@ -108,19 +93,11 @@ class LaneStepper:
         What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has made the step.
         """
         tick, self._tick = self._tick, self._tick + 1
-        if self._threads == 1:
+        if self._shared is None:
             self._arguments[9] = tick
             self._quick(self._pointer)
-            return
-        if self._process != os.getpid():
-            # a helper that stayed behind in a fork may have left its mark in the control
-            self._rounds, self._process = self._shared(), os.getpid()
-        self._rounds.begin(tick)
-        try:
-            self._rounds.run(self._kernel.pools)
-        except BaseException:
-            self._rounds.finish()
-            raise
+        else:
+            self._shared.run(tick, whole=True)
 
     def close(self) -> None:
         """End the threads; another step makes them again."""

@@ -13,7 +13,6 @@ from __future__ import annotations
 import platform
 
 from skyarm.compile.llvm.llvm_random import write_uniforms
-from skyarm.compile.llvm.llvm_rounds import rounds
 from skyarm.compile.llvm.llvm_text import Lanes, Writer
 from skyarm.compile.tracing.stepped_loop import Loop
 from skyarm.compile.tracing.tracer import Node
@@ -82,7 +81,7 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     writer.do("  br label %next")
     _close_blocks(writer)
     entry = _entry(flush=lanes.contract and _x86())
-    return "\n".join([*writer.lines, *entry, *_call(), *rounds(NAME), *sorted(writer.intrinsics), ""])
+    return "\n".join([*writer.lines, *entry, *_call(), *sorted(writer.intrinsics), ""])
 
 
 def _x86() -> bool:

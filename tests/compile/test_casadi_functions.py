@@ -9,7 +9,7 @@ casadi = pytest.importorskip("casadi")
 
 # ruff: noqa: E402  the engine needs the library
 from skyarm.compile import TracedBranchError, leaves, rebuild, trace
-from skyarm.compile.casadi.casadi_engine import casadi_function
+from skyarm.compile.casadi_functions import casadi_function
 from skyarm.scalars import (
     absolute,
     acos,
@@ -185,7 +185,7 @@ def branching(x):
 
 
 def test_branches_and_operations_on_bits_are_refused():
-    with pytest.raises(TracedBranchError, match=r"test_casadi_engine\.py"):
+    with pytest.raises(TracedBranchError, match=r"test_casadi_functions\.py"):
         casadi_function(branching, 1.0)
     with pytest.raises(ValueError, match="mantissa: CasADi has no such operation"):
         casadi_function(mantissa, 1.0)

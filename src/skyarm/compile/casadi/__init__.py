@@ -1,1 +1,0 @@
-"""CasADi functions of a traced program."""
