@@ -274,7 +274,7 @@ def test_wrong_shapes_and_keys_are_refused_by_name():
     for bad, match in (
         ((carry[:1], parameters, TORQUES), r"carry: shape \(1, 2\), allowed \(2, 2\)"),
         ((carry, parameters[:, :1], TORQUES), r"parameters: shape \(3, 1\), allowed \(3, 2\)"),
-        ((carry, parameters, np.zeros((4, 2))), r"rows: shape \(4, 2\), allowed \(steps, 1\)"),
+        ((carry, parameters, np.zeros((4, 2))), r"rows: shape \(4, 2\), allowed \(4, 1\)"),
     ):
         with pytest.raises(ValueError, match=match):
             kernel.run(*bad)
@@ -335,9 +335,13 @@ def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
 
 
 def test_a_missing_library_is_named_with_its_extra():
-    hidden = "import sys; sys.modules[{0!r}] = None; import skyarm.compile.{0}.{0}_engine"
-    for extra in ("jax", "casadi"):
+    hidden = "import sys; sys.modules[{0!r}] = None; import skyarm.compile.{1}"
+    for extra, module in (("jax", "jax.jax_engine"), ("casadi", "casadi_functions")):
         done = subprocess.run(
-            [sys.executable, "-c", hidden.format(extra)], capture_output=True, text=True, timeout=60, check=False
+            [sys.executable, "-c", hidden.format(extra, module)],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
         )
         assert f"ImportError: {needs_extra(extra)}" in done.stderr

@@ -13,7 +13,7 @@ import pytest
 
 import skyarm.env  # noqa: F401 - registers the environments
 from skyarm.env import rendering
-from skyarm.env.rendering import OPTIONS, options_of_modes
+from skyarm.env.rendering import PageOptions, options_of_modes
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.view.studio.watched_episode import LONGEST_WAIT
 
@@ -89,7 +89,7 @@ def test_a_page_is_on_loopback_and_asks_for_its_token() -> None:
     np.testing.assert_allclose(placed.positions[0], [float(c[0]) for c in env.lanes.state.position], atol=1e-6)
     env.reset(seed=1)
     assert [each.time for each in found._episode.sights] == [0.0], "the same seed begins anew"
-    with pytest.raises(ScenarioError, match=rf"render_options: port = {address.port}: .*must be free"):
+    with pytest.raises(ScenarioError, match=rf"render_options.port = {address.port}: .*must be free"):
         made(port=address.port)
     env.close()
     env.close()
@@ -133,14 +133,13 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
     [
         ({"width": 3}, "render_options: width = 3: must be an even number"),
         ({"prot": 1}, "render_options: 'prot': did you mean 'port'"),
-        ({"port": -1}, "render_options: port = -1: must be from 0 to 65535"),
-        ({"port": True}, "render_options: port = True: must be from 0"),
-        ({"speed": 0}, "render_options: speed = 0: must be from 0.001 to 1e+06, or inf"),
-        ({"speed": math.nan}, "render_options: speed = nan: must be from"),
-        ({"speed": 10**400}, "render_options: speed = 1"),
-        ({"speed": 1e-300}, "render_options: speed = 1e-300: must be from"),
-        ({"speed": "fast"}, "render_options: speed = 'fast': must be from"),
-        ({"plain": 1}, "render_options: plain = 1: must be true or false"),
+        ({"port": -1}, "render_options.port = -1: must be at least 0"),
+        ({"port": True}, "render_options.port = True: must be"),
+        ({"speed": 0}, "render_options.speed = 0: must be at least 0.001"),
+        ({"speed": math.nan}, "render_options.speed = nan: must be a number"),
+        ({"speed": 10**400}, "render_options.speed = 1"),
+        ({"speed": "fast"}, "render_options.speed = 'fast': must be a number"),
+        ({"plain": 1}, "render_options.plain = 1: must be"),
         (3, "render_options = 3: must be a table"),
     ],
 )
@@ -148,12 +147,12 @@ def test_options_that_cannot_be_are_one_line(given: Any, message: str) -> None:
     with pytest.raises(ScenarioError) as error:
         gymnasium.make("skyarm/Hover-v0", render_mode="human", render_options=given)
     assert str(error.value).startswith(message)
-    assert options_of_modes(None) == ({}, OPTIONS)
+    assert options_of_modes(None) == ({}, PageOptions())
 
 
 def test_one_table_of_options_serves_pictures_and_a_page() -> None:
     given = {"width": 96, "speed": 2.0, "height": 64}
-    assert options_of_modes(given) == ({"width": 96, "height": 64}, {**OPTIONS, "speed": 2.0})
+    assert options_of_modes(given) == ({"width": 96, "height": 64}, PageOptions(speed=2.0))
 
 
 def test_many_environments_have_no_page() -> None:

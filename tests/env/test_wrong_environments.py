@@ -89,9 +89,9 @@ def test_records_refuse_numbers_that_cannot_be(kind, numbers):
 @pytest.mark.parametrize(
     ("actions", "words"),
     [
-        (np.zeros((2, 3)), r"shape \(2, 3\), must be of shape \(2, 4\)"),
-        (np.zeros((4, 2)), r"must be of shape \(2, 4\)"),
-        (np.zeros(4), r"must be of shape \(2, 4\)"),
+        (np.zeros((2, 3)), r"shape \(2, 3\), must be of real numbers, of shape \(2, 4\)"),
+        (np.zeros((4, 2)), r"must be of real numbers, of shape \(2, 4\)"),
+        (np.zeros(4), r"must be of real numbers, of shape \(2, 4\)"),
         (np.zeros((2, 4), dtype=bool), r"bool of shape \(2, 4\), must be of real numbers"),
         (np.zeros((2, 4), dtype=complex), r"actions: complex128 of shape \(2, 4\), must be of real numbers"),
         ("up", "must be of real numbers"),
@@ -177,8 +177,8 @@ def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_
         one.step(np.zeros(4))
     one.reset(seed=2**40 + 3)
     for wrong, words in (
-        (np.zeros((1, 4)), r"^action: float64 of shape \(1, 4\), must be of shape \(4,\)"),
-        (np.zeros(3), r"^action: float64 of shape \(3,\), must be of shape \(4,\)"),
+        (np.zeros((1, 4)), r"^action: float64 of shape \(1, 4\), must be of real numbers, of shape \(4,\)"),
+        (np.zeros(3), r"^action: float64 of shape \(3,\), must be of real numbers, of shape \(4,\)"),
         (np.zeros(4, dtype=complex), r"^action: complex128 of shape \(4,\), must be of real numbers"),
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):

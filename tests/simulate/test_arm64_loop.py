@@ -12,7 +12,6 @@ from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode
@@ -20,7 +19,7 @@ from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled
 
 pytest.importorskip("unicorn", reason="unicorn emulates the ARM processor")
-from arm64_machine import DATA, Arm64, compiled
+from arm64_machine import Arm64, compiled
 
 NOISE = SensorNoise(position=0.003, attitude=0.004, rate=0.03, joint_rates=0.02)
 

@@ -215,8 +215,10 @@ REFUSED = {
         lambda b: b.set({LATE: [0.0, 0.0, -1.0, 0.0]}),
     ],
     r"values\['plant.payload.mass'\]: nan is not a number": [lambda b: b.set({MASS: [0.1, float("nan"), 0.1, 0.1]})],
-    r"values\['plant.payload.mass'\] = 'x': must be numbers, one a lane": [lambda b: b.set({MASS: "x"})],
-    r"values\['plant.payload.mass'\]: shape \(3,\), must be one number, or one for each of 4 lanes": [
+    r"values\['plant.payload.mass'\]: <U1 of shape \(\), must be one number, or one for each of 4 lanes": [
+        lambda b: b.set({MASS: "x"})
+    ],
+    r"values\['plant.payload.mass'\]: float64 of shape \(3,\), must be one number, or one for each of 4 lanes": [
         lambda b: b.set({MASS: [0.1] * 3}),
         lambda b: b.set({MASS: [0.1] * 3}, np.array([True, True, True, False])),
     ],

@@ -24,7 +24,6 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.simulate import Delays, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.session import Session
 from skyarm.vehicle.check import VehicleError
@@ -268,7 +267,7 @@ def test_the_latency_of_a_servo_holds_for_the_whole_flight(path, named):
         session.change({path: 0.006})
 
 
-@pytest.mark.parametrize("fly", [Batch, Session, LiveSession, partial(BatchSession, lanes=2)])
+@pytest.mark.parametrize("fly", [Batch, Session, partial(BatchSession, lanes=2)])
 def test_a_latency_is_no_number_of_compiled_code(fly):
     """It says how many setpoints are on their way: a sentence with the path, before anything is compiled."""
     path = "model.vehicle.drives.elbow.drive.latency"

@@ -15,13 +15,13 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.env.env_program import EnvProgram
 from skyarm.env.env_task import Task
-from skyarm.env.given_arguments import require_actions
 from skyarm.files import shown
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, start_draws
+from skyarm.simulate.lane_numbers import checked_array
 
 Array = npt.NDArray[Any]
 
@@ -182,11 +182,8 @@ class EnvLanes:
             ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
         """
         held = self.actions
-        try:
-            found = np.asarray(actions)
-        except (TypeError, ValueError):
-            raise ScenarioError(f"actions = {shown(actions)}: must be an array") from None
-        require_actions("actions", found, held.shape[::-1])
+        shape = held.shape[::-1]
+        found = checked_array("actions", actions, [shape], f"of real numbers, of shape {shape}")
         if not np.isfinite(found).all():
             lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
             raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")

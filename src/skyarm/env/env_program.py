@@ -22,13 +22,14 @@ from skyarm.env.env_task import Task
 from skyarm.env.observed_quantities import Result, Sight
 from skyarm.records.leaves import blend
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, clip, floor, logical_and, where
+from skyarm.scalars import absolute, clip, logical_and, where
 from skyarm.scenario.endings import Divergence
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.lane_loop import own_row
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Measured, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
@@ -88,7 +89,6 @@ class EnvProgram:
         self._plant = rigid_body_plant(task.randomised.stiffest)
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
-        self._ratio = scenario.rates.control // scenario.rates.reference
         self.uniforms = draws_needed(scenario)
         draws = (0.5,) * sum(count for _, count in self.uniforms)
         self._measurement = structure_of(self._begin(self.base, draws, None)[1])
@@ -127,7 +127,7 @@ class EnvProgram:
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = dataclasses.replace(first, memory=())
-        row = self._row(stages.scenario, first.ticks)
+        row = own_row(stages.scenario, first.ticks)
         return (*self._measured(stages, first, row, draws), stages.joined(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
@@ -135,7 +135,7 @@ class EnvProgram:
         numbers, given = values
         stages = Stages(self._varied(numbers))
         action = tuple(clip(a, -1.0, 1.0) for a in given)
-        loop, row = now.loop, self._row(stages.scenario, now.loop.ticks)
+        loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop.components, loop.drives, row.time)
         nothing: Any = None
@@ -148,7 +148,7 @@ class EnvProgram:
         state: State = blend(sent > 0.5, flown.state, loop.state)
         # endings are told beside the loop, and a period that ends an episode counts
         flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
-        coming = self._row(stages.scenario, flown.ticks)
+        coming = own_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measured(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
@@ -179,23 +179,10 @@ class EnvProgram:
     def _varied(self, numbers: Sequence[Any]) -> Scenario:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
-    def _row(self, scenario: Scenario, ticks: Any) -> Row:
-        """An episode's own time and held reference."""
-        return Row(time=ticks / float(scenario.rates.control), reference=self._reference(scenario, ticks))
-
-    def _reference(self, scenario: Scenario, ticks: Any) -> Reference:
-        """As it is published and held; the gripper's command is that of each control period."""
-        rate = float(scenario.rates.control)
-        held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        reference = scenario.reference.at(held / rate)
-        if reference.load:
-            reference = dataclasses.replace(reference, load=scenario.reference.at(ticks / rate).load)
-        return reference.dense()
-
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
         """Where the held reference is after a period; after the last one, where it was, as in a single run."""
         last = float(self.task.scenario.steps - 1)
-        position: Vec3 = self._reference(scenario, where(ticks > last, last, ticks)).position
+        position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:

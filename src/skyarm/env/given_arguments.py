@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.scenario_record import ScenarioError
@@ -37,18 +36,6 @@ def require_open(call: str, *, closed: bool) -> None:
     """
     if closed:
         raise ScenarioError(f"{call}: must come before close(); this environment is closed, make another")
-
-
-def require_actions(name: str, given: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
-    """Refuse what are no numbers, or not as many.
-
-    Raises:
-        ScenarioError: one line with type or shape, and what is allowed.
-    """
-    if given.dtype.kind not in "fiu":
-        raise ScenarioError(f"{name}: {given.dtype} of shape {given.shape}, must be of real numbers, as float32")
-    if given.shape != shape:
-        raise ScenarioError(f"{name}: {given.dtype} of shape {given.shape}, must be of shape {shape}")
 
 
 def require_options(given: Any, known: Sequence[str]) -> None:

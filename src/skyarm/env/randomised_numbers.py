@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from skyarm.files import shown
 from skyarm.scalars.philox import uniforms
-from skyarm.scenario.numbers import number_at, require_apart
+from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_latencies, require_within_queue
+from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_paths, require_within_queue
 from skyarm.sweep.design import FIRST_CHANNEL
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.plan import fastest_plant
@@ -98,8 +98,7 @@ def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> R
 def _checked(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
     """Refuse what the scenario cannot have."""
     try:
-        require_apart(scenario, tuple(vary))
-        require_latencies(scenario, tuple(vary))
+        require_paths(scenario, tuple(vary))
         require_draws(scenario, tuple(vary))
         ends = {path: _ends(distribution) for path, distribution in vary.items()}
         corners = _corners(ends)

@@ -12,11 +12,13 @@ import numpy.typing as npt
 from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
-from skyarm.env.given_arguments import require_actions, require_arguments, require_open, require_options, seed_of
-from skyarm.env.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, options_of_modes, with_size
+from skyarm.env.given_arguments import require_arguments, require_open, require_options, seed_of
+from skyarm.env.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, options_of_modes
 from skyarm.env.vector_environment import spaces
+from skyarm.files import shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by
+from skyarm.simulate.lane_numbers import checked_array
 from skyarm.view.studio.server import has_viser
 
 Array = npt.NDArray[Any]
@@ -53,8 +55,8 @@ class Environment(gymnasium.Env[Array, Array]):
     ) -> None:
         self.render_mode = render_mode
         self.page: LanePage | None = None
-        pictures, page = options_of_modes(with_size(render_options, width, height))
-        self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, pictures, 1, also=(HUMAN,))
+        pictures, page = options_of_modes(render_options, width, height)
+        self._pictures = lane_pictures(render_mode, pictures, 1, human=True)
         require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         if render_mode == HUMAN:
@@ -105,12 +107,11 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes = self.lanes
         if not self._begun or lanes.ended[0] or lanes.truncated[0]:
             raise ScenarioError("step: must come after reset(), and before the end of the episode")
-        try:
-            found = np.asarray(action)
-            require_actions("action", found, lanes.actions.shape[:1])
-            lanes.act(found[None])
-        except (TypeError, ValueError) as error:
-            raise ScenarioError(str(error).replace("actions[0]", "action")) from None
+        size = lanes.actions.shape[:1]
+        found = checked_array("action", action, [size], f"of real numbers, of shape {size}")
+        if not np.isfinite(found).all():
+            raise ScenarioError(f"action = {shown(found.tolist())}: must be finite")
+        lanes.act(found[None])
         lanes.step()
         ended = bool(lanes.ended[0])
         info = self._why() if ended else {}

@@ -24,7 +24,7 @@ from skyarm.env.given_arguments import (
     seed_of,
     seeds_of,
 )
-from skyarm.env.rendering import RENDER_MODES, LanePictures, lane_pictures, with_size
+from skyarm.env.rendering import RENDER_MODES, LanePictures, lane_pictures, options_of_modes
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_numbers import lane_mask, require_count
@@ -69,8 +69,8 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
     ) -> None:
         self._mode = _mode(autoreset_mode)
         count = require_lanes(num_envs)
-        options = with_size(render_options, width, height)
-        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, options, count, choose=True)
+        options, _ = options_of_modes(render_options, width, height)
+        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, options, count)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
         require_arguments(task, make_task, "render_mode", "render_options", "width", "height")

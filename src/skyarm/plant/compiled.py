@@ -123,7 +123,7 @@ class RigidBodyPlant:
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
-        self._world, self._around, self._integrator, self._physics_step = world, around, integrator, physics_step
+        self._world, self.around, self._integrator, self._physics_step = world, around, integrator, physics_step
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._programs: dict[float, Callable[[Any], tuple[float, ...]]] = {}
@@ -175,7 +175,7 @@ class RigidBodyPlant:
         def impact(state: State, around: Around) -> State:
             return after_impact(self.vehicle, state, around)
 
-        return trace(impact, self._examples[0], self._around)
+        return trace(impact, self._examples[0], self.around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
         """State right after the grasps and the joints that get stuck in a period."""

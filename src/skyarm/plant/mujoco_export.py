@@ -29,6 +29,19 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 HEADER = "Written by skyarm export-mjcf; control of a rotor is its thrust in N, of a joint its effort in N m or N."
 
 
+EXACT = {
+    "body": ("bodies", ("pos", "quat")),
+    "joint": ("joints", ("axis", "armature", "frictionloss", "damping", "range")),
+    "site": ("sites", ("pos", "quat")),
+    "general": ("actuators", ("gear", "ctrlrange")),
+    "key": ("keys", ("qpos", "qvel", "ctrl")),
+}
+"""Tag of a named element -> where a spec has it, and its attributes, which are those of the spec."""
+
+ALWAYS = ("pos", "axis", "gear")
+"""Attributes that are written even where MuJoCo's own writer takes six digits for a default."""
+
+
 def exact_xml(spec: Any) -> str:
     """XML of a spec that has been compiled, with every number of its mechanics written so that it reads back the same.
 
@@ -42,56 +55,26 @@ def exact_xml(spec: Any) -> str:
         option = ET.SubElement(root, "option")
     option.set("timestep", _text(spec.option.timestep))
     option.set("gravity", _text(spec.option.gravity))
-    _exact_bodies(root, spec)
-    _exact(root, "joint", spec.joints, {"axis": "axis", "armature": "armature", "frictionloss": "frictionloss"})
-    for element, joint in _pairs(root, "joint", spec.joints):
-        if element.get("damping") is not None:
-            element.set("damping", _text(np.ravel(joint.damping)[0]))
-        if element.get("range") is not None:
-            element.set("range", _text(joint.range))
-    _exact(root, "site", spec.sites, {"pos": "pos", "quat": "quat"})
-    for element, actuator in _pairs(root, "general", spec.actuators):
-        element.set("gear", _text(actuator.gear))
-        if element.get("ctrlrange") is not None:
-            element.set("ctrlrange", _text(actuator.ctrlrange))
     ties = {tie.name: tie for tie in spec.equalities}
     for element in root.findall("equality/joint"):
         element.set("polycoef", _text(ties[element.get("name", "")].data[:5]))
-    for element, key in _pairs(root, "key", spec.keys):
-        for name in ("qpos", "qvel", "ctrl"):
-            if element.get(name) is not None:
-                element.set(name, _text(getattr(key, name)))
+    tied = {element for parent in root.findall("equality") for element in parent}
+    for tag, (several, attributes) in EXACT.items():
+        named = {each.name: each for each in getattr(spec, several)}
+        for element in root.iter(tag):
+            if element in tied or element.get("type") == "free":
+                continue
+            held = named[element.get("name", "")]
+            for name in attributes:
+                if element.get(name) is not None or name in ALWAYS or tag == "body":
+                    value = np.ravel(getattr(held, name))
+                    element.set(name, _text(value[:1] if name == "damping" else value))
+            inertial = element.find("inertial")
+            if inertial is not None:
+                inertial.attrib.pop("fullinertia", None)
+                values = {"pos": held.ipos, "quat": held.iquat, "mass": held.mass, "diaginertia": held.inertia}
+                inertial.attrib.update({name: _text(value) for name, value in values.items()})
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _exact_bodies(root: ET.Element, spec: Any) -> None:
-    bodies = {body.name: body for body in spec.bodies}
-    for element in root.iter("body"):
-        body = bodies[element.get("name", "")]
-        element.set("pos", _text(body.pos))
-        element.set("quat", _text(body.quat))
-        inertial = element.find("inertial")
-        if inertial is not None:
-            inertial.attrib.pop("fullinertia", None)
-            for name, value in zip(
-                ("pos", "quat", "mass", "diaginertia"), (body.ipos, body.iquat, body.mass, body.inertia), strict=True
-            ):
-                inertial.set(name, _text(value))
-
-
-def _pairs(root: ET.Element, tag: str, elements: Any) -> list[tuple[ET.Element, Any]]:
-    """Elements of the XML and of the spec by their names; those of the tree, not of equalities."""
-    named = {each.name: each for each in elements}
-    inside = {element for parent in root.findall("equality") for element in parent}
-    found = [element for element in root.iter(tag) if element not in inside and element.get("type") != "free"]
-    return [(element, named[element.get("name", "")]) for element in found]
-
-
-def _exact(root: ET.Element, tag: str, elements: Any, fields: dict[str, str]) -> None:
-    for element, held in _pairs(root, tag, elements):
-        for attribute, name in fields.items():
-            if element.get(attribute) is not None or attribute in ("axis", "pos"):
-                element.set(attribute, _text(getattr(held, name)))
 
 
 def _text(values: Any) -> str:

@@ -81,12 +81,6 @@ def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
 
 
-def known_as(scenario: Scenario, path: str, known: Sequence[str]) -> str:
-    """The known path of the same number, or the path itself where none is."""
-    meant = set(_meant(scenario, path))
-    return next((other for other in known if set(_meant(scenario, other)) == meant), path)
-
-
 def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
     return _target(scenario, path)[1]
 

@@ -13,31 +13,32 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
+from skyarm.files import shown
 from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.metrics.metric_catalogue import metric_names, needed
 from skyarm.metrics.metric_catalogue import values as metric_values
 from skyarm.metrics.windows import Windows
 from skyarm.scenario.in_flight import require_changes, stretches
-from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, noise_key
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
-from skyarm.simulate.batch_rows import lane_columns
 from skyarm.simulate.lane_numbers import (
     LaneRules,
+    lane_columns,
     require_apart_from_changes,
     require_count,
     require_draws,
     require_kind,
-    require_latencies,
     require_paths,
     require_rigid_body,
-    require_width,
 )
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[Any]
+
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)
+"""Lanes of a vector that machine code is written for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +99,10 @@ class Batch:
     ) -> None:
         require_flight(scenario)
         require_rigid_body(scenario)
-        self.scenario, self.paths = scenario, require_paths(paths)
-        require_width(width)
+        self.scenario, self.paths = scenario, require_paths(scenario, paths)
+        if width not in (None, *WIDTHS):
+            allowed = ", ".join(map(str, WIDTHS))
+            raise ScenarioError(f"width = {shown(width)}: must be one of {allowed}, or None for the processor's own")
         require_kind("windows", windows, Windows)
         require_kind("stiffest", stiffest, Scenario)
         require_count("effort", effort, 0)
@@ -108,8 +111,6 @@ class Batch:
         self.names = metric_names(metrics, scenario.plant.vehicle.n, scenario.commands_setpoints)
         scenario.controller.require_compiled("a batch")
         require_shapes(scenario)
-        require_apart(scenario, self.paths)
-        require_latencies(scenario, self.paths)
         require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)

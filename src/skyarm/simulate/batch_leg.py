@@ -9,31 +9,26 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.log.batch_log import Logged
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.metrics.accumulate import Goal, Instant, Total, counted, first_totals
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import lanes_step
 from skyarm.scalars import logical_and, where
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import logged_in_contact
 from skyarm.simulate.batch_rows import Feed
-from skyarm.simulate.check_endings import statuses
-from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
-from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_groups
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.lane_loop import LaneLoop, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carried
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import PathClock, clock_of_change, is_other_reference
+from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
@@ -160,7 +155,7 @@ class Leg:
 
     Attributes:
         scenario: as it is in this leg. first: loop state and totals, as an example.
-        code: machine code; None in a leg of no periods. largest: step that it bears, s.
+        code: machine code; None in a leg of no periods.
     """
 
     def __init__(
@@ -174,28 +169,22 @@ class Leg:
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
         self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
-        self.first: tuple[LoopState, tuple[Any, ...]] = (first_loop_state(self.scenario), first_totals(options.wanted))
+        self.base = tuple(number_at(begun, path) for path in options.paths)
+        stiff = self.scenario
+        if options.stiffest is not None:
+            own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
+            stiff = own.of(options.stiffest)
+        self._loop = LaneLoop(self.scenario, self._varied, (*self.base, *self._set.values()), stiff)
+        self.first: tuple[LoopState, tuple[Any, ...]] = (self._loop.first, first_totals(options.wanted))
         used = dict.fromkeys(window for _, window, _ in options.wanted)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), episode_inputs(self.scenario), masks)
         self.rows: Array = self._feed.rows[periods.start : periods.stop]
-        self.base = tuple(number_at(begun, path) for path in options.paths)
-        stiff, first = self.scenario, self.first[0]
-        if options.stiffest is not None:
-            own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
-            stiff = own.of(options.stiffest)
-            first = first_loop_state(stiff)
-        around = first_surroundings(stiff, first)
-        plant = RigidBodyPlant(stiff.plant, around, stiff.integrator, 1.0 / stiff.rates.physics)
-        self.largest = lanes_step(around, euler=stiff.integrator == "euler")
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
-        numbers = (*self.base, *self._set.values())
-        counts = [2 * count for _, count in draw_plan(self.scenario).components]
-        self._first_states = trace(self._start, numbers, *((0.5,) * count for count in counts))
         made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
-        self.code: LegCode | None = next((code for code in made if code.substeps.fit(plant)), None)
+        self.code: LegCode | None = next((code for code in made if code.substeps.fit(self._loop.plant)), None)
         if self.code is None and periods:
-            self.code = self._compiled(plant, key)
+            self.code = self._compiled(key)
 
     def _varied(self, values: Sequence[Any]) -> Scenario:
         """The scenario of a lane: its numbers, then those that changes set."""
@@ -203,8 +192,8 @@ class Leg:
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
-    def _compiled(self, plant: RigidBodyPlant, key: tuple[Any, ...]) -> LegCode:
-        options, shape, substeps = self._options, structure_of(self.first), Substeps(plant)
+    def _compiled(self, key: tuple[Any, ...]) -> LegCode:
+        options, substeps = self._options, self._loop.substeps
 
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._varied(values)
@@ -220,8 +209,7 @@ class Leg:
             )
             return following, kept if options.every else ()
 
-        numbers = (*self.base, *self._set.values())
-        loop = trace_loop(step, shape, numbers, self._feed.example, draws_needed(self.scenario), loops=True)
+        loop = self._loop.program(step, self.first, self._loop.base, self._feed.example)
         kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort)
         return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=substeps)
 
@@ -240,10 +228,6 @@ class Leg:
         if self.code is not None:
             self.code.kernel.pools.close()
 
-    def _start(self, values: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
-        """First state of a lane's loop; ``draws`` start the components' memories."""
-        return first_loop_state(self._varied(values), draws)
-
     def named(self, columns: Sequence[Array]) -> dict[str, Array]:
         """Path -> (lanes,) numbers that count in this leg: the lanes' own, and those that changes set."""
         given = dict(zip(self._options.paths, columns, strict=True))
@@ -259,10 +243,7 @@ class Leg:
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
         """(carry, lanes) of the first period: first states, or what the leg before this one left."""
-        columns = [*parameters]
-        for draws in start_draws(self.scenario, seed, episodes):
-            columns += [*draws.T]
-        fresh = evaluate(self._first_states, columns, len(episodes))
+        fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
@@ -294,10 +275,7 @@ class Leg:
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Status of lanes that this leg left, from the loops they were left in."""
-        named = self.named(columns)
-        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1), now)
-        failed = np.asarray(now.clock.failed) > 0.5 if isinstance(now.clock, PathClock) else None
-        return statuses(self.scenario, named, now.state, goals, ended, failed)
+        return lane_statuses(self.scenario, self.named(columns), now.state, now.clock, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse numbers of lanes that the code's steps do not bear.
@@ -305,4 +283,4 @@ class Leg:
         Raises:
             ScenarioError: one line.
         """
-        require_short_steps(self.scenario, self.named(columns), self.largest)
+        require_short_steps(self.scenario, self.named(columns), self._loop.largest)

@@ -18,12 +18,10 @@ from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.metrics.accumulate import Goal
 from skyarm.reference import Publisher, Reference
-from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.lane_numbers import numbers_of, require_values, require_within_queue
-from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.reference_clock import Waits
+from skyarm.simulate.lane_loop import columns_of
+from skyarm.simulate.loop_state import Row
 from skyarm.simulate.tip_and_goal import goal_of
 
 Array = npt.NDArray[Any]
@@ -62,8 +60,8 @@ class Feed:
         else:
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
             held = np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)
-            columns += [held, *(np.stack(_columns(goal, scenario.steps), axis=1) for goal in goals)]
-            columns += _columns((inputs.told_reference, inputs.path_time), scenario.steps)
+            columns += [held, *(np.stack(columns_of(goal, scenario.steps), axis=1) for goal in goals)]
+            columns += columns_of((inputs.told_reference, inputs.path_time), scenario.steps)
             governor = (inputs.row_example.told, inputs.row_example.path_time)
             self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals), governor)
         self.rows = np.column_stack(columns)
@@ -105,47 +103,6 @@ class Feed:
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
-    def goals(self, values: Mapping[str, Array], ticks: Array, now: LoopState) -> Array:
-        """(lanes, 3) position of the held reference at each lane's instant, m; ``now`` is how each lane was left."""
-        if self._waits:
-            motion = {path: column for path, column in values.items() if path.startswith("reference.")}
-            with np.errstate(all="ignore"):
-                waits = Waits(with_numbers(self._scenario, motion))
-                place = waits.held_reference(now.clock, now.ticks).dense().position
-            return np.stack(_columns(place, len(ticks)), axis=1)
-        if not self._own_motion:
-            return np.stack(_columns(self._inputs.held_reference.dense().position, self._scenario.steps), axis=1)[ticks]
-        motion = {path: column for path, column in values.items() if path.startswith("reference.")}
-        with np.errstate(all="ignore"):
-            found = with_numbers(self._scenario, motion).reference.at(self._held_times[ticks]).dense().position
-        return np.stack(_columns(found, len(ticks)), axis=1)
-
-
-def _columns(record: Any, count: int) -> list[Array]:
-    """Every scalar of a record as a column."""
-    return [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
-
 
 def _zeros(record: Any) -> Any:
     return rebuild(record, iter([0.0] * len(leaves(record))))
-
-
-def lane_columns(
-    scenario: Scenario, paths: Sequence[str], values: Mapping[str, Array], episodes: Array | None
-) -> tuple[list[Array], int]:
-    """Numbers of each path, and how many lanes fly.
-
-    Raises:
-        ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
-            the longest.
-    """
-    if set(require_values(values)) != set(paths):
-        odd = sorted(set(values) ^ set(paths))
-        raise ScenarioError(f"values: {odd[0]!r} must be there exactly if it is a path of the batch")
-    columns = [numbers_of(f"values[{path!r}]", values[path]) for path in paths]
-    count = columns[0].size if columns else 1 if episodes is None else len(episodes)
-    for path, column in zip(paths, columns, strict=True):
-        if column.shape != (count,) or (episodes is not None and len(episodes) != count):
-            raise ScenarioError(f"values[{path!r}]: shape {column.shape}, must be one number for each of {count} lanes")
-    require_within_queue(scenario, dict(zip(paths, columns, strict=True)))
-    return columns, count

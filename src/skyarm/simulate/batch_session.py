@@ -2,111 +2,39 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.files import shown
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import lanes_step
-from skyarm.scalars import floor
-from skyarm.scenario.numbers import number_at, require_apart, with_numbers
+from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.lane_loop import LaneLoop, lane_statuses, own_row
 from skyarm.simulate.lane_numbers import (
     LaneRules,
-    lane_actions,
+    checked_array,
     lane_mask,
     lane_numbers,
     require_count,
-    require_latencies,
     require_paths,
     require_rigid_body,
     require_short_steps,
     require_values,
     require_within_queue,
 )
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.loop_state import LoopState, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
-
-
-class LanePrograms:
-    """Programs of a scenario whose numbers at some paths differ from lane to lane.
-
-    Args:
-        scenario: on the rigid-body plant. paths: of those numbers.
-        stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps.
-        law: fly the scenario's law in place of actions.
-
-    Attributes:
-        base: the scenario's own numbers at the paths. first: its first loop state, as an example.
-        largest_step: the longest integration step that ``stiffest`` bears, s.
-        start: (numbers, draws of each component) -> the first loop state.
-        check: (numbers, ticks, state, clock) -> 1 where no ending has come, else 0.
-    """
-
-    def __init__(self, scenario: Scenario, paths: Sequence[str], stiffest: Scenario, *, law: bool) -> None:
-        self._scenario, self._paths, self._law = scenario, paths, law
-        self._ratio = scenario.rates.control // scenario.rates.reference
-        self.base = tuple(number_at(scenario, path) for path in paths)
-        self.first: LoopState = first_loop_state(scenario)
-        around = first_surroundings(stiffest, self.first if stiffest is scenario else first_loop_state(stiffest))
-        self._plant = RigidBodyPlant(stiffest.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        self.largest_step = lanes_step(around, euler=scenario.integrator == "euler")
-        counts = [2 * count for _, count in draw_plan(scenario).components]
-        self.start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
-        found = structure_of(self.first.state), structure_of(self.first.clock)
-        self.check = trace(self._sound, self.base, 0.0, *found)
-
-    def period(self) -> Any:
-        """One control period as a loop, whose parameters are the numbers at the paths and the actions."""
-
-        def step(now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
-            numbers, command = values
-            varied = self._varied(numbers)
-            stages = Stages(varied, None if self._law else command)
-            row = self._row(stages.scenario, now.ticks)
-            following, _ = make_period(stages, RigidBodySteps(stages, self._plant.substeps))(now, row, drawn)
-            return following, ()
-
-        values = (self.base, structure_of(self.first.queue[0]))
-        return trace_loop(step, structure_of(self.first), values, (), draws_needed(self._scenario), loops=True)
-
-    def _varied(self, numbers: Sequence[Any]) -> Scenario:
-        return with_numbers(self._scenario, dict(zip(self._paths, numbers, strict=True)))
-
-    def _row(self, scenario: Scenario, ticks: Any) -> Row:
-        """A lane's own time and held reference; the loop has that of a task whose phases wait."""
-        rate = float(self._scenario.rates.control)
-        if scenario.reference.guards:
-            return Row(time=ticks / rate, reference=())
-        held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        return Row(time=ticks / rate, reference=scenario.reference.at(held / rate).dense())
-
-    def _starting(self, numbers: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
-        return first_loop_state(self._varied(numbers), draws)
-
-    def _sound(self, numbers: tuple[Any, ...], ticks: Any, state: State, clock: Any) -> Any:
-        """1 where no ending has come, else 0."""
-        stages = Stages(self._varied(numbers))
-        now = dataclasses.replace(self.first, ticks=ticks, state=state, clock=clock)
-        return stages.alive(now, stages.led(now, self._row(stages.scenario, ticks)).reference)
-
 
 Array = npt.NDArray[Any]
 
@@ -163,15 +91,15 @@ class BatchSession:
         if scenario.changes:
             raise ScenarioError("changes: must be left out for lanes that are stepped; set() gives them other numbers")
         lanes, threads = require_count("lanes", lanes), require_count("threads", threads)
-        paths, seed = require_paths(paths), noise_key("seed", seed)
+        paths, seed = require_paths(scenario, paths), noise_key("seed", seed)
         require_shapes(scenario)
-        require_apart(scenario, paths)
-        require_latencies(scenario, paths)
         self.scenario, self.paths, self._autoreset, self._seed = scenario, paths, autoreset, seed
         self._rules = LaneRules(scenario, paths)
-        self._programs = programs = LanePrograms(scenario, paths, stiffest or scenario, law=law)
-        self._first, self._base = programs.first, programs.base
-        kernel = Kernel(programs.period(), Lanes(host_width(single=single), single=single, contract=not bit_exact))
+        self._base = tuple(number_at(scenario, path) for path in paths)
+        self._loop = loop = LaneLoop(scenario, self._varied, self._base, stiffest or scenario)
+        self._first, self._law = loop.first, law
+        program = loop.program(self._period, loop.first, (self._base, structure_of(loop.first.queue[0])))
+        kernel = Kernel(program, Lanes(host_width(single=single), single=single, contract=not bit_exact))
         self._stepper = LaneStepper(kernel, lanes, seed=seed, threads=threads)
         self._parameters = self._stepper.parameters
         self._actions = self._parameters[len(self._base) :]
@@ -185,6 +113,16 @@ class BatchSession:
         self._next, self._over = 0, False
         self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
         self.reset()
+
+    def _varied(self, numbers: Sequence[Any]) -> Scenario:
+        return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
+
+    def _period(self, now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
+        numbers, command = values
+        stages = Stages(self._varied(numbers), None if self._law else command)
+        row = own_row(stages.scenario, now.ticks)
+        following, _ = make_period(stages, RigidBodySteps(stages, self._loop.substeps))(now, row, drawn)
+        return following, ()
 
     @property
     def lanes(self) -> int:
@@ -217,7 +155,7 @@ class BatchSession:
         numbers = now | {path: column[among] for path, column in columns.items()}
         require_within_queue(self.scenario, numbers)
         self._rules.require(numbers)
-        require_short_steps(self.scenario, numbers, self._programs.largest_step)
+        require_short_steps(self.scenario, numbers, self._loop.largest)
         for path, column in columns.items():
             with _beyond():
                 self._parameters[self.paths.index(path)][among] = column[among]
@@ -242,11 +180,9 @@ class BatchSession:
         self.episodes[lanes] = np.arange(self._next, self._next + len(lanes))
         self._next += len(lanes)
         self._stepper.begin(lanes, self.episodes[lanes])
-        columns = [*self._parameters[: len(self._base), lanes]]
-        for draws in start_draws(self.scenario, self._seed, self.episodes[lanes]):
-            columns += [*draws.T]
         with _beyond():
-            self._carry[:, lanes] = evaluate(self._programs.start, columns, len(lanes))
+            numbers = self._parameters[: len(self._base), lanes]
+            self._carry[:, lanes] = self._loop.start(numbers, self._seed, self.episodes[lanes])
         self.ended[lanes] = self.truncated[lanes] = False
         self._over = bool((self.ended | self.truncated).any())
         self._stepper.fill()
@@ -299,7 +235,9 @@ class BatchSession:
         if isinstance(actions, np.ndarray) and actions.dtype == held.dtype and actions.shape == held.shape:
             held[:] = actions
             return
-        given = lane_actions(actions, held.shape)
+        rows, lanes = held.shape
+        allowed = f"numbers of shape {(rows, lanes)} or {(rows, 1)}: rotor speeds, then joint setpoints"
+        given = checked_array("actions", actions, [(rows, lanes), (rows, 1)], allowed)
         with _beyond():
             held[:] = given
 
@@ -307,13 +245,12 @@ class BatchSession:
         """An ending that comes in the very last period counts as one, as in a single run."""
         last = np.flatnonzero(self.truncated & ~self.ended)
         if last.size:
-            # against the held reference of the last period, as a single run does
-            ticks = np.full(last.size, self.scenario.steps - 1.0)
-            left = leaves((self.state, self.now.clock))
-            columns = [*self._parameters[: len(self._base), last], ticks, *(leaf[last] for leaf in left)]
-            with np.errstate(all="ignore"):
-                sound = evaluate(self._programs.check, [column.astype(float) for column in columns], last.size)[0]
-            self.ended[last] = sound < 0.5
+            left: Any = rebuild(self._first, iter([leaf[last].astype(float) for leaf in self._carry]))
+            values = {path: self._parameters[i, last].astype(float) for i, path in enumerate(self.paths)}
+            status = lane_statuses(
+                self.scenario, values, left.state, left.clock, left.ticks, np.zeros(last.size, dtype=bool)
+            )
+            self.ended[last] = status != "completed"
         self.truncated &= ~self.ended
 
     def close(self) -> None:

@@ -424,12 +424,3 @@ class Engine:
             kept = replace(kept, memory=PushAlone.of(self.code.calls.memory))
         self._stepper.carry[:] = leaves(kept)
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
-
-    def continue_log(self, other: Engine) -> None:
-        """Go on where another engine of the same loop stands, with its log."""
-        parameters = self._stepper.parameters.copy()
-        scenario, inputs, rows = self.scenario, self._inputs, self._rows
-        self.restore(other.snapshot())
-        self.scenario, self._inputs, self._rows = scenario, inputs, rows
-        self._stepper.parameters[:] = parameters
-        self._stepper.read_tables(self._rows, self._log)

@@ -14,15 +14,12 @@ from skyarm.files import shown
 from skyarm.plant.largest_step import STATED, borne_step
 from skyarm.records.leaves import Place, field_names, part, replaced
 from skyarm.scenario.in_flight import require_changes
-from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same, with_numbers
+from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, LATER, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
 
 Array = npt.NDArray[Any]
-
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)
-"""Lanes of a vector that machine code is written for."""
 
 
 def require_count(field: str, value: Any, least: int = 1) -> int:
@@ -47,17 +44,6 @@ def require_rigid_body(scenario: Scenario) -> None:
         raise ScenarioError(f"plant.kind = {shown(scenario.kind)}: must be rigid_body for a batch")
 
 
-def require_width(width: Any) -> None:
-    """Lanes of a vector, or None for the processor's own.
-
-    Raises:
-        ScenarioError: no power of two.
-    """
-    if width is not None and whole(width) not in WIDTHS:
-        allowed = ", ".join(map(str, WIDTHS))
-        raise ScenarioError(f"width = {shown(width)}: must be one of {allowed}, or None for the processor's own")
-
-
 def require_kind(field: str, value: Any, kind: type) -> None:
     """A record of this kind, or None.
 
@@ -68,14 +54,20 @@ def require_kind(field: str, value: Any, kind: type) -> None:
         raise ScenarioError(f"{field} = {shown(value)}: must be {kind.__name__} or None")
 
 
-def require_paths(paths: Any) -> tuple[str, ...]:
-    """Names of numbers.
+def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
+    """Paths of numbers that compiled code reads, each a number of its own.
 
     Raises:
-        ScenarioError: one name alone, whose letters would be taken for names, or no names.
+        ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
+            the latency of a servo, as the code's queue has one length.
     """
     if isinstance(paths, str) or not isinstance(paths, Collection) or not all(isinstance(path, str) for path in paths):
         raise ScenarioError(f"paths = {shown(paths)}: must be a list of paths of numbers, as 'plant.gravity'")
+    require_apart(scenario, tuple(paths))
+    for path in paths:
+        if path.endswith(".latency") and isinstance(part(scenario, places_of(scenario, path)[0][:-1]), Servo):
+            words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
+            raise ScenarioError(f"path = {path!r}: {words}")
     return tuple(paths)
 
 
@@ -90,46 +82,61 @@ def require_values(values: Any) -> Mapping[str, Any]:
     return values
 
 
-def lane_mask(mask: Any, lanes: int) -> Array:
-    """(lanes,) True where something is to happen; None is everywhere.
+def checked_array(
+    field: str, given: Any, shapes: Collection[tuple[int, ...]], allowed: str, kinds: str = "fiu"
+) -> Array:
+    """An array of one of some shapes, whose numbers are of some kinds of NumPy's.
 
     Raises:
-        ScenarioError: other than one truth value a lane: indices are none.
+        ScenarioError: something else; ``allowed`` says in words what must be there.
     """
-    if mask is None:
-        return np.ones(lanes, dtype=bool)
-    found = _array("mask", mask)
-    if found.dtype.kind != "b" or found.shape != (lanes,):
-        raise ScenarioError(
-            f"mask: {found.dtype} of shape {found.shape}, must be True or False for each of {lanes} lanes"
-        )
+    try:
+        found = np.asarray(given)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
+    if found.dtype.kind not in kinds or found.shape not in shapes:
+        raise ScenarioError(f"{field}: {found.dtype} of shape {found.shape}, must be {allowed}")
     return found
 
 
-def lane_numbers(field: str, values: Any, lanes: int) -> Array:
-    """(lanes,) numbers of one path, of one number for all or of one a lane.
+def lane_mask(mask: Any, lanes: int) -> Array:
+    """(lanes,) True where something is to happen; None is everywhere. Indices are none."""
+    if mask is None:
+        return np.ones(lanes, dtype=bool)
+    return checked_array("mask", mask, [(lanes,)], f"True or False for each of {lanes} lanes", "b")
 
-    Raises:
-        ScenarioError: they are none, not a number, or not as many.
-    """
-    found = numbers_of(field, values)
-    if found.shape not in ((), (lanes,)):
-        raise ScenarioError(f"{field}: shape {found.shape}, must be one number, or one for each of {lanes} lanes")
+
+def lane_numbers(field: str, values: Any, lanes: int) -> Array:
+    """(lanes,) numbers of one path, of one number for all or of one a lane."""
+    allowed = f"one number, or one for each of {lanes} lanes"
+    found = checked_array(field, values, [(), (lanes,)], allowed).astype(float)
     if np.isnan(found).any():
         raise ScenarioError(f"{field}: nan is not a number")
     return np.broadcast_to(found, (lanes,))
 
 
-def numbers_of(field: str, values: Any) -> Array:
-    """Numbers of the lanes.
+def lane_columns(
+    scenario: Scenario, paths: Sequence[str], values: Mapping[str, Any], episodes: Array | None
+) -> tuple[list[Array], int]:
+    """Numbers of each path, and how many lanes fly.
 
     Raises:
-        ScenarioError: they are none.
+        ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
+            the longest.
     """
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ScenarioError(f"{field} = {shown(values)}: must be numbers, one a lane") from None
+    if set(require_values(values)) != set(paths):
+        odd = sorted(set(values) ^ set(paths))
+        raise ScenarioError(f"values: {odd[0]!r} must be there exactly if it is a path of the batch")
+    count = np.size(values[paths[0]]) if paths else 1
+    if episodes is not None:
+        count = len(episodes)
+    named = {
+        path: checked_array(f"values[{path!r}]", values[path], [(count,)], f"one number for each of {count} lanes")
+        for path in paths
+    }
+    columns = [column.astype(float) for column in named.values()]
+    require_within_queue(scenario, dict(zip(paths, columns, strict=True)))
+    return columns, count
 
 
 def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
@@ -157,26 +164,6 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
             raise ScenarioError(f"values[{LATE!r}]: with {path} must be at most delays.longest_command = {longest!r}")
 
 
-def lane_actions(actions: Any, shape: tuple[int, int]) -> Array:
-    """Rotor speeds and joint setpoints of every lane: of a shape, or one column for all of them.
-
-    Raises:
-        ScenarioError: another shape, which would fit by chance, or no numbers.
-    """
-    found = _array("actions", actions)
-    if found.shape not in (shape, (shape[0], 1)) or found.dtype.kind not in "fiu":
-        allowed = f"must be numbers of shape {shape} or {(shape[0], 1)}: rotor speeds, then joint setpoints"
-        raise ScenarioError(f"actions: {found.dtype} of shape {found.shape}, {allowed}")
-    return found
-
-
-def _array(field: str, given: Any) -> Array:
-    try:
-        return np.asarray(given)
-    except (TypeError, ValueError):
-        raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
-
-
 TRIED = 1e-3
 """A noise that no field refuses."""
 
@@ -197,20 +184,6 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
                 f"paths: {path}: is 0 in this scenario, and a batch draws no numbers for noise that is not there; give "
                 "it a small one there"
             )
-
-
-def require_latencies(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse to make the latency of a servo a number of compiled code: the code's queue has one length.
-
-    Raises:
-        ScenarioError: names the path.
-    """
-    for path in paths:
-        if path.endswith(".latency"):
-            place = places_of(scenario, path)[0]
-            if isinstance(part(scenario, place[:-1]), Servo):
-                words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
-                raise ScenarioError(f"path = {path!r}: {words}")
 
 
 class LaneRules:

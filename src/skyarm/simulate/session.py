@@ -18,7 +18,7 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, require_continuous, try_changes, try_coming
-from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensors.measurement import Measurement
@@ -26,7 +26,7 @@ from skyarm.simulate.assemble_log import Piece, describe, joined
 from skyarm.simulate.check_endings import RUNNING, Ended, going_on
 from skyarm.simulate.command_line import numbers_of_command
 from skyarm.simulate.engine import Engine, EpisodeCode
-from skyarm.simulate.lane_numbers import require_latencies, require_paths
+from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import is_other_reference
 
@@ -165,9 +165,7 @@ class Session:
     def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
         require_flight(scenario)
         require_changes(scenario)
-        self._paths = require_paths(paths)
-        require_apart(scenario, self._paths)
-        require_latencies(scenario, self._paths)
+        self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
@@ -366,7 +364,9 @@ class Session:
             # code that flies on after a change is made in a hurry: the vehicle is in the air
             quick = course.overrides is not NONE or self._waits or self._paths
             effort = 0 if quick else 2 if self._commands else None
-            options: Any = {"commands": self._commands, "effort": effort, "key": key}
+            # a hand that moves the reference does not wait for a table of it
+            own = scenario.path_time is None and any(path.startswith("reference.") for path in self._paths)
+            options: Any = {"commands": self._commands, "own_reference": own, "effort": effort, "key": key}
 
             def vary(values: Sequence[Any]) -> Scenario:
                 return with_numbers(shape, dict(zip(numbers, values, strict=True)))

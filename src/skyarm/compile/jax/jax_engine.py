@@ -135,7 +135,7 @@ class JaxKernel:
 
     def _fly(self, c: Any, p: Any, keys: Any, r: Any, words: Any, start: Any, *, every: int) -> Any:
         """All blocks, one after the other: carry (carry, block) and log (entries, logged, block) of each."""
-        
+
         def block(of: tuple[Any, Any, Any]) -> tuple[Any, Any]:
             return self._fly_block(*of, r, words, start, every)
 

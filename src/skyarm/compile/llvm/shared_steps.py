@@ -1,7 +1,7 @@
 """Steps of many lanes in slices of milliseconds, shared out to threads.
 
-Python looks at signals between slices, and machine code lets other threads run. Where several threads step, the caller
-only waits: what is raised at its place, as Ctrl-C raises it, never stands between a slice and the note that it was made.
+Python handles signals between slices, and machine code lets other threads run. Where several threads step, the caller
+only waits: what is raised there, as Ctrl-C raises it, never comes between a slice and the note that it was made.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile.llvm.thread_pool import ThreadPools

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
 from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
 from skyarm.files.toml import toml_text
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.session import Session
 from skyarm.view.studio.documents import Prepared, flown_document, prepare, read_document
 from skyarm.view.studio.knobs import Knob, knobs_of
@@ -251,7 +249,7 @@ class Flight(Watched):
     def __init__(self, law: str | None, scenario: Scenario, paths: Sequence[str]) -> None:
         self.law, self.first = law, scenario
         self.title = law or scenario.controller.name
-        self.session: LiveSession | Session = _session(scenario, paths)
+        self.session = _session(scenario, paths)
         self.moved: list[Moved] = []
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
@@ -338,12 +336,12 @@ class Flight(Watched):
             self.sights.append(sight(self.session))
 
 
-def _session(scenario: Scenario, paths: Sequence[str]) -> LiveSession | Session:
-    """Machine code in which every number may move, or the stages one by one."""
-    if scenario.kind == "rigid_body" and scenario.controller.compiled:
-        with contextlib.suppress(NoMachineCodeError):
-            return LiveSession(scenario, paths)
-    return Session(scenario, machine_code=False)
+def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
+    """A session in which every number may move; so may those that the scenario changes, where they are apart."""
+    scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
+    with contextlib.suppress(ScenarioError):
+        return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
+    return Session(scenario, paths)
 
 
 def saved_document(fleet: Fleet, flight: Flight, folder: Path) -> dict[str, Any]:

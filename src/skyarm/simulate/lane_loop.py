@@ -1,0 +1,117 @@
+"""The closed loop of a scenario whose numbers differ from lane to lane: first states, integration steps, statuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves, trace
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.dynamics import State
+from skyarm.plant.largest_step import lanes_step
+from skyarm.reference import Publisher
+from skyarm.scalars import floor
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.check_endings import statuses
+from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
+from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
+from skyarm.simulate.reference_clock import PathClock, Waits
+
+Array = npt.NDArray[Any]
+
+Vary = Callable[[Sequence[Any]], Scenario]
+"""From the numbers of a lane to its scenario."""
+
+
+class LaneLoop:
+    """The loop of a scenario in lanes.
+
+    Args:
+        scenario: with its own numbers. vary: the scenario of a lane. base: the numbers that it takes, as they are here.
+        stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps.
+
+    Attributes:
+        first: loop state before the first period, as an example. substeps: integration steps of an interval.
+        plant: of the stiffest scenario. largest: longest step that it allows, s.
+    """
+
+    def __init__(self, scenario: Scenario, vary: Vary, base: Sequence[float], stiffest: Scenario) -> None:
+        self.scenario, self.vary, self.base = scenario, vary, tuple(base)
+        self.first: LoopState = first_loop_state(scenario)
+        self.plant = rigid_body_plant(stiffest, self.first if stiffest is scenario else None)
+        self.substeps = Substeps(self.plant)
+        self.largest = lanes_step(self.plant.around, euler=stiffest.integrator == "euler")
+        counts = [2 * count for _, count in draw_plan(scenario).components]
+        self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
+
+    def _starting(self, numbers: Sequence[Any], *draws: tuple[Any, ...]) -> LoopState:
+        return first_loop_state(self.vary(numbers), draws)
+
+    def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
+        """(leaves, lanes) of the loop states before the first period.
+
+        Args:
+            numbers: (numbers, lanes).
+            seed: key of the noise.
+            episodes: (lanes,), the other key.
+        """
+        columns = [*numbers]
+        for draws in start_draws(self.scenario, seed, episodes):
+            columns += [*draws.T]
+        return evaluate(self._start, columns, len(episodes))
+
+    def program(self, step: Callable[..., Any], carry: Any, parameters: Any, fed: Any = ()) -> Loop:
+        """A step of the lanes' loop as a program for machine code; arguments are examples."""
+        draws = draws_needed(self.scenario)
+        return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
+
+
+def own_row(scenario: Scenario, ticks: Any) -> Row:
+    """Time and held reference of a lane's own control period; the loop has the reference of phases that wait."""
+    rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
+    if scenario.reference.guards:
+        return Row(time=ticks / rate, reference=())
+    held = floor((ticks + 0.5) / ratio) * ratio
+    reference = scenario.reference.at(held / rate)
+    if reference.load:  # the gripper's command is that of each control period
+        reference = replace(reference, load=scenario.reference.at(ticks / rate).load)
+    return Row(time=ticks / rate, reference=reference.dense())
+
+
+def lane_statuses(
+    scenario: Scenario, values: Mapping[str, Array], state: State, clock: Any, ticks: Array, ended: Array
+) -> Array:
+    """Status of each lane, from the loop that it was left in.
+
+    Args:
+        scenario: of the lanes.
+        values: path -> (lanes,) numbers that differ.
+        state: of the plant, its scalars (lanes,).
+        clock: of the reference, likewise.
+        ticks: control periods flown.
+        ended: True where the lane stopped before its time.
+    """
+    motion = {path: column for path, column in values.items() if path.startswith("reference.")}
+    publisher = Publisher(control_rate=scenario.rates.control, reference_rate=scenario.rates.reference)
+    with np.errstate(all="ignore"):
+        varied = with_numbers(scenario, motion)
+        if varied.reference.guards:
+            held = Waits(varied).held_reference(clock, ticks)
+        else:
+            held = varied.reference.at(publisher.held_time(np.minimum(ticks, scenario.steps - 1)))
+    goals = np.stack(columns_of(held.dense().position, len(ticks)), axis=1)
+    failed = np.asarray(clock.failed) > 0.5 if isinstance(clock, PathClock) else None
+    return statuses(scenario, values, state, goals, ended, failed)
+
+
+def columns_of(record: Any, count: int) -> list[Array]:
+    """Every scalar of a record as a column."""
+    return [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
