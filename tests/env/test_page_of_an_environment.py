@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import math
+from dataclasses import asdict
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -48,7 +49,7 @@ def test_every_step_and_every_beginning_is_shown_with_the_numbers_of_its_episode
     monkeypatch.setattr(rendering, "EpisodePage", Shown)
     env = made("skyarm/Recover-v0", port=8123)
     page: Any = env.page._page
-    assert (page.options, page.title) == ({**OPTIONS, **QUIET, "port": 8123}, "skyarm: recover")
+    assert (page.options, page.title) == ({**asdict(PageOptions()), **QUIET, "port": 8123}, "skyarm: recover")
     assert capsys.readouterr().err == "skyarm: http://here\n"
     env.reset(seed=3)
     ((word, scenario, ticks, x),) = page.told
@@ -135,7 +136,7 @@ def test_an_episode_is_shown_at_the_pace_of_the_clock_and_the_clock_waits_for_wh
         ({"prot": 1}, "render_options: 'prot': did you mean 'port'"),
         ({"port": -1}, "render_options.port = -1: must be at least 0"),
         ({"port": True}, "render_options.port = True: must be"),
-        ({"speed": 0}, "render_options.speed = 0: must be at least 0.001"),
+        ({"speed": 0}, "render_options.speed = 0.0: must be at least 0.001"),
         ({"speed": math.nan}, "render_options.speed = nan: must be a number"),
         ({"speed": 10**400}, "render_options.speed = 1"),
         ({"speed": "fast"}, "render_options.speed = 'fast': must be a number"),

@@ -30,10 +30,10 @@ def scenario() -> skyarm.Scenario:
     wind = skyarm.ForceWind(force_W=(0, 0, 0))
     joints = tuple(
         dataclasses.replace(joint, start=0.5, signal=dataclasses.replace(joint.signal, delay=0.5))
-        for joint in hover.trajectory.joints
+        for joint in hover.reference.joints
     )
     motion = skyarm.hover((0.0, 0.0, 1.0), joints=joints)
-    return dataclasses.replace(hover, wind=wind, trajectory=motion)
+    return dataclasses.replace(hover, wind=wind, reference=motion)
 
 
 def flown(session: skyarm.Session) -> np.ndarray:

@@ -249,7 +249,7 @@ class Flight(Watched):
     def __init__(self, law: str | None, scenario: Scenario, paths: Sequence[str]) -> None:
         self.law, self.first = law, scenario
         self.title = law or scenario.controller.name
-        self.session = _session(scenario, paths)
+        self.session: Session = _session(scenario, paths)
         self.moved: list[Moved] = []
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
