@@ -12,11 +12,11 @@ from typing import Any
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Quaternion, Vec3
 from skyarm.algebra.euler import euler_angles
-from skyarm.control.blocks.joint_friction import with_friction
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.laws.paper import (
     geometric_accelerations,
     joint_accelerations,
+    with_friction,
     with_weighted_rates,
 )
 from skyarm.control.model import Parameters

@@ -22,7 +22,7 @@ from skyarm.assess.flight_loads import flight_parts
 from skyarm.assess.joints import effort_limits
 from skyarm.assess.layout import rotor_layout, rotor_polygon
 from skyarm.assess.thrust import ENOUGH, drag_in_wind, locked_inertia, thrust_in_wind
-from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
+from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.vehicle import BodyDrag

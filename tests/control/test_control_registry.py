@@ -7,7 +7,6 @@ import pytest
 
 import skyarm
 from flown import ARM2, MODEL, G, cases, controller, step
-from skyarm.control.blocks.default_gains import default_gains, default_joint_gains
 from skyarm.control.catalogue import (
     ACCELERATION,
     HUMMINGBIRD,
@@ -18,7 +17,8 @@ from skyarm.control.catalogue import (
     make_controller,
     preset,
 )
-from skyarm.control.laws.paper import PAPER_LAWS
+from skyarm.control.law_maker import default_gains, default_joint_gains
+from skyarm.control.laws import paper
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import array_front as arrays
 
@@ -69,7 +69,7 @@ def test_every_preset_flies_its_law_with_the_published_gains():
     assert set(laws) | exact == set(PRESETS)
     for name, (law, joint_gains) in laws.items():
         found = preset(name, MODEL)
-        assert (found.name, found.law, found.par.gains) == (law, PAPER_LAWS[law], HUMMINGBIRD)
+        assert (found.name, found.law, found.par.gains) == (law, getattr(paper, law), HUMMINGBIRD)
         assert joint_gains is None or found.par.joint_gains == joint_gains
         assert found.par.rate_error == "rotors_sim"
         assert found.par.mixer.policy == "clip"
@@ -104,14 +104,14 @@ def test_default_torque_gains_are_the_acceleration_gains_times_each_joints_own_i
     vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
     M = arrays.mass_matrix(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], np.zeros(vehicle.n))
     own = np.diag(M)[6:]
-    torque = default_joint_gains("decoupled_pd", Model(vehicle=vehicle))
-    acceleration = default_joint_gains("hybrid_computed_torque", Model(vehicle=vehicle))
+    torque = default_joint_gains(Model(vehicle=vehicle), torque=True)
+    acceleration = default_joint_gains(Model(vehicle=vehicle))
     np.testing.assert_allclose(torque.stiffness, own * acceleration.stiffness)
     np.testing.assert_allclose(torque.damping, own * acceleration.damping)
 
 
 def test_default_joint_gains_are_damped_by_seven_tenths():
-    gains = default_joint_gains("hybrid_computed_torque", MODEL)
+    gains = default_joint_gains(MODEL)
     for kp, kd in zip(gains.stiffness, gains.damping, strict=True):
         assert kd / (2.0 * np.sqrt(kp)) == pytest.approx(0.7, abs=0.01)
 

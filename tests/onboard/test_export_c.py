@@ -24,12 +24,13 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
-from skyarm.control.laws.paper import PAPER_LAWS
 from skyarm.control.model import Model, Terms
 from skyarm.control.safety import with_safety_layer
 from skyarm.onboard.export_c import STRUCTS, Constants, export_c
 from skyarm.records.units import units
 from thorough import sampled
+
+PAPER_LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
 
 NATIVE = ("-march=native", "-ffp-contract=off")
 VEHICLES = ("hummingbird_arm2", "hexarotor_arm6")

@@ -19,7 +19,7 @@ from skyarm.assess.joints import arm_workspace, joint_torques, servo_stiffness
 from skyarm.assess.layout import center_of_mass_shift, mass_and_inertia, rotor_layout
 from skyarm.assess.push_limits import push_limits
 from skyarm.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
-from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
+from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
 from skyarm.files import number
 from skyarm.scenario.scenario_record import Scenario

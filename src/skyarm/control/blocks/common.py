@@ -2,46 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import divide
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
-
-P = TypeVar("P", bound=Parameters)
-
-
-def make_parameters(
-    kind: type[P],
-    model: Model,
-    *,
-    gains: GeometricGains | None,
-    joint_gains: JointGains | None,
-    mixer_policy: str,
-    **own: Any,
-) -> P:
-    """Constants of a law: the Hummingbird's gains scaled to the model where none are given.
-
-    Raises:
-        ControllerError: gains of another kind, or joint gains that do not fit the joints.
-    """
-    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
-    return kind(
-        model=model,
-        gains=base,
-        joint_gains=joints,
-        mixer=fitting_mixer(model, mixer_policy),
-        rate_error="corrected",
-        **own,
-    )
 
 
 def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:

@@ -22,6 +22,7 @@ from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
 from skyarm.control.blocks.select import choose, choose_each, data, vector_data
 from skyarm.control.model import Model
+from skyarm.records import coerce
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, mul, where
 from skyarm.sensors.measurement import Measurement
@@ -230,7 +231,18 @@ class Observed:
 class ObserverGains:
     """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose."""
 
-    force: Annotated[Scalar, Unit("rad/s", "bandwidth of the force's disturbance")]
-    torque: Annotated[Scalar, Unit("rad/s", "of the torque's")]
-    joints: Annotated[Scalar, Unit("rad/s", "of the joints'")]
+    force: Annotated[Scalar, Unit("rad/s", "bandwidth of the force's disturbance", low=0.0, strict=True)]
+    torque: Annotated[Scalar, Unit("rad/s", "of the torque's", low=0.0, strict=True)]
+    joints: Annotated[Scalar, Unit("rad/s", "of the joints'", low=0.0, strict=True)]
     pose: Annotated[Scalar, Unit("rad/s", "of the filter of position, attitude and joints")]
+
+
+UNFILTERED = 1e6
+"""rad/s: the observer takes the pose as measured."""
+
+
+def observer_gains(_model: Model, bandwidths: Any) -> ObserverGains:
+    """Gains from bandwidths of force, torque and joint torques, rad/s, without a filter of the pose."""
+    rows = coerce.items("controller.observer", bandwidths, (3,), "must be three numbers")
+    force, torque, joints = (coerce.number(f"controller.observer[{i}]", each) for i, each in enumerate(rows))
+    return ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)

@@ -24,9 +24,16 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.control.blocks.attitude import attitude, reachable
 from skyarm.control.blocks.center_of_mass import arm_reaction
-from skyarm.control.blocks.common import make_parameters, turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
+from skyarm.control.blocks.disturbance_observer import (
+    Observed,
+    ObserverGains,
+    disturbance,
+    first_observed,
+    observe,
+    observer_gains,
+)
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.motor_lag import command_for
@@ -34,11 +41,9 @@ from skyarm.control.blocks.prediction import with_side
 from skyarm.control.blocks.saturation import joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.underactuated import forces_under_thrust
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.options import positive, three, whole
-from skyarm.files import shown
+from skyarm.control.model import Parameters
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, minimum, where
@@ -68,11 +73,11 @@ class StepParameters(Parameters):
         delay_periods: age of the measurement in control periods, for the observer's inputs.
     """
 
-    steps: int
     observer: ObserverGains
-    reference_period: Annotated[Scalar, Unit("s", "between published reference samples")]
-    lag_share: Annotated[Scalar, Unit("", "1: rotor commands undo the motors' lag, 0: they do not")]
-    delay_periods: int = 0
+    steps: Annotated[int, Unit("", low=1, high=6)] = LAG_INVERSION
+    reference_period: Annotated[float, Unit("s", "between published reference samples", low=0.0, strict=True)] = 0.02
+    lag_share: Annotated[float, Unit("", "1: rotor commands undo the motors' lag, 0: they do not", low=0.0)] = 1.0
+    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -258,57 +263,10 @@ def _forces(
     return needed.torque - unknown.torque, thrust, found
 
 
-UNFILTERED = 1e6
-"""rad/s: the observer takes the pose as measured."""
-
-
-def make_stepped(
-    model: Model,
-    *,
-    steps: int = LAG_INVERSION,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
-    reference_period: float = 0.02,
-    lag_share: float = 1.0,
-    delay_periods: int = 0,
-) -> Controller:
-    """The law for any vehicle.
-
-    Args:
-        model: what it believes.
-        steps: how many of the six are taken.
-        gains: of the base, as the paper's.
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        observer: bandwidths of force, torque and joint torques, rad/s.
-        reference_period: between published samples, s.
-        lag_share: of the motors' lag that rotor commands undo, 0 to 1.
-        delay_periods: known age of the measurement in control periods.
-    """
-    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= LAG_INVERSION:
-        raise ControllerError(f"controller.steps = {shown(steps)}: must be a whole number from 1 to {LAG_INVERSION}")
-    force, torque, joints = three("observer", observer)
-    par = make_parameters(
-        StepParameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains,
-        mixer_policy=mixer_policy,
-        steps=steps,
-        observer=ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
-        reference_period=positive("reference_period", reference_period),
-        lag_share=positive("lag_share", lag_share, zero=True),
-        delay_periods=whole("delay_periods", delay_periods),
-    )
-    return Controller(name="ct_ladder", law=stepped_computed_torque, par=par, memory=_first(model, par))
-
-
-def _first(model: Model, par: StepParameters) -> StepMemory:
+def first_memory(par: StepParameters) -> StepMemory:
     """Memory before the first measurement: a level hover with the joints at zero."""
-    vehicle, steps = model.vehicle, par.steps
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    vehicle, steps = par.model.vehicle, par.steps
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, par.model.gravity)
     speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
     return StepMemory(
@@ -319,3 +277,13 @@ def _first(model: Model, par: StepParameters) -> StepMemory:
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n) if steps >= EXTRAPOLATION else (),
     )
+
+
+make_stepped = law_maker(
+    "ct_ladder",
+    stepped_computed_torque,
+    StepParameters,
+    readers={"observer": ((25.0, 30.0, 40.0), observer_gains)},
+    memory=first_memory,
+)
+"""Maker for any vehicle; the observer is given by the bandwidths of force, torque and joint torques, rad/s."""

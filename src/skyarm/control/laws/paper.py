@@ -8,20 +8,18 @@ Source: Barakou et al. 2026.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
+from skyarm.actuation.drive import friction
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.control.blocks.common import turn_towards
-from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
-from skyarm.control.blocks.geometric import RATE_ERRORS, body_thrust, downward_acceleration
-from skyarm.control.blocks.joint_friction import shares, with_friction
+from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.controller import Controller, ControllerError, Law
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters, Terms
-from skyarm.files import shown
+from skyarm.control.law_maker import law_maker
+from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import add, mul
 from skyarm.sensors.measurement import Measurement
@@ -130,6 +128,29 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
     return tuple(add(a, b) for a, b in zip(pd, reference.joint_accelerations, strict=True))
 
 
+def with_friction(
+    par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Joint torques with a share of the model's friction compensated.
+
+    Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
+    behind the inertia matrix: a joint's own friction moves nothing else.
+    """
+    if not par.friction_compensation:
+        return tuple(efforts)
+    rows = zip(
+        efforts,
+        par.friction_compensation,
+        par.model.vehicle.links,
+        measurement.joint_rates,
+        reference.joint_rates,
+        strict=True,
+    )
+    return tuple(
+        add(effort, mul(share, friction(link.joint, rate, desired))) for effort, share, link, rate, desired in rows
+    )
+
+
 def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
     """The reference with its joint rates as much as the law lets them count: set-point weights of the derivative."""
     if not par.rate_weights:
@@ -169,91 +190,15 @@ def _base_speeds(
     return speeds
 
 
-PAPER_LAWS: Mapping[str, Law] = {
-    "rotors_sim_position": rotors_sim_position,
-    "decoupled_pd": decoupled_pd,
-    "hybrid_computed_torque": hybrid_computed_torque,
-}
+make_rotors_sim_position = law_maker("rotors_sim_position", rotors_sim_position, shared=("rate_error",))
+"""Maker of RotorS's position controller."""
 
+OF_JOINTS = ("friction_compensation", "rate_weights")
 
-def make_rotors_sim_position(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    rate_error: str = "rotors_sim",
-) -> Controller:
-    """RotorS's position controller; the arguments are those of :func:`make_hybrid_computed_torque`."""
-    return _controller("rotors_sim_position", model, gains, joint_gains, mixer_policy, rate_error)
+make_decoupled_pd = law_maker("decoupled_pd", decoupled_pd, shared=("rate_error", *OF_JOINTS), torque_gains=True)
+"""Maker of the paper's baseline."""
 
-
-def make_decoupled_pd(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    rate_error: str = "rotors_sim",
-    friction_compensation: Sequence[float] | None = None,
-    rate_weights: Sequence[float] | None = None,
-) -> Controller:
-    """The paper's baseline; the arguments are those of :func:`make_hybrid_computed_torque`, joint gains on torque."""
-    of_joints = _of_joints(model, friction_compensation, rate_weights)
-    return _controller("decoupled_pd", model, gains, joint_gains, mixer_policy, rate_error, **of_joints)
-
-
-def make_hybrid_computed_torque(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    rate_error: str = "rotors_sim",
-    terms: Terms | None = None,
-    friction_compensation: Sequence[float] | None = None,
-    rate_weights: Sequence[float] | None = None,
-) -> Controller:
-    """The paper's law.
-
-    Args:
-        model: of the controller.
-        gains: of the base; RotorS's Hummingbird's scaled to the model if left out.
-        joint_gains: of the joints; :func:`default_joint_gains` if left out.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        rate_error: see :func:`skyarm.control.blocks.geometric.rate_error`.
-        terms: ablation of the computed torque; without ``full_gravity`` it is the paper's text to the letter.
-        friction_compensation: for each joint, the share of its model's friction that its torque compensates, behind
-            the inertia matrix; none if left out.
-        rate_weights: for each joint, weight of its desired rate in the difference of rates; 1 if left out.
-
-    Raises:
-        ControllerError: unknown rate error, or gains or shares that do not fit the joints.
-        AllocationError: the model's rotors do not span torque and thrust.
-    """
-    if terms is not None and not isinstance(terms, Terms):
-        raise ControllerError(f"controller.terms = {shown(terms)}: must be Terms")
-    name, of_joints = "hybrid_computed_torque", _of_joints(model, friction_compensation, rate_weights)
-    return _controller(name, model, gains, joint_gains, mixer_policy, rate_error, terms=terms or Terms(), **of_joints)
-
-
-def _of_joints(model: Model, friction: Sequence[float] | None, weights: Sequence[float] | None) -> dict[str, Any]:
-    given = {"friction_compensation": friction, "rate_weights": weights}
-    return {option: shares(option, value, model.vehicle.n) for option, value in given.items()}
-
-
-def _controller(
-    name: str,
-    model: Model,
-    gains: GeometricGains | None,
-    joint_gains: JointGains | None,
-    mixer_policy: str,
-    rate_error: str,
-    **more: Any,
-) -> Controller:
-    if rate_error not in RATE_ERRORS:
-        raise ControllerError(f"controller.rate_error = {shown(rate_error)}: must be one of {', '.join(RATE_ERRORS)}")
-    gains, joint_gains = fitting_gains(name, model, gains, joint_gains)
-    mixer = fitting_mixer(model, mixer_policy)
-    par = Parameters(model=model, gains=gains, joint_gains=joint_gains, mixer=mixer, rate_error=rate_error, **more)
-    return Controller(name=name, law=PAPER_LAWS[name], par=par)
+make_hybrid_computed_torque = law_maker(
+    "hybrid_computed_torque", hybrid_computed_torque, shared=("rate_error", "terms", *OF_JOINTS)
+)
+"""Maker of the paper's law."""

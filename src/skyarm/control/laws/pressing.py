@@ -37,11 +37,18 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
-from skyarm.control.blocks.common import make_parameters, no_command, turn_towards, wanted_specific_force
-from skyarm.control.blocks.default_gains import default_joint_gains
-from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
+from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.disturbance_observer import (
+    Observed,
+    ObserverGains,
+    disturbance,
+    first_observed,
+    observe,
+    observer_gains,
+)
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.controller import ControllerError
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
@@ -53,18 +60,15 @@ from skyarm.control.laws.centroidal.interaction import (
 )
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.options import three, two
+from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
+from skyarm.records import coerce
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
-
-UNFILTERED = 1e6
-"""rad/s: the observer takes the pose as measured."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -149,43 +153,35 @@ def moved(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Referen
     )
 
 
-def pressing_controller(name: str, law: Law, model: Model, observer: Any, thresholds: Any, **gains: Any) -> Controller:
-    """A law with the paper's constants, those of the observer, and those of touch and loss.
-
-    Args:
-        name: of the law.
-        law: itself.
-        model: what it believes.
-        observer: bandwidths of force, torque and joint torques, rad/s.
-        thresholds: N along the normal, above which the tip touches and below which it is lost.
-        **gains: those of :func:`skyarm.control.blocks.common.make_parameters`.
+def thresholds(model: Model, forces: Any) -> InteractionGains:
+    """Constants of touch and loss from two forces along the normal, N: the tip touches above, and is lost below.
 
     Raises:
-        ControllerError: bandwidths or thresholds that are none, or a vehicle whose joints move no tip.
+        ControllerError: forces that are none, or a vehicle whose joints move no tip.
     """
     vehicle = model.vehicle
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
-    force, torque, joints = three("observer", observer)
-    interaction = interaction_gains(two("interaction", thresholds, zero=True), "tip", vehicle)
-    if interaction is None:
-        raise ControllerError(f"controller.interaction = {shown(thresholds)}: must be two forces above 0")
-    heard = ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)
-    par = make_parameters(PressingParameters, model, observer=heard, interaction=interaction, **gains)
-    return Controller(name=name, law=law, par=par, memory=first_pressing(model))
+    rows = coerce.items("controller.interaction", forces, (2,), "must be 2 numbers")
+    touch, lost = (coerce.number(f"controller.interaction[{i}]", each) for i, each in enumerate(rows))
+    found = interaction_gains((touch, lost), "tip", vehicle)
+    if found is None:
+        raise ControllerError(f"controller.interaction = {shown(forces)}: must be two forces above 0")
+    return found
 
 
-def first_pressing(model: Model) -> PressingMemory:
+def first_memory(par: PressingParameters) -> PressingMemory:
     """Nothing was sent and nothing is known."""
-    vehicle = model.vehicle
-    still = (0.0,) * len(vehicle.rotors)
+    vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,
-        observed=first_observed(vehicle.n, still),
+        observed=first_observed(vehicle.n, (0.0,) * len(vehicle.rotors)),
         sent=no_command(vehicle),
         interaction=first_interaction(vehicle.n),
     )
 
+
+READERS = {"observer": ((25.0, 30.0, 40.0), observer_gains), "interaction": ((0.3, 0.1), thresholds)}
 
 VAGUE = 0.01
 """m/rad: joints that move the tip along the normal by less are left as they are."""
@@ -238,28 +234,8 @@ def freed(touch: Touch, wanted: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(sub(acceleration, mul(each, step)) for each, acceleration in zip(row, wanted, strict=True))
 
 
-def make_hybrid_ct(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
-    interaction: tuple[float, float] = (0.3, 0.1),
-) -> Controller:
-    """The law for any vehicle whose joints move a tip.
-
-    Args:
-        model: what it believes.
-        gains: of the base, as the paper's.
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        observer: bandwidths of force, torque and joint torques, rad/s.
-        interaction: N along the normal, above which the tip touches and below which it is lost.
-    """
-    given = {"gains": gains, "joint_gains": joint_gains, "mixer_policy": mixer_policy}
-    return pressing_controller("hybrid_ct", hybrid_ct, model, observer, interaction, **given)
-
+make_hybrid_ct = law_maker("hybrid_ct", hybrid_ct, PressingParameters, readers=READERS, memory=first_memory)
+"""Maker for any vehicle whose joints move a tip."""
 
 RATE = 4.0
 """1/s, D / M: the virtual mass takes the speed of coming in a quarter of a second."""
@@ -304,28 +280,7 @@ def yielded(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: A
     return place, velocity, divide(velocity - rate, dt)
 
 
-def make_admittance_pd(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
-    interaction: tuple[float, float] = (0.3, 0.1),
-) -> Controller:
-    """The law for any vehicle whose joints move a tip.
-
-    Args:
-        model: what it believes.
-        gains: of the base, as the paper's.
-        joint_gains: on torque, as the paper's baseline has them.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        observer: bandwidths of force, torque and joint torques, rad/s.
-        interaction: N along the normal, above which the tip touches and below which it is lost.
-    """
-    given = {
-        "gains": gains,
-        "joint_gains": joint_gains or default_joint_gains("decoupled_pd", model),
-        "mixer_policy": mixer_policy,
-    }
-    return pressing_controller("admittance_pd", admittance_pd, model, observer, interaction, **given)
+make_admittance_pd = law_maker(
+    "admittance_pd", admittance_pd, PressingParameters, readers=READERS, memory=first_memory, torque_gains=True
+)
+"""Maker for any vehicle whose joints move a tip."""

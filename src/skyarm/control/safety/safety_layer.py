@@ -11,10 +11,10 @@ from typing import Annotated, Any
 from skyarm.actuation import Command, Mixer
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.control.blocks.default_gains import default_gains, default_joint_gains
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
+from skyarm.control.law_maker import default_gains, default_joint_gains
 from skyarm.control.model import Model
 from skyarm.control.safety.command_limits import (
     apply_joint_barrier,
@@ -292,7 +292,7 @@ def with_safety_layer(
     links = model.vehicle.links
     recovery = Recovery(
         gains=default_gains(model),
-        joint_gains=default_joint_gains("decoupled_pd", model),
+        joint_gains=default_joint_gains(model, torque=True),
         stow=tuple(stowed(link.joint) for link in links) if stow is None else pose_of(stow, links),
         stow_speed=tuple(STOW_SPEEDS[link.joint.kind] for link in links),
     )

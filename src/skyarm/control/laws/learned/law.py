@@ -23,20 +23,17 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import Motion, Vec3
 from skyarm.control.blocks.common import make_command, no_command, turn_towards, wanted_specific_force
-from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import ControllerError
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
 from skyarm.control.laws.learned.network import Network, shipped_network, unlike
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import Model, Parameters
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, exp, mul, sub
 from skyarm.sensors.measurement import Measurement
-
-FASTEST = 1e4
-"""rad/s: beyond it an answer is followed at once whatever the control period."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +41,7 @@ class LearnedParameters(Parameters):
     """Constants of the law: those of the paper's law, the network, and the bandwidth of its filtered output (rad/s)."""
 
     network: Network
-    answer: Annotated[Scalar, Unit("rad/s", "how fast the network's answer is followed")]
+    answer: Annotated[float, Unit("rad/s", "bandwidth of the filtered answer", low=0.0, high=1e4, strict=True)] = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,58 +54,6 @@ class LearnedMemory:
     history: History
     sent: Command
     answer: Annotated[tuple[Scalar, ...], Unit("", "N and N m at the base, base axes, then joint torques; filtered")]
-
-
-def make_learned_controller(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    answer: float = 10.0,
-    network: Network | None = None,
-) -> Controller:
-    """The paper's law with a learned compensator.
-
-    Args:
-        model: what it believes.
-        gains: of the base, as the paper's law takes them.
-        joint_gains: of the joints, likewise.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        answer: how fast the network's answer is followed, rad/s.
-        network: the shipped one if left out, for a vehicle like that of its training.
-
-    Raises:
-        ControllerError: the network is not one of a vehicle with these joints, or the shipped one is not of this
-            vehicle.
-    """
-    if not isinstance(answer, (int, float)) or isinstance(answer, bool) or not 0.0 < answer <= FASTEST:
-        raise ControllerError(
-            f"controller.answer = {shown(answer)}: must be a number of rad/s above 0, at most {FASTEST:g}"
-        )
-    if network is not None and not isinstance(network, Network):
-        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
-    n = model.vehicle.n
-    shipped, training = shipped_network() if network is None else (network, {})
-    found = network or shipped
-    if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
-        raise ControllerError(
-            f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
-            f"{len(feature_names(n))}; train one with examples/learned_compensator/train.py"
-        )
-    other = unlike(model.vehicle, training)
-    if other:
-        raise ControllerError(
-            f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
-            "train one with examples/learned_compensator/train.py, or give this one as network="
-        )
-    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
-    mixer = fitting_mixer(model, mixer_policy)
-    par = LearnedParameters(
-        model=model, gains=base, joint_gains=joints, mixer=mixer, network=found, answer=float(answer)
-    )
-    memory = LearnedMemory(history=no_history(n), sent=no_command(model.vehicle), answer=(0.0,) * (6 + n))
-    return Controller(name="learned_compensator", law=learned_compensator, par=par, memory=memory)
 
 
 def learned_compensator(
@@ -143,3 +88,44 @@ def compensated(
     )
     efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
     return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]
+
+
+def network_for(model: Model, network: Any) -> Network:
+    """A network for a model, by default the shipped one, for a vehicle like that of its training.
+
+    Raises:
+        ControllerError: it is not one of a vehicle with these joints, or the shipped one is not of this vehicle.
+    """
+    if not isinstance(network, (Network, tuple)):
+        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
+    n = model.vehicle.n
+    found, training = (network, {}) if isinstance(network, Network) else shipped_network()
+    train = "train one with examples/learned_compensator/train.py"
+    if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
+        raise ControllerError(
+            f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
+            f"{len(feature_names(n))}; {train}"
+        )
+    if other := unlike(model.vehicle, training):
+        raise ControllerError(
+            f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
+            f"{train}, or give this one as network="
+        )
+    return found
+
+
+def first_memory(par: LearnedParameters) -> LearnedMemory:
+    """No history and no answer."""
+    n = par.model.vehicle.n
+    return LearnedMemory(history=no_history(n), sent=no_command(par.model.vehicle), answer=(0.0,) * (6 + n))
+
+
+make_learned_controller = law_maker(
+    "learned_compensator",
+    learned_compensator,
+    LearnedParameters,
+    readers={"network": ((), network_for)},
+    memory=first_memory,
+    rate_error="rotors_sim",
+)
+"""Maker for a vehicle of the network's training; () is the shipped network."""

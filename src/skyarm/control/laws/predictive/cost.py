@@ -19,7 +19,7 @@ Source: Featherstone 2008, section 11.1 (single point contact); Baumgarte 1972 (
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
@@ -28,6 +28,7 @@ from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, carried
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -136,17 +137,17 @@ class Weights:
         force: 1/N, of the surface's force while the tip presses.
     """
 
-    position: Scalar
-    velocity: Scalar
-    heading: Scalar
-    rate: Scalar
-    joints: Scalar
-    joint_rates: Scalar
-    joint_accelerations: Scalar
-    tool: Scalar
-    rotor_accelerations: Scalar
-    final: Scalar
-    force: Scalar = 2.5
+    position: Annotated[Scalar, Unit("1/m", low=0.0)]
+    velocity: Annotated[Scalar, Unit("s/m", low=0.0)]
+    heading: Annotated[Scalar, Unit("1/rad", low=0.0)]
+    rate: Annotated[Scalar, Unit("s/rad", low=0.0)]
+    joints: Annotated[Scalar, Unit("1/rad or 1/m", low=0.0)]
+    joint_rates: Annotated[Scalar, Unit("s/rad or s/m", low=0.0)]
+    joint_accelerations: Annotated[Scalar, Unit("s^2/rad or s^2/m", low=0.0)]
+    tool: Annotated[Scalar, Unit("1/m", low=0.0)]
+    rotor_accelerations: Annotated[Scalar, Unit("s^2/rad", low=0.0)]
+    final: Annotated[Scalar, Unit("s", low=0.0)]
+    force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
 
 
 def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Any, ...]:

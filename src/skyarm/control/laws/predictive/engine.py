@@ -62,10 +62,10 @@ class PredictiveParameters:
     weights: Weights
     bandwidths: Bandwidths
     mode: str
-    stages: int
-    horizon: Annotated[float, Unit("s")]
-    every: int
-    delay_periods: int
+    stages: Annotated[int, Unit("", low=2, high=200)]
+    horizon: Annotated[float, Unit("s", low=0.05, high=5.0)]
+    every: Annotated[int, Unit("control periods", "from one solution to the next", low=1, high=200)]
+    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
     preview: str | Trajectory
     interaction: InteractionGains | None = None
 

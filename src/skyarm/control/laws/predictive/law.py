@@ -24,7 +24,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -54,9 +53,8 @@ from skyarm.control.laws.predictive.preview import Sample, extrapolated, goals, 
 from skyarm.control.laws.predictive.riccati import NoPlanError, Plan, Problem, shifted
 from skyarm.control.laws.predictive.tip_contact import Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
-from skyarm.control.options import positive, two
 from skyarm.files import shown
-from skyarm.records.leaves import parts
+from skyarm.records import coerce
 from skyarm.reference import Reference, Trajectory
 from skyarm.sensors.measurement import Measurement
 
@@ -243,8 +241,6 @@ def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Com
     return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))
 
 
-MOST_STAGES = 200
-
 THRESHOLDS = (0.3, 0.1)
 """N along the normal, above which a tip touches and below which it is lost, where nobody says others."""
 
@@ -272,25 +268,15 @@ def make_predictive_controller(
     """
     if mode not in MODES:
         raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
-    for name, count, least, most in (
-        ("stages", stages, 2, MOST_STAGES),
-        ("every", every, 1, MOST_STAGES),
-        ("delay_periods", delay_periods, 0, 100),
-    ):
-        if not isinstance(count, int) or isinstance(count, bool) or not least <= count <= most:
-            raise ControllerError(f"controller.{name} = {shown(count)}: must be a whole number from {least} to {most}")
-    if every >= stages:
+    if isinstance(every, int) and isinstance(stages, int) and every >= stages:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
     if not isinstance(preview, Trajectory) and preview != "samples":
         raise ControllerError(f"controller.preview = {shown(preview)}: must be 'samples' or a Trajectory")
-    if not isinstance(horizon, (int, float)) or isinstance(horizon, bool) or not 0.05 <= horizon <= 5.0:
-        raise ControllerError(f"controller.horizon = {shown(horizon)}: must be a number of s from 0.05 to 5")
-    _require_numbers("weights", weights, Weights, zero=True)
-    _require_numbers("bandwidths", bandwidths, Bandwidths)
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
         interaction = THRESHOLDS if leads else (0.0, 0.0)
-    thresholds = two("interaction", interaction, zero=True)
+    rows = coerce.items("controller.interaction", interaction, (2,), "must be 2 numbers")
+    touch, lost = (coerce.number(f"controller.interaction[{i}]", each) for i, each in enumerate(rows))
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
@@ -298,23 +284,15 @@ def make_predictive_controller(
         bandwidths=bandwidths,
         mode=mode,
         stages=stages,
-        horizon=float(horizon),
+        horizon=horizon,
         every=every,
         delay_periods=delay_periods,
         preview=preview,
-        interaction=interaction_gains(thresholds, "tool" if leads else "joints", model.vehicle, leading="tool"),
+        interaction=interaction_gains((touch, lost), "tool" if leads else "joints", model.vehicle, leading="tool"),
     )
     tip = mode == "tool"
     memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
     return Controller(name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip)
-
-
-def _require_numbers(name: str, record: Any, kind: type, *, zero: bool = False) -> None:
-    """A record of the kind whose numbers are above zero (or at least zero)."""
-    if not isinstance(record, kind):
-        raise ControllerError(f"controller.{name} = {shown(record)}: must be {kind.__name__}")
-    for field, value in parts(record).items():
-        positive(f"{name}.{field}", value, zero=zero)
 
 
 LONGEST_ERROR = 0.15

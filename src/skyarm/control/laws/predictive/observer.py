@@ -46,9 +46,9 @@ class Estimate:
 class Bandwidths:
     """How fast the observer follows, rad/s: linear, angular and joint motion."""
 
-    linear: Annotated[Scalar, Unit("rad/s")]
-    angular: Annotated[Scalar, Unit("rad/s")]
-    joints: Annotated[Scalar, Unit("rad/s")]
+    linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
+    angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
+    joints: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
 
 
 def predict(model: Model, estimate: Estimate, command: Command, dt: Any) -> State:

@@ -22,11 +22,11 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Motion, Vec3
 from skyarm.algebra.euler import euler_angles
-from skyarm.control.blocks.common import make_command, make_parameters, wanted_specific_force
+from skyarm.control.blocks.common import make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
-from skyarm.control.controller import Controller
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import Parameters
 from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix
 from skyarm.dynamics.euler_lagrange.transforms import (
     euler_rates,
@@ -94,26 +94,10 @@ def _margin(quaternion: Any) -> Any:
     return cosine * cosine - SINGULAR
 
 
-def make_bulut(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-) -> Controller:
-    """The law for any arm.
-
-    Args:
-        model: what it believes.
-        gains: position and velocity (N/m, N s/m), attitude and rate of the Euler angles (N m/rad, N m s/rad).
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-    """
-    par = make_parameters(Parameters, model, gains=gains, joint_gains=joint_gains, mixer_policy=mixer_policy)
-    return Controller(
-        name="bulut2019",
-        law=bulut_computed_torque,
-        par=par,
-        margin=_margin,
-        limit="pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)",
-    )
+make_bulut = law_maker(
+    "bulut2019",
+    bulut_computed_torque,
+    margin=_margin,
+    limit="pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)",
+)
+"""Maker for any arm; gains of the attitude on the Euler angles, joint gains on acceleration."""

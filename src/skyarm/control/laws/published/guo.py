@@ -21,10 +21,10 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
-from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, make_parameters, turn_towards
-from skyarm.control.controller import Controller
+from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import Parameters
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -70,20 +70,5 @@ def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Any) -> Vec3:
     return torque
 
 
-def make_guo(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-) -> Controller:
-    """The law for any arm.
-
-    Args:
-        model: what it believes.
-        gains: of the centre of mass (N/m, N s/m) and the attitude (N m/rad, N m s/rad, on the base's own inertia).
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-    """
-    par = make_parameters(Parameters, model, gains=gains, joint_gains=joint_gains, mixer_policy=mixer_policy)
-    return Controller(name="guo2023", law=guo_center_of_inertia, par=par)
+make_guo = law_maker("guo2023", guo_center_of_inertia)
+"""Maker for any arm; gains of the centre of mass, of the attitude on the base's own inertia."""

@@ -28,17 +28,16 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.common import (
     arm_alone,
     make_command,
-    make_parameters,
+    no_command,
     rotor_thrust,
     turn_towards,
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
 from skyarm.control.blocks.underactuated import forces_under_thrust
-from skyarm.control.controller import Controller
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.options import flag, positive, whole
+from skyarm.control.model import Parameters
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, divide, minimum, where
@@ -58,9 +57,9 @@ class IndiParameters(Parameters):
             modelled rotor speeds follow from.
     """
 
-    cutoff: Annotated[Scalar, Unit("Hz", "of every filter")]
+    cutoff: Annotated[float, Unit("Hz", "of every filter", low=0.0, strict=True)] = 15.0
     measured_speeds: bool = True
-    delay_periods: int = 0
+    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -178,44 +177,18 @@ def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
     return Taps(first=where(first, new.first, old.first), second=where(first, new.second, old.second))
 
 
-def make_indi(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    cutoff: float = 15.0,
-    measured_speeds: bool = True,
-    delay_periods: int = 0,
-) -> Controller:
-    """The law for any arm.
-
-    Args:
-        model: what it believes.
-        gains: of the geometric controller that wants accelerations.
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        cutoff: Hz.
-        measured_speeds: False models the rotor speeds.
-        delay_periods: known age of the measurement.
-    """
-    par = make_parameters(
-        IndiParameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains,
-        mixer_policy=mixer_policy,
-        cutoff=positive("cutoff", cutoff),
-        measured_speeds=flag("measured_speeds", measured_speeds),
-        delay_periods=whole("delay_periods", delay_periods),
-    )
-    n, still = model.vehicle.n, Vec3(0.0, 0.0, 0.0)
-    memory = IndiMemory(
+def first_memory(par: IndiParameters) -> IndiMemory:
+    """Memory before the first measurement."""
+    vehicle, n = par.model.vehicle, par.model.vehicle.n
+    return IndiMemory(
         started=0.0,
         taps=(Taps(),) * (12 + 2 * n),
-        rate=still,
+        rate=Vec3(0.0, 0.0, 0.0),
         joint_rates=(0.0,) * n,
-        sent=(Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n),) * (delay_periods + 1),
-        speeds=() if measured_speeds else (0.0,) * len(model.vehicle.rotors),
+        sent=(no_command(vehicle),) * (par.delay_periods + 1),
+        speeds=() if par.measured_speeds else (0.0,) * len(vehicle.rotors),
     )
-    return Controller(name="indi", law=indi, par=par, memory=memory)
+
+
+make_indi = law_maker("indi", indi, IndiParameters, memory=first_memory)
+"""Maker for any arm."""

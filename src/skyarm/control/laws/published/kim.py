@@ -24,16 +24,20 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
-from skyarm.control.blocks.common import make_command, make_parameters, no_command
+from skyarm.control.blocks.common import make_command, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.blocks.saturation import all_follow, joints_follow, rotors_follow
-from skyarm.control.controller import Controller, all_applied
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.options import three
+from skyarm.control.controller import all_applied
+from skyarm.control.law_maker import law_maker
+from skyarm.control.model import Parameters
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
 from skyarm.sensors.measurement import Measurement
+
+Triple = tuple[float, float, float]
+
+ACCELERATION = "m/s^2, rad/s^2, rad/s^2"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,12 +51,14 @@ class SlidingParameters(Parameters):
         limit: of delta, m/s^2, rad/s^2, rad/s^2.
     """
 
-    switching: Annotated[
-        tuple[Scalar, Scalar, Scalar], Unit("m/s^2, rad/s^2, rad/s^2", "of position, attitude, joints")
-    ]
-    boundary: Annotated[tuple[Scalar, Scalar, Scalar], Unit("m/s, rad/s, rad/s")]
-    adaptation: Annotated[tuple[Scalar, Scalar, Scalar], Unit("1/s^2", "of position, attitude, joints")]
-    limit: Annotated[tuple[Scalar, Scalar, Scalar], Unit("m/s^2, rad/s^2, rad/s^2", "largest adapted acceleration")]
+    switching: Annotated[Triple, Unit(ACCELERATION, "of position, attitude, joints", low=0.0)] = (0.5, 2.0, 2.0)
+    boundary: Annotated[Triple, Unit("m/s, rad/s, rad/s", low=0.0, strict=True)] = (0.1, 0.5, 0.5)
+    adaptation: Annotated[Triple, Unit("1/s^2", "of position, attitude, joints", low=0.0)] = (2.0, 20.0, 50.0)
+    limit: Annotated[Triple, Unit(ACCELERATION, "largest adapted acceleration", low=0.0, strict=True)] = (
+        5.0,
+        40.0,
+        60.0,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,43 +169,17 @@ def _arm(
     return found, tuple(wanted)
 
 
-def make_kim(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    switching: tuple[float, float, float] = (0.5, 2.0, 2.0),
-    boundary: tuple[float, float, float] = (0.1, 0.5, 0.5),
-    adaptation: tuple[float, float, float] = (2.0, 20.0, 50.0),
-    limit: tuple[float, float, float] = (5.0, 40.0, 60.0),
-) -> Controller:
-    """The law for any arm.
+def first_memory(par: SlidingParameters) -> SlidingMemory:
+    """Nothing adapted yet."""
+    still, vehicle = Vec3(0.0, 0.0, 0.0), par.model.vehicle
+    return SlidingMemory(
+        position=still,
+        attitude=still,
+        joints=(0.0,) * vehicle.n,
+        sent=no_command(vehicle),
+        applied=all_applied(vehicle.n),
+    )
 
-    Args:
-        model: what it believes.
-        gains: of the PD law with the same linear part, as the paper's.
-        joint_gains: likewise, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        switching: see :class:`SlidingParameters`, as the following.
-        boundary: likewise.
-        adaptation: likewise.
-        limit: likewise.
-    """
-    par = make_parameters(
-        SlidingParameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains,
-        mixer_policy=mixer_policy,
-        switching=three("switching", switching, zero=True),
-        boundary=three("boundary", boundary),
-        adaptation=three("adaptation", adaptation, zero=True),
-        limit=three("limit", limit),
-    )
-    still = Vec3(0.0, 0.0, 0.0)
-    n = model.vehicle.n
-    memory = SlidingMemory(
-        position=still, attitude=still, joints=(0.0,) * n, sent=no_command(model.vehicle), applied=all_applied(n)
-    )
-    return Controller(name="kim2013", law=kim_sliding_mode, par=par, memory=memory)
+
+make_kim = law_maker("kim2013", kim_sliding_mode, SlidingParameters, memory=first_memory)
+"""Maker for any arm; gains of the PD law with the same linear part."""

@@ -28,6 +28,7 @@ Technology 33, 2025 (arXiv 2302.07208), section III; parameter values start from
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -37,17 +38,15 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.blocks.common import (
     inverse_mass,
     make_command,
-    make_parameters,
     no_command,
     rotor_thrust,
     turn_towards,
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import low_pass
-from skyarm.control.controller import Controller
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.options import flag, positive, three
+from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -83,19 +82,18 @@ class Past:
     sigma: Velocities
 
 
-def nowhere(joints: int) -> Past:
-    """Before the first measurement."""
-    still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    none = Velocities(linear=still, rate=still, joints=arm)
-    return Past(quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), joints=arm, measured=none, error=none, sigma=none)
+def velocities(measurement: Measurement) -> Velocities:
+    """The measured velocities."""
+    return Velocities(linear=measurement.velocity, rate=measurement.rate, joints=measurement.joint_rates)
 
 
-def past_of(measurement: Measurement, error: Velocities, sigma: Velocities) -> Past:
-    """Initial values of the next prediction."""
-    measured = Velocities(linear=measurement.velocity, rate=measurement.rate, joints=measurement.joint_rates)
-    return Past(
-        quaternion=measurement.quaternion, joints=measurement.joints, measured=measured, error=error, sigma=sigma
+def combine(function: Callable[..., Any], rates: tuple[Any, Any, Any], *records: Velocities) -> Velocities:
+    """Record of function(rate of the group, number of each record)."""
+    groups = zip(*((each.linear, each.rate, each.joints) for each in records), strict=True)
+    linear, rate, joints = (
+        [function(a, *numbers) for numbers in zip(*group, strict=True)] for a, group in zip(rates, groups, strict=True)
     )
+    return Velocities(linear=Vec3(*linear), rate=Vec3(*rate), joints=tuple(joints))
 
 
 def adaptation(error: Any, rate: Any, dt: Any) -> Any:
@@ -107,38 +105,6 @@ def adaptation(error: Any, rate: Any, dt: Any) -> Any:
     return error * divide(rate * e, e - 1.0)
 
 
-def estimates(error: Velocities, rates: tuple[Any, Any, Any], dt: Any) -> Velocities:
-    """Sigma of the three groups, for the predictor rates a (1/s)."""
-    linear, angular, joints = rates
-    return Velocities(
-        linear=Vec3(*(adaptation(e, linear, dt) for e in error.linear)),
-        rate=Vec3(*(adaptation(e, angular, dt) for e in error.rate)),
-        joints=tuple(adaptation(e, joints, dt) for e in error.joints),
-    )
-
-
-def prediction_error(
-    model: Model,
-    rates: tuple[Any, Any, Any],
-    started: Any,
-    past: Past,
-    sent: Command,
-    measurement: Measurement,
-    dt: Any,
-) -> Velocities:
-    """Ztilde = zhat - z; zero at the first call."""
-    expected = predict_velocities(model, rates, past, sent, dt)
-
-    def off(foreseen: Any, measured: Any) -> Any:
-        return where(started > 0.5, foreseen - measured, 0.0)
-
-    return Velocities(
-        linear=Vec3(*(off(p, m) for p, m in zip(expected.linear, measurement.velocity, strict=True))),
-        rate=Vec3(*(off(p, m) for p, m in zip(expected.rate, measurement.rate, strict=True))),
-        joints=tuple(off(p, m) for p, m in zip(expected.joints, measurement.joint_rates, strict=True)),
-    )
-
-
 def predict_velocities(model: Model, rates: tuple[Any, Any, Any], past: Past, sent: Command, dt: Any) -> Velocities:
     """Zhat one period after its past, by Euler's step as the authors take it."""
     vehicle, was = model.vehicle, past.measured
@@ -146,19 +112,15 @@ def predict_velocities(model: Model, rates: tuple[Any, Any, Any], past: Past, se
     applied = Force(*rotor_thrust(vehicle, speeds))
     proper, qdd = dynamics.forward_dynamics(vehicle, past.joints, was.rate, was.joints, applied, sent.efforts)
     linear, angular = coordinate_acceleration(past.quaternion.rotation(), proper, model.gravity)
-    slow, fast, arm = rates
 
-    def ahead(measured: Any, off: Any, acceleration: Any, disturbance: Any, rate: Any) -> Any:
-        return measured + off + dt * (acceleration + disturbance - rate * off)
+    def advance(a: Any, measured: Any, error: Any, acceleration: Any, sigma: Any) -> Any:
+        return measured + error + dt * (acceleration + sigma - a * error)
 
-    def group(measured: Any, off: Any, acceleration: Any, disturbance: Any, rate: Any) -> list[Any]:
-        return [ahead(*each, rate) for each in zip(measured, off, acceleration, disturbance, strict=True)]
+    accelerations = Velocities(linear=linear, rate=angular, joints=qdd)
+    return combine(advance, rates, was, past.error, accelerations, past.sigma)
 
-    return Velocities(
-        linear=Vec3(*group(was.linear, past.error.linear, linear, past.sigma.linear, slow)),
-        rate=Vec3(*group(was.rate, past.error.rate, angular, past.sigma.rate, fast)),
-        joints=tuple(group(was.joints, past.error.joints, qdd, past.sigma.joints, arm)),
-    )
+
+BANDWIDTH = Unit("rad/s", low=0.0, strict=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -174,12 +136,14 @@ class L1Parameters(Parameters):
         lateral: compensate the unmatched force through the attitude.
     """
 
-    predictor: Annotated[tuple[Scalar, Scalar, Scalar], Unit("1/s", "of velocity, body rate, joint rates")]
-    thrust_filter: Annotated[Scalar, Unit("rad/s")]
-    torque_filter: Annotated[Scalar, Unit("rad/s")]
-    second_filter: Annotated[Scalar, Unit("rad/s", "of torques and efforts")]
-    joint_filter: Annotated[Scalar, Unit("rad/s")]
-    lateral_filter: Annotated[Scalar, Unit("rad/s")]
+    predictor: Annotated[
+        tuple[float, float, float], Unit("1/s", "of velocity, body rate, joint rates", low=0.0, strict=True)
+    ] = (5.0, 10.0, 10.0)
+    thrust_filter: Annotated[float, BANDWIDTH] = 5.0
+    torque_filter: Annotated[float, BANDWIDTH] = 10.0
+    second_filter: Annotated[float, Unit("rad/s", "of torques and efforts", low=0.0, strict=True)] = 20.0
+    joint_filter: Annotated[float, BANDWIDTH] = 10.0
+    lateral_filter: Annotated[float, BANDWIDTH] = 2.0
     force_limit: Annotated[Scalar, Unit("N", "largest compensated force")]
     torque_limit: Annotated[Scalar, Unit("N m", "largest compensated torque")]
     lateral: bool = False
@@ -212,8 +176,11 @@ def l1_adaptive(
 ) -> tuple[L1Memory, Command]:
     """Geometric law through the coupled inverse dynamics, less the filtered estimate of what else acts."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
-    error = prediction_error(par.model, par.predictor, memory.started, memory.past, memory.sent, measurement, dt)
-    sigma = estimates(error, par.predictor, dt)
+    rates, measured = par.predictor, velocities(measurement)
+    predicted = predict_velocities(par.model, rates, memory.past, memory.sent, dt)
+    begun = memory.started > 0.5
+    error = combine(lambda _a, foreseen, seen: where(begun, foreseen - seen, 0.0), rates, predicted, measured)
+    sigma = combine(lambda a, e: adaptation(e, a, dt), rates, error)
     force, efforts = dynamics.inverse_dynamics(
         vehicle,
         measurement.joints,
@@ -224,7 +191,10 @@ def l1_adaptive(
     )
     filtered = _filtered(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
-    return dataclasses.replace(filtered, past=past_of(measurement, error, sigma), sent=command), command
+    past = Past(
+        quaternion=measurement.quaternion, joints=measurement.joints, measured=measured, error=error, sigma=sigma
+    )
+    return dataclasses.replace(filtered, past=past, sent=command), command
 
 
 def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
@@ -232,30 +202,24 @@ def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, pa
 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
-    links = par.model.vehicle.links
 
-    def passed(old: Vec3, new: Vec3, bandwidth: Any, limit: Any) -> Vec3:
-        moved = (low_pass(a, b, bandwidth, dt) for a, b in zip(old, new, strict=True))
-        return Vec3(*(clip(c, -limit, limit) for c in moved))
+    def passed(old: Any, new: Any, bandwidth: Any, limits: Any) -> tuple[Any, ...]:
+        rows = zip(old, new, limits, strict=True)
+        return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
-    def passed_on(old: Any, new: Any, bandwidth: Any) -> tuple[Any, ...]:
-        moved = (low_pass(a, b, bandwidth, dt) for a, b in zip(old, new, strict=True))
-        limits = [link.joint.effort_limit for link in links]
-        return tuple(clip(c, -limit, limit) for c, limit in zip(moved, limits, strict=True))
-
-    torque = passed(memory.torque, force.torque, par.torque_filter, par.torque_limit)
-    once = passed_on(memory.efforts, efforts, par.joint_filter)
-    thrust = low_pass(memory.thrust, force.force.z, par.thrust_filter, dt)
-    return L1Memory(
+    force_limits, torque_limits = (par.force_limit,) * 3, (par.torque_limit,) * 3
+    effort_limits = [link.joint.effort_limit for link in par.model.vehicle.links]
+    torque = Vec3(*passed(memory.torque, force.torque, par.torque_filter, torque_limits))
+    once = passed(memory.efforts, efforts, par.joint_filter, effort_limits)
+    return dataclasses.replace(
+        memory,
         started=1.0,
-        past=memory.past,
-        sent=memory.sent,
-        force=passed(memory.force, R.apply(force.force), par.lateral_filter, par.force_limit),
-        thrust=clip(thrust, -par.force_limit, par.force_limit),
+        force=Vec3(*passed(memory.force, R.apply(force.force), par.lateral_filter, force_limits)),
+        thrust=passed((memory.thrust,), (force.force.z,), par.thrust_filter, force_limits[:1])[0],
         torque=torque,
-        torque_twice=passed(memory.torque_twice, torque, par.second_filter, par.torque_limit),
+        torque_twice=Vec3(*passed(memory.torque_twice, torque, par.second_filter, torque_limits)),
         efforts=once,
-        efforts_twice=passed_on(memory.efforts_twice, once, par.second_filter),
+        efforts_twice=passed(memory.efforts_twice, once, par.second_filter, effort_limits),
     )
 
 
@@ -279,60 +243,25 @@ def _command(filtered: L1Memory, measurement: Measurement, reference: Reference,
     return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, held)[0]
 
 
-def make_l1(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-    predictor: tuple[float, float, float] = (5.0, 10.0, 10.0),
-    thrust_filter: float = 5.0,
-    torque_filter: float = 10.0,
-    second_filter: float = 20.0,
-    joint_filter: float = 10.0,
-    lateral_filter: float = 2.0,
-    lateral: bool = False,
-) -> Controller:
-    """The law for any arm.
+def limits(model: Model) -> dict[str, Any]:
+    """Largest compensated force and torque: half of the weight, and that on one side of the rotors.
 
-    Args:
-        model: what it believes.
-        gains: of the geometric baseline, as the paper's.
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        predictor: rates of velocity, body rate and joint rates, 1/s.
-        thrust_filter: rad/s, as the following; see :class:`L1Parameters`.
-        torque_filter: rad/s.
-        second_filter: rad/s.
-        joint_filter: rad/s.
-        lateral_filter: rad/s.
-        lateral: compensate the unmatched force through the attitude.
+    More cannot be compensated and flown at once.
     """
-    vehicle = model.vehicle
-    weight = vehicle.mass * model.gravity
-    reach = max(float(rotor.position.norm()) for rotor in vehicle.rotors)
-    par = make_parameters(
-        L1Parameters,
-        model,
-        gains=gains,
-        joint_gains=joint_gains,
-        mixer_policy=mixer_policy,
-        predictor=three("predictor", predictor),
-        thrust_filter=positive("thrust_filter", thrust_filter),
-        torque_filter=positive("torque_filter", torque_filter),
-        second_filter=positive("second_filter", second_filter),
-        joint_filter=positive("joint_filter", joint_filter),
-        lateral_filter=positive("lateral_filter", lateral_filter),
-        # half of the weight, and that on one side of the rotors: more cannot be compensated and flown at once
-        force_limit=0.5 * weight,
-        torque_limit=0.25 * weight * reach,
-        lateral=flag("lateral", lateral),
-    )
-    still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * vehicle.n
-    memory = L1Memory(
+    weight = model.vehicle.mass * model.gravity
+    reach = max(float(rotor.position.norm()) for rotor in model.vehicle.rotors)
+    return {"force_limit": 0.5 * weight, "torque_limit": 0.25 * weight * reach}
+
+
+def first_memory(par: L1Parameters) -> L1Memory:
+    """Memory before the first measurement: no error and no disturbance."""
+    still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * par.model.vehicle.n
+    none = Velocities(linear=still, rate=still, joints=arm)
+    level = Quaternion(1.0, 0.0, 0.0, 0.0)
+    return L1Memory(
         started=0.0,
-        past=nowhere(vehicle.n),
-        sent=no_command(vehicle),
+        past=Past(quaternion=level, joints=arm, measured=none, error=none, sigma=none),
+        sent=no_command(par.model.vehicle),
         force=still,
         thrust=0.0,
         torque=still,
@@ -340,4 +269,7 @@ def make_l1(
         efforts=arm,
         efforts_twice=arm,
     )
-    return Controller(name="l1_adaptive", law=l1_adaptive, par=par, memory=memory)
+
+
+make_l1 = law_maker("l1_adaptive", l1_adaptive, L1Parameters, constants=limits, memory=first_memory)
+"""Maker for any arm."""

@@ -26,13 +26,12 @@ from skyarm.control.blocks.common import (
     arm_alone,
     inverse_mass,
     make_command,
-    make_parameters,
     turn_towards,
     wanted_specific_force,
 )
-from skyarm.control.controller import Controller
+from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import Parameters
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
 
@@ -54,20 +53,5 @@ def li_feedforward(
     return memory, command
 
 
-def make_li(
-    model: Model,
-    *,
-    gains: GeometricGains | None = None,
-    joint_gains: JointGains | None = None,
-    mixer_policy: str = "clip",
-) -> Controller:
-    """The law for any arm.
-
-    Args:
-        model: what it believes.
-        gains: of the geometric base controller, as the paper's.
-        joint_gains: on acceleration, 1/s^2 and 1/s.
-        mixer_policy: see :class:`skyarm.actuation.Mixer`.
-    """
-    par = make_parameters(Parameters, model, gains=gains, joint_gains=joint_gains, mixer_policy=mixer_policy)
-    return Controller(name="li2024", law=li_feedforward, par=par)
+make_li = law_maker("li2024", li_feedforward)
+"""Maker for any arm."""

@@ -1,0 +1,159 @@
+"""Makers of laws: options read from the declaration of the law's constants, default gains that fit a model."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from skyarm.actuation import Mixer, make_mixer
+from skyarm.actuation.mixer import POLICIES
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.geometric import RATE_ERRORS
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.dynamics import mass_matrix
+from skyarm.files import shown
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import rules
+
+RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
+
+RATIO_ATTITUDE, RATIO_RATE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012), (0.1 / 0.007, 0.1 / 0.007, 0.025 / 0.012)
+
+ACCELERATION_GAINS = (150.0, 17.0)
+"""Default joint gains on acceleration, 1/s^2 and 1/s: 12.2 rad/s as the paper's joint 2 (Table A1), damping 0.7."""
+
+
+def default_gains(model: Model) -> GeometricGains:
+    """RotorS's Hummingbird gains (Table A1) scaled to another vehicle's mass and base inertia."""
+    mass, J = model.vehicle.mass, model.vehicle.base.inertia
+    moments = (J.xx, J.yy, J.zz)
+    return GeometricGains(
+        position=Vec3(*(RATIO_POSITION * mass,) * 3),
+        velocity=Vec3(*(RATIO_VELOCITY * mass,) * 3),
+        attitude=Vec3(*(r * j for r, j in zip(RATIO_ATTITUDE, moments, strict=True))),
+        rate=Vec3(*(r * j for r, j in zip(RATIO_RATE, moments, strict=True))),
+    )
+
+
+def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
+    """Gains on acceleration; with ``torque`` those times the joint's own inertia, on torque.
+
+    Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J stiffness), which is large on a
+    light link behind a real gear. Give such joints their own gains.
+    """
+    n = model.vehicle.n
+    own = (1.0,) * n
+    if torque:
+        M = mass_matrix(model.vehicle, Mat3.identity(), (0.0,) * n)
+        own = tuple(M[6 + i][6 + i] for i in range(n))
+    stiffness, damping = (tuple(gain * j for j in own) for gain in ACCELERATION_GAINS)
+    return JointGains(stiffness=stiffness, damping=damping)
+
+
+def fitting_mixer(model: Model, policy: str) -> Mixer:
+    """The mixer of a model's rotors.
+
+    Raises:
+        ControllerError: unknown policy.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    if policy not in POLICIES:
+        raise ControllerError(f"controller.mixer = {shown(policy)}: must be one of {', '.join(POLICIES)}")
+    return make_mixer(model.vehicle, policy)
+
+
+Reader = Callable[[Model, Any], Any]
+"""From a model and the value of an option to the constant that is held."""
+
+
+def law_maker(
+    name: str,
+    law: Law,
+    kind: type[Parameters] = Parameters,
+    *,
+    shared: Sequence[str] = (),
+    readers: Mapping[str, tuple[Any, Reader]] | None = None,
+    constants: Callable[[Model], Mapping[str, Any]] | None = None,
+    memory: Callable[[Any], Any] | None = None,
+    torque_gains: bool = False,
+    rate_error: str = "corrected",
+    **of_controller: Any,
+) -> Callable[..., Controller]:
+    """Maker (model, **options) of a law.
+
+    Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
+    (:class:`skyarm.actuation.Mixer`), and the fields with a default of the law's constants, each checked by its
+    annotation. None stands for the default.
+
+    Args:
+        name: of the law.
+        law: the step function.
+        kind: class of its constants.
+        shared: options among the fields of :class:`Parameters`.
+        readers: for options that are written otherwise than held, their default and how they are read.
+        constants: those that follow from the model.
+        memory: first memory, from the constants.
+        torque_gains: joint gains act on torque.
+        rate_error: where that is no option.
+        of_controller: further fields of :class:`Controller`.
+    """
+    readers = readers or {}
+    inherited = {field.name for field in dataclasses.fields(Parameters)}
+    defaults: dict[str, Any] = {"gains": None, "joint_gains": None, "mixer_policy": "clip"}
+    for field in dataclasses.fields(kind):
+        if field.name in shared or (field.name not in inherited and field.default is not dataclasses.MISSING):
+            defaults[field.name] = field.default
+    defaults |= {option: default for option, (default, _) in readers.items()}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    signature = inspect.Signature(
+        [inspect.Parameter("model", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
+        + [inspect.Parameter(option, keyword, default=default) for option, default in defaults.items()]
+    )
+
+    def make(model: Model, **options: Any) -> Controller:
+        signature.bind(model, **options)
+        chosen = defaults | {option: value for option, value in options.items() if value is not None}
+        mixer = fitting_mixer(model, chosen.pop("mixer_policy"))
+        if chosen["gains"] is None:
+            chosen["gains"] = default_gains(model)
+        if chosen["joint_gains"] is None:
+            chosen["joint_gains"] = default_joint_gains(model, torque=torque_gains)
+        values: dict[str, Any] = {"rate_error": rate_error, **(constants(model) if constants else {})}
+        try:
+            for option, value in chosen.items():
+                rule = rules(kind).get(option, _as_given)
+                read = readers[option][1](model, value) if option in readers else rule(f"controller.{option}", value)
+                values[option] = read
+        except RecordError as error:
+            raise ControllerError(str(error)) from None
+        _require_fitting(values, model.vehicle.n)
+        par = kind(model=model, mixer=mixer, **values)
+        return Controller(name=name, law=law, par=par, memory=memory(par) if memory else (), **of_controller)
+
+    make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
+    make.__signature__ = signature  # type: ignore[attr-defined]
+    return make
+
+
+def _as_given(_field: str, value: Any) -> Any:
+    return value
+
+
+def _require_fitting(values: Mapping[str, Any], joints: int) -> None:
+    """Refuse another number of gains than joints, and an unknown rate error."""
+    gains = values["joint_gains"]
+    for field, row in (("stiffness", gains.stiffness), ("damping", gains.damping)):
+        if len(row) != joints:
+            raise ControllerError(
+                f"controller.joint_gains.{field}: {len(row)} values, must be {joints} (one per joint)"
+            )
+    for option in ("friction_compensation", "rate_weights"):
+        if len(values.get(option, ())) not in (0, joints):
+            said = f"controller.{option} = {shown(values[option])}"
+            raise ControllerError(f"{said}: must be {joints} numbers, one for each joint")
+    if values["rate_error"] not in RATE_ERRORS:
+        said = f"controller.rate_error = {shown(values['rate_error'])}"
+        raise ControllerError(f"{said}: must be one of {', '.join(RATE_ERRORS)}")
