@@ -27,7 +27,6 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare paper-suite": (*FEW, "--conditions", "perfect,plants"),
     "compare --laws": (*FEW, "--conditions", "perfect,plants"),
     "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
-    "sweep my_study.toml --ray local": ("--out", "out/on_ray"),
 }
 """Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
 
@@ -38,9 +37,6 @@ ELSEWHERE: Mapping[str, str] = {
     "reproduce": "tests/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
 }
 """Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
-
-OTHER_MACHINES = ("sweep my_study.toml --ray auto", "sweep my_study.toml --ray 10.0.0.5:6379")
-"""Commands of a cluster; ``--ray local`` runs the same on this machine."""
 
 QUICK = ("list", "check", "new", "show", "run", "cache", "export-c")
 """Commands of the README that take seconds in any environment, without extras and without each other's files."""
@@ -57,7 +53,7 @@ def words_to_run(line: str) -> list[str]:
 def run_shown(line: str) -> tuple[int, str]:
     """Exit code and output of a line ``skyarm WORDS`` in this folder; (0, "") of one that another test runs."""
     words = line.removeprefix("skyarm ").replace("examples/", f"{ROOT}/examples/")
-    if words.startswith((*ELSEWHERE, *OTHER_MACHINES)):
+    if words.startswith(tuple(ELSEWHERE)):
         return 0, ""
     if "studio" in words.split():
         return run_studio(shlex.split(words))

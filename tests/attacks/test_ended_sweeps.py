@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.sweep import run_sweep
-from skyarm.sweep.study_folder import MANIFEST
+from skyarm.sweep.store import MANIFEST
 from sweeps import document, files_of, small_study
 from thorough import sampled
 

@@ -15,7 +15,6 @@ from commanded import refused, skyarm
         (("run", "case3", "--log", "a.npz", "--out", "out/run"), "--out: must be left out beside --log"),
         (("show", "hummingbird", "--ops", "--gravity", "9.81"), "--gravity: must be left out beside --ops"),
         (("show", "hummingbird", "--drawing", "a.png", "--ops"), "--ops: must be left out beside --drawing"),
-        (("sweep", "robustness", "--ray", "local", "--workers", "2"), "--workers: must be left out beside --ray"),
         (("film", "case3", "a.viser", "--size", "640x360"), "--size: must be left out of a recording"),
         (("film", "case3", "folder", "--no-plot"), "--plot: must be left out of a recording"),
     ],

@@ -194,7 +194,7 @@ def test_an_installation_without_a_record_is_a_checkout(monkeypatch: pytest.Monk
         raise packages.metadata.PackageNotFoundError
 
     monkeypatch.setattr(packages.metadata, "distribution", none)
-    assert how_to_install("sweep", "ray") == 'in the checkout: python -m pip install -e ".[sweep,ray]"'
+    assert how_to_install("sweep", "logs") == 'in the checkout: python -m pip install -e ".[sweep,logs]"'
 
 
 @pytest.mark.parametrize(("words", "command"), [(("run",), "skyarm run"), (("runn",), "skyarm"), (("-x",), "skyarm")])

@@ -1,9 +1,8 @@
-"""What a stranger adds flies through sweeps: by threads, in Ray's processes; another plugin is another study."""
+"""What a stranger adds flies through sweeps: by threads; another plugin is another study."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -166,49 +165,3 @@ def test_a_number_of_a_plugins_record_that_is_misspelt_names_what_was_meant(tmp_
         (tmp_path / "added.toml").write_text(toml(), "utf-8")
         with pytest.raises(ValueError, match=rf"vary.*{path}.*did you mean '{meant}'\?"):
             study_from(fields, tmp_path)
-
-
-RAY = """
-import sys
-from pathlib import Path
-import ray
-from skyarm.registry.plugins import load_plugin
-from skyarm.sweep import load_study, run_sweep
-
-folder = Path(sys.argv[1])
-for plugin in sys.argv[2:]:
-    load_plugin(plugin)
-study = load_study(folder / "study.toml")
-run_sweep(study, folder / "here")
-ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="error")
-run_sweep(study, folder / "cluster", ray="auto")
-print("flown")
-file = Path(sys.argv[2])
-file.write_text(file.read_text() + "\\n# another\\n")
-try:
-    run_sweep(study, folder / "changed", ray="auto")
-except ValueError as error:
-    print(error)
-    sys.exit(2)
-"""
-
-
-@pytest.mark.thorough
-def test_ray_workers_load_the_same_plugins_and_refuse_others(tmp_path: Path) -> None:
-    """Also a law made inside a function, which pickle alone does not carry."""
-    pytest.importorskip("ray")
-    written(tmp_path, episodes=16, chunk=4)
-    done = subprocess.run(
-        [sys.executable, "-c", RAY, str(tmp_path), *copies(tmp_path)[1::2]],
-        env={**os.environ, "RAY_USAGE_STATS_ENABLED": "0"},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    said = done.stdout.splitlines()
-    assert said[:1] == ["flown"], done.stdout + done.stderr[-2000:]
-    assert files_of(tmp_path / "cluster") == files_of(tmp_path / "here")
-    assert done.returncode == 2, done.stderr[-2000:]
-    assert "own_wind.py': has changed since it was loaded first" in said[-1]
-    assert not list(tmp_path.glob("changed/rows/*"))

@@ -359,8 +359,8 @@ def test_a_study_knows_the_files_of_the_metrics_that_it_counts(tmp_path: Path) -
     metric = tmp_path / "push_metric.py"
     metric.write_text(METRIC)
     imported(metric)
-    assert "plugins" not in prepare(small_study()).origin.study
-    counted = prepare(small_study(metrics=["push_count"])).origin.study
+    assert "plugins" not in prepare(small_study()).manifest.study
+    counted = prepare(small_study(metrics=["push_count"])).manifest.study
     assert counted["plugins"] == {"push_metric.py": sha(metric)}
 
 
@@ -375,8 +375,8 @@ def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[st
                 file.parent.mkdir(exist_ok=True)
                 file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
                 load_plugin(file)
-            origin = prepare(small_study()).origin
+            manifest = prepare(small_study()).manifest
             cell = OwnScenario(scenario="case1", laws=["paper_pd"]).planned()[0][0]
-            found.append((origin.text, key(cell), list(identities().items()), list(origin.study["plugins"])))
+            found.append((manifest.facts, key(cell), list(identities().items()), list(manifest.study["plugins"])))
     assert found[0] == found[1]
     assert len(found[0][2]) == len(found[0][3]) == 2

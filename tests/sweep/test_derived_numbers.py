@@ -131,7 +131,7 @@ def test_a_wrong_expression_is_named(fields: dict[str, Any], words: str) -> None
     ("derived", "words"),
     [
         ({"plant.vehicle.base.mass": "arm - 0.15"}, 'derived."plant.vehicle.base.mass" reaches -0.0'),
-        ({COM: "1 / (arm - arm)"}, f"derived.\"{COM}\" = '1 / (arm - arm)': at 3: must not divide by zero"),
+        ({COM: "1 / (arm - arm)"}, f"derived.\"{COM}\" = '1 / (arm - arm)': at 1: must not divide by zero"),
         ({COM: "sqrt(arm - 0.15)"}, "must take the root of a number of at least 0"),
     ],
 )

@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 
 from skyarm.sweep import StudyError, run_sweep
-from skyarm.sweep.chunk_file import PLACE, is_whole
 from skyarm.sweep.stats import Rows, statistics
-from skyarm.sweep.study_folder import MANIFEST
+from skyarm.sweep.store import MANIFEST
 from sweeps import files_of, small_study
 
 pytest.importorskip("pyarrow")
@@ -72,33 +71,29 @@ def test_statistics_count_the_rows_that_are_there(whole: Path, tmp_path: Path) -
     assert (whole_one["complete"], whole_one["rows"], whole_one["files_not_counted"]) == (True, 100, [])
 
 
-def test_statistics_need_no_manifest_and_say_so(whole: Path, tmp_path: Path) -> None:
+def test_statistics_need_a_manifest(whole: Path, tmp_path: Path) -> None:
     folder = copied(whole, tmp_path / "out")
     (folder / MANIFEST).write_bytes(b"")
-    found, usual = statistics(Rows(folder)), statistics(Rows(whole))
-    assert found.pop("manifest_rebuilt") is True
-    assert usual.pop("manifest_rebuilt") is False
-    assert found == usual
-
-
-def test_statistics_refuse_rows_of_another_study(whole: Path, tmp_path: Path) -> None:
-    folder = copied(whole, tmp_path / "out")
-    run_sweep(small_study(seed=4), tmp_path / "other")
-    os.replace(chunks(tmp_path / "other")[3], chunks(folder)[3])
-    with pytest.raises(StudyError, match=r"chunk_0000003\.parquet: must hold chunk 3 of the study 'small'"):
+    with pytest.raises(StudyError, match=r"it has no whole manifest\.json"):
         Rows(folder)
 
 
-def test_every_changed_byte_of_a_file_shows_in_its_seal(whole: Path) -> None:
-    content = chunks(whole)[3].read_bytes()
-    assert is_whole(content)
-    for at in range(0, len(content), 7):
-        changed = bytearray(content)
-        changed[at] ^= 1
-        assert not is_whole(bytes(changed)), at
-    assert not is_whole(content[:-1])
-    assert not is_whole(b"")
-    assert not is_whole(PLACE)
+def test_rows_of_another_study_do_not_count(whole: Path, tmp_path: Path) -> None:
+    folder = copied(whole, tmp_path / "out")
+    run_sweep(small_study(seed=4), tmp_path / "other")
+    os.replace(chunks(tmp_path / "other")[3], chunks(folder)[3])
+    assert Rows(folder).skipped == ("chunk_0000003.parquet",)
+
+
+def test_two_parts_in_turn_fly_the_whole(whole: Path, tmp_path: Path) -> None:
+    first = run_sweep(small_study(), tmp_path, part="1/2")
+    assert (first.flown, first.rows, manifest_of(tmp_path)["complete"]) == (32, 64, False)
+    second = run_sweep(small_study(), tmp_path, part="2/2")
+    assert (second.flown, second.found, second.rows) == (18, 32, 100)
+    assert files_of(tmp_path) == files_of(whole)
+    for text in ("0/2", "3/2", "2", "1/0", "a/b"):
+        with pytest.raises(StudyError, match=r"--part = .*must be K/N"):
+            run_sweep(small_study(), tmp_path, part=text)
 
 
 def test_a_disk_that_fails_is_one_line_and_the_sweep_goes_on_when_it_works_again(

@@ -197,7 +197,7 @@ def test_the_page_needs_nothing_else_and_escapes_what_a_file_says(folder: Path) 
     (policy,) = [held["content"] for _, held in tags.found if held.get("http-equiv") == "Content-Security-Policy"]
     assert str(policy).startswith("default-src 'none'")
     assert "&lt;b&gt;&#34;mass&#34;&lt;/b&gt;" in text
-    for word in ("paper_ct", "paper_pd", "position_error_mean", MASS, "ground", "mean position error at most 0.25 m"):
+    for word in ("paper_ct", "paper_pd", "position_error_mean", MASS, "ground", "mean position error [m] at most 0.25"):
         assert word in text
 
 

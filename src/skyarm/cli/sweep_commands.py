@@ -11,7 +11,6 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     completed,
-    require_left_out,
     require_not_another,
     require_within,
     words_of,
@@ -19,13 +18,12 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say_if_many, say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell, waiting
-from skyarm.files import file_names, require_no_link, require_writable, taken_back, write_inside
+from skyarm.files import require_no_link, require_writable, taken_back, write_inside
 
 DPI = 160
 
 
 def sweep(
-    context: typer.Context,
     study: Annotated[
         str,
         typer.Argument(help="a study file (.toml) or the name of a shipped one", autocompletion=completed("study")),
@@ -35,7 +33,10 @@ def sweep(
     ] = None,
     out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
     flying: Flying = 0,
-    ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(metavar="K/N", help="of N machines that share the folder the K-th"),
+    ] = None,
 ) -> None:
     """Fly a study's episodes; rows as Parquet.
 
@@ -44,8 +45,6 @@ def sweep(
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.sweep import load_study, run_sweep
 
-    if ray is not None:
-        require_left_out(context, ["--workers"], " beside --ray, whose cluster says how many fly")
     threads = workers(flying)
     require_not_another(study, "study")
     loaded = load_study(study, words_of(controller))
@@ -63,7 +62,7 @@ def sweep(
             rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
             advance(done, total, f"{rate:.0f} flights/s")
 
-        summary = run_sweep(loaded, folder, threads=threads, ray=ray, progress=progress)
+        summary = run_sweep(loaded, folder, threads=threads, part=part, progress=progress)
     flights = summary.flown * len(loaded.scenarios)
     known = f", {summary.found} episodes were there" if summary.found else ""
     tell(
@@ -100,9 +99,7 @@ def stats(
     """
     from skyarm.sweep.maps import robustness_maps
     from skyarm.sweep.stats import Rows, parse_limits, statistics
-    from skyarm.sweep.study_page import Pictures, page
-    from skyarm.view.figures.share_maps import robustness_figure
-    from skyarm.view.figures.style import image_bytes
+    from skyarm.sweep.study_page import page, summary
 
     require_within("--seed", seed, 0)
     if not folder:
@@ -114,67 +111,29 @@ def stats(
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
         at("quantiles and differences")
         found = statistics(rows, seed=seed)
-        at("pictures of maps")
-        drawn = {
-            each.controller: image_bytes(robustness_figure(each), dpi=DPI) for each in maps if each.constant is None
-        }
-        constant = {each.controller: each.constant for each in maps if each.constant is not None}
-        curves = _curves(rows, at)
-    files = [*_write_images(target, drawn, "map_"), *_write_images(target, curves, "curve_")]
-    pictures = Pictures(
-        maps=drawn, constant=constant, curves=curves, labels={p: rows.label(p) for p in rows.parameters}
-    )
+        pictures = _drawn(rows, maps, at)
     write_inside(target / "stats.json", json_text(found).encode())
     write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
-    give(found, folder=target, files=["report.html", "stats.json", *files])
-    kinds = [f"{kind}_*.png" for kind, there in (("map", drawn), ("curve", curves)) if there]
-    tell(*_lines(found), f"statistics in {target}: {', '.join(['report.html', 'stats.json', *kinds])}")
+    files = ["report.html", "stats.json", *pictures.write(target)]
+    give(found, folder=target, files=files)
+    tell(*summary(found), f"statistics in {target}: {', '.join(files)}")
 
 
-def _curves(rows: Any, at: Any) -> dict[str, bytes]:
-    """Metric -> PNG of its curves over each varied number."""
-    from skyarm.metrics.metric_catalogue import metric_words
-    from skyarm.scenario.numbers import labelled
-    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
+def _drawn(rows: Any, maps: Any, at: Any) -> Any:
+    """Draw robustness maps, and curves of metrics over each varied number; ``at`` is called with the present step."""
     from skyarm.view.figures.metric_figure import curves_figure
+    from skyarm.view.figures.share_maps import robustness_figure
     from skyarm.view.figures.style import image_bytes
+    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
+    from skyarm.sweep.study_page import Pictures, metric_label
 
-    found: dict[str, bytes] = {}
+    at("pictures of maps")
+    curves: dict[str, bytes] = {}
     for metric in drawn_metrics(rows) if varying(rows) else ():
         at(f"curves of {metric}")
-        figure = curves_figure(metric_curves(rows, metric), labelled(*metric_words(metric)))
-        found[metric] = image_bytes(figure, dpi=DPI)
-    return found
-
-
-def _write_images(target: Path, images: dict[str, bytes], before: str) -> list[str]:
-    """Write pictures; returns the names of their files."""
-    names = file_names(images, before, ".png")
-    for name, file in names.items():
-        write_inside(target / file, images[name])
-    return list(names.values())
-
-
-def _lines(found: dict[str, Any]) -> list[str]:
-    from skyarm.sweep.study_folder import not_counted
-
-    def interval(pair: Any, form: str) -> str:
-        return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
-
-    lines = []
-    for name, each in found["controllers"].items():
-        ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
-        lines.append(f"{name}: success {each['success_rate']:.2%}{interval(each['success_interval'], '.2%')}; {ends}")
-    for pair, each in found["paired"].items():
-        within = interval(each["success_difference_interval"], "+.2%")
-        lines.append(f"{pair}: success {each['success_difference']:+.2%}{within} on the same draws")
-    if found["deterministic"]:
-        lines.append("no intervals: a grid of given numbers, flown without noise")
-    if not found["complete"]:
-        lines.append(
-            f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
-        )
-    lines += not_counted(found["files_not_counted"])
-    if found["manifest_rebuilt"]:
-        lines.append("no manifest, so the study's limits of success are not known: --success gives them")
-    return lines
+        curves[metric] = image_bytes(curves_figure(metric_curves(rows, metric), metric_label(metric)), dpi=DPI)
+    return Pictures(
+        maps={each.controller: image_bytes(robustness_figure(each), dpi=DPI) for each in maps if each.constant is None},
+        constant={each.controller: each.constant for each in maps if each.constant is not None},
+        curves=curves,
+    )

@@ -17,7 +17,7 @@ PACKAGE = f"{os.path.dirname(os.path.dirname(__file__))}{os.sep}"
 PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
 """Where Python's own library stands, and the folder within it that is not Python's."""
 
-LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "ray", "pyarrow", "typer", "click"])
+LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "pyarrow", "typer", "click"])
 """Installed libraries: an error that they raise is told at the line that called them."""
 
 DEPTH = 8

@@ -1,6 +1,6 @@
 """Reports: titles, paragraphs, tables and pictures, as HTML pages of one file and as Markdown."""
 
-from skyarm.pages.markup import bullets, details, grouped, image, page, paragraph, plot, section, table
+from skyarm.pages.markup import bullets, details, grouped, image, page, paragraph, plot, rendered, section, table
 from skyarm.pages.sections import DASH, Mark, Report, Section, Table, markdown, number
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "page",
     "paragraph",
     "plot",
+    "rendered",
     "section",
     "table",
 ]

@@ -20,12 +20,17 @@ Rows = Iterable[Iterable[Any]]
 def _templates() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined  # 60 ms, which only a page costs
 
-    loader = PackageLoader("skyarm", "pages")
+    loader = PackageLoader("skyarm", "")
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
 
 def _part(name: str, *values: Any) -> str:
-    return str(getattr(_templates().get_template("parts.html").module, name)(*values))
+    return str(getattr(_templates().get_template("pages/parts.html").module, name)(*values))
+
+
+def rendered(template: str, **values: Any) -> str:
+    """HTML of a template by its path in the package, as "sweep/study.html"."""
+    return str(_templates().get_template(template).render(**values))
 
 
 def page(
@@ -54,12 +59,18 @@ def page(
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     named = [dict(zip(("name", "title", "content"), each, strict=True)) for each in sections]
     empty = dict.fromkeys(("name", "lead", "footer", "opening", "data"), "")
-    return str(
-        _templates().get_template("page.html").render(
-            title=title, facts=facts, body=body, styles=style or {"": _plain_style()}, script=script,
-            script_hash=digest, pages=pages, sections=named, **{**empty, **parts},
-        )
-    )  # fmt: skip
+    return rendered(
+        "pages/page.html",
+        title=title,
+        facts=facts,
+        body=body,
+        styles=style or {"": _plain_style()},
+        script=script,
+        script_hash=digest,
+        pages=pages,
+        sections=named,
+        **{**empty, **parts},
+    )
 
 
 def _plain_style() -> str:

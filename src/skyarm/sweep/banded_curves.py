@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
 from skyarm.scenario.numbers import words_of
-from skyarm.sweep.derived_numbers import is_own_name
-from skyarm.sweep.expressions import read_expression
+from skyarm.sweep.expressions import is_own_name, read_expression
 from skyarm.sweep.maps import LISTED
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
@@ -154,7 +153,7 @@ def drawn_metrics(rows: Rows) -> list[str]:
 
 def varying(rows: Rows) -> list[str]:
     """Numbers that differ among the episodes; paths that follow from those by expressions are left out."""
-    drawn = rows.manifest.origin.study["vary"] or {}
+    drawn = rows.manifest.study["vary"] or {}
     wanted = [path for path in rows.parameters if path in drawn or is_own_name(path)]
     return [path for path in wanted if np.ptp(_column(rows, path)) > 0.0]
 
@@ -173,7 +172,7 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     """
     name, equals, after = text.partition("=")
     if text in rows.parameters:
-        kind = next(iter((rows.manifest.origin.study["vary"] or {}).get(text, ())), "")
+        kind = next(iter((rows.manifest.study["vary"] or {}).get(text, ())), "")
         unit = rows.manifest.units.get(text, "")
         return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=kind == "log_uniform")
     if not rows.parameters:

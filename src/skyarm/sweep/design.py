@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.scalars.philox import uniform, uniforms
-from skyarm.sweep.derived_numbers import with_derived
+from skyarm.sweep.expressions import with_derived
 from skyarm.sweep.sobol import BITS, sobol
 from skyarm.sweep.study import Study
 

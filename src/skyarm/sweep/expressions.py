@@ -1,58 +1,61 @@
-"""Expressions of named numbers: ``+ - * /``, parentheses, ``sqrt``; read by a small parser, never evaluated as code.
+"""Expressions of named numbers, and numbers of a study that follow others by them.
 
-A name is a word or a dotted path (``arm``, ``plant.payload.mass``, ``plant.vehicle.links.0.body.mass``); one that has
-other characters stands in double quotes. Numbers are written as in ``0.5`` or ``1e-3``.
+    [vary]
+    arm = { uniform = [0.10, 0.20] }                              # a name of the study: a word without a dot
 
-    expression = term { ("+" | "-") term }
-    term       = factor { ("*" | "/") factor }
-    factor     = ("+" | "-") factor | number | name | "sqrt" "(" expression ")" | "(" expression ")"
+    [derived]
+    "plant.vehicle.links.1.joint.position.z" = "-arm"             # flown
+    "plant.vehicle.links.0.body.com.z" = "-arm / 2"
+    reach = "2 * arm"                                             # only written into the rows
 
-Every error is one line with the expression and the place, counted in characters from 1. Python's own parser knows no
-names with dots before digits and gives no such places.
+An expression has ``+ - * /``, parentheses, ``sqrt``, numbers, and the names of what varies or is derived above it. A
+name is a word or a dotted path; one with other characters stands in double quotes. It is read by Python's parser, of
+whose grammar no more is allowed. Every error is one line with the expression and the place, in characters from 1.
 """
 
 from __future__ import annotations
 
+import ast
+import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import did_you_mean, shown
+from skyarm.files import Fields, did_you_mean, shown
 
 Array = npt.NDArray[np.float64]
 
-LONGEST = 500
+LONGEST = 400
 """Characters of an expression."""
 
-DEEPEST = 50
-"""Parentheses and signs in each other."""
-
-TOKEN = re.compile(
-    r"""\s*(?:
-        (?P<number> (?:\d+\.?\d*|\.\d+) (?:[eE][+-]?\d+)? (?![\w.]) )
-      | (?P<name>   [A-Za-z_]\w* (?:\.\w+)* )
-      | "(?P<quoted>[^"]+)"
-      | (?P<sign>   [-+*/()] )
-    )""",
-    re.VERBOSE | re.ASCII,
-)
+MOST_DERIVED = 1000
 
 FUNCTION = "sqrt"
 
-OPERATIONS = {
-    ("+", 1): np.positive,
-    ("-", 1): np.negative,
-    (FUNCTION, 1): np.sqrt,
-    ("+", 2): np.add,
-    ("-", 2): np.subtract,
-    ("*", 2): np.multiply,
-    ("/", 2): np.divide,
+WORD = r"[A-Za-z_]\w*"
+
+NAME = re.compile(WORD, re.ASCII)
+
+LETTER = "\N{LATIN SMALL LETTER E WITH ACUTE}"
+"""Of the words that stand for names with dots or quotes while Python parses."""
+
+NAMES = re.compile(rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?', re.ASCII)
+
+OPERATIONS: Mapping[type[ast.AST], Any] = {
+    ast.UAdd: np.positive,
+    ast.USub: np.negative,
+    ast.Call: np.sqrt,
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
 }
-"""(sign, number of operands) -> function."""
+
+GRAMMAR = f"must be of finite numbers, names, + - * / ( ) and {FUNCTION}( )"
 
 
 class ExpressionError(ValueError):
@@ -60,27 +63,18 @@ class ExpressionError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Token:
-    """A token of an expression: its kind, its text, where it begins (from 0); of an operation its operands."""
-
-    kind: str
-    text: str
-    at: int
-    operands: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class Expression:
     """A parsed expression.
 
     Attributes:
-        text: as given. names: that it needs, each once, in order. program: in postfix order.
-        field: its name in messages.
+        text: as given. names: that it needs, each once, in order. field: its name in messages.
+        tree: Python's. words: of the tree -> name.
     """
 
     text: str
     names: tuple[str, ...]
-    program: tuple[Token, ...]
+    tree: ast.expr
+    words: Mapping[str, str]
     field: str = "expression"
 
     def value(self, numbers: Mapping[str, Any]) -> Array:
@@ -89,31 +83,26 @@ class Expression:
         Raises:
             ExpressionError: one line: a division by zero, the root of a negative number, or a result that is too large.
         """
-        stack: list[Array] = []
-        for step in self.program:
-            if step.kind == "number":
-                stack.append(np.asarray(float(step.text)))
-            elif step.kind == "name":
-                stack.append(np.asarray(numbers[step.text], dtype=float))
-            else:
-                given = np.broadcast_arrays(*stack[-step.operands :])
-                del stack[-step.operands :]
-                stack.append(self._result(step, given))
-        return stack[0]
+        return self._value(self.tree, numbers)
 
-    def _result(self, step: Token, given: Any) -> Array:
+    def _value(self, node: ast.expr, numbers: Mapping[str, Any]) -> Array:
+        if isinstance(node, ast.Constant):
+            return np.asarray(float(str(node.value)))
+        if isinstance(node, ast.Name):
+            return np.asarray(numbers[self.words[node.id]], dtype=float)
+        given = np.broadcast_arrays(*(self._value(each, numbers) for each in _operands(node)))
         with np.errstate(all="ignore"):
-            found = np.asarray(OPERATIONS[step.text, step.operands](*given))
+            found = np.asarray(OPERATIONS[_operation(node)](*given))
         # what was NaN before, as a metric of an episode that did not fly, stays so and is no error
         wrong = ~np.isfinite(found) & np.logical_and.reduce([np.isfinite(each) for each in given])
         if wrong.any():
-            first = [float(each[wrong].flat[0]) for each in given]
+            *first, last = (float(each[wrong].flat[0]) for each in given)
             why = "must give a finite number"
-            if step.text == "/" and first[1] == 0.0:
+            if isinstance(node, ast.Call):
+                why = f"must take the root of a number of at least 0, not of {last:g}"
+            elif last == 0.0:
                 why = f"must not divide by zero ({first[0]:g} / 0)"
-            elif step.text == FUNCTION:
-                why = f"must take the root of a number of at least 0, not of {first[0]:g}"
-            raise ExpressionError(f"{self.field} = {_wrong(self.text, step.at, why)}")
+            raise _wrong(self.field, self.text, node.col_offset, why)
         return found
 
 
@@ -133,100 +122,93 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     if len(text) > LONGEST:
         raise ExpressionError(f"{field} = {shown(text)}: must have at most {LONGEST} characters")
     text = " ".join(text.split())  # as messages show it, so that its places are theirs
+    words: dict[str, str] = {}
+
+    def word(found: re.Match[str]) -> str:
+        """A word of Python's grammar as long as the name, so that places stay."""
+        name, call = found["quoted"] or found["plain"], found["call"] or ""
+        if call and name != FUNCTION:
+            why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
+            raise _wrong(field, text, found.start(), why)
+        if call:
+            return found[0]
+        if name not in known:
+            there = f"{did_you_mean(name, known)}there are {', '.join(known) or 'none'}"
+            raise _wrong(field, text, found.start(), f"{shown(name)} must be a named number; {there}")
+        short = len(found[0]) < 3  # one or two letters are a word as they are
+        words[stands := name if short else f"{LETTER}{len(words)}".ljust(len(found[0]), LETTER)] = name
+        return stands
+
+    plain = text if text.isascii() else text.replace(LETTER, "\0")
+    parsed = NAMES.sub(word, plain)
     try:
-        program = _Parser(text, known).program
-    except ExpressionError as error:
-        raise ExpressionError(f"{field} = {error}") from None
-    names = tuple(dict.fromkeys(step.text for step in program if step.kind == "name"))
-    return Expression(text=text, names=names, program=tuple(program), field=field)
+        tree = ast.parse(parsed, mode="eval").body
+    except (SyntaxError, ValueError, MemoryError) as error:
+        raise _wrong(field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR) from None
+    for node in ast.walk(tree):
+        leaf = type(getattr(node, "value", "")) in (int, float) or getattr(node, "id", "") in (*words, FUNCTION)
+        if not isinstance(node, ast.expr) or (leaf and math.isfinite(getattr(node, "value", 0))):
+            continue
+        if _operation(node) not in OPERATIONS or (isinstance(node, ast.Call) and len(_operands(node)) != 1):
+            raise _wrong(field, text, node.col_offset, GRAMMAR)
+    return Expression(text, tuple(dict.fromkeys(words.values())), tree, words, field)
 
 
-def _wrong(text: str, at: int, why: str) -> ExpressionError:
-    return ExpressionError(f"{shown(text)}: at {at + 1}: {why}")
+def _operands(node: ast.expr) -> list[ast.expr]:
+    """Expressions below an operation, without the name of a function."""
+    below = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.expr)]
+    return below[1:] if isinstance(node, ast.Call) else below
 
 
-def _tokens(text: str) -> Iterator[Token]:
-    at = 0
-    while at < len(text):
-        found = TOKEN.match(text, at)
-        if found is None or found.lastgroup is None:
-            start = at + len(text[at:]) - len(text[at:].lstrip())
-            allowed = f"must be a number, a name, '{FUNCTION}' or one of + - * / ( )"
-            raise _wrong(text, start, f"{shown(text[start])} {allowed}")
-        kind = found.lastgroup
-        yield Token("name" if kind == "quoted" else kind, found[kind], found.start(kind))
-        at = found.end()
-    yield Token("end", "the end", len(text))
+def _operation(node: ast.expr) -> type[ast.AST]:
+    return type(node.op) if isinstance(node, ast.BinOp | ast.UnaryOp) else type(node)
 
 
-class _Parser:
-    """Recursive descent over the tokens of a whole text; ``program`` is it in postfix order."""
+def _wrong(field: str, text: str, at: int, why: str) -> ExpressionError:
+    return ExpressionError(f"{field} = {shown(text)}: at {at + 1}: {why}")
 
-    def __init__(self, text: str, known: Collection[str]) -> None:
-        self.text, self.known, self.depth = text, known, 0
-        self.tokens, self.program = [*_tokens(text)], list[Token]()
-        self._sum()
-        self._require("end", "must be an operator or the end")
 
-    def _require(self, kind: str, why: str) -> None:
-        """Refuse the next token if it is of another kind, or another sign."""
-        token = self.tokens[0]
-        if kind not in (token.kind, token.text):
-            what = token.text if token.kind == "end" else shown(token.text)
-            raise _wrong(self.text, token.at, f"{what} {why}")
+def is_own_name(text: str) -> bool:
+    """Whether this names a number of the study, not one of its scenario: every path of a scenario has a dot."""
+    return NAME.fullmatch(text) is not None
 
-    def _take(self, signs: str) -> Token | None:
-        """The next token if it is one of these signs."""
-        token = self.tokens[0]
-        return self.tokens.pop(0) if token.kind == "sign" and token.text in signs else None
 
-    def _emit(self, token: Token, operands: int) -> None:
-        self.program.append(Token("operation", token.text, token.at, operands))
+def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
+    """Read the expressions of the table ``derived``, in its order.
 
-    def _chain(self, signs: str, operand: Callable[[], None]) -> None:
-        operand()
-        while sign := self._take(signs):
-            operand()
-            self._emit(sign, 2)
+    Args:
+        table: path or name -> expression.
+        varied: names and paths under ``vary``; each name must be used by an expression.
 
-    def _sum(self) -> None:
-        self._chain("+-", lambda: self._chain("*/", self._factor))
+    Raises:
+        ValueError: one line: an expression that cannot be read, or a number that varies already.
+    """
+    fields = Fields(table, "derived")
+    if len(fields.table) > MOST_DERIVED:
+        raise ValueError(f"derived = {len(fields.table)} numbers: must be at most {MOST_DERIVED}")
+    found: dict[str, Expression] = {}
+    for name, text in fields.table.items():
+        at = f'derived."{name}"'
+        if name in varied:
+            raise ValueError(f"{at} = {shown(text)}: must not be under vary as well")
+        if name == FUNCTION:
+            raise ValueError(f"{at} = {shown(text)}: must have another name than the function {FUNCTION}")
+        found[name] = read_expression(text, (*varied, *found), at)
+    used = {name for each in found.values() for name in each.names}
+    for name in varied:
+        if found and is_own_name(name) and name not in used:
+            raise ValueError(f'vary."{name}": must be a path, or be used by an expression under derived')
+    return found
 
-    def _factor(self) -> None:
-        self.depth += 1
-        if self.depth > DEEPEST:
-            self._require("nothing", f"must not be inside more than {DEEPEST} parentheses and signs")
-        if sign := self._take("+-"):
-            self._factor()
-            self._emit(sign, 1)
-        elif self._take("("):
-            self._closed_sum()
-        else:
-            self._operand()
-        self.depth -= 1
 
-    def _closed_sum(self) -> None:
-        self._sum()
-        self._require(")", "must be ')' or an operator")
-        self.tokens.pop(0)
+def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) -> dict[str, Array]:
+    """Numbers of episodes, each (episodes,), with those that are derived from them.
 
-    def _operand(self) -> None:
-        """A number, a name or a function of a sum."""
-        if self.tokens[0].kind != "name":
-            self._require("number", "must be a number, a name or '('")
-        token = self.tokens.pop(0)
-        if token.kind == "number":
-            if not np.isfinite(float(token.text)):
-                raise _wrong(self.text, token.at, f"{token.text} must be a finite number")
-            self.program.append(token)
-        elif self._take("("):
-            if token.text != FUNCTION:
-                why = f"{shown(token.text)} must not be called; the one function is {FUNCTION}"
-                raise _wrong(self.text, token.at, why)
-            self._closed_sum()
-            self._emit(token, 1)
-        elif token.text in self.known:
-            self.program.append(token)
-        else:
-            there = f"{did_you_mean(token.text, self.known)}there are {', '.join(self.known) or 'none'}"
-            raise _wrong(self.text, token.at, f"{shown(token.text)} must be a named number; {there}")
+    Raises:
+        ExpressionError: one line that names the number: a division by zero, the root of a negative number.
+    """
+    found = dict(drawn)
+    count = next((each.size for each in drawn.values()), 1)
+    for name, expression in derived.items():
+        found[name] = np.array(np.broadcast_to(expression.value(found), (count,)))
+    return found

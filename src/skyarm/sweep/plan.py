@@ -7,10 +7,8 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
-from skyarm.files import versions
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.records.identity import all_files, identity
@@ -21,9 +19,9 @@ from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.draws import draws_needed
-from skyarm.sweep.chunk_file import Origin
 from skyarm.sweep.design import derived_extremes, extremes, values
 from skyarm.sweep.expressions import ExpressionError
+from skyarm.sweep.store import Manifest
 from skyarm.sweep.study import Study, StudyError
 
 PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
@@ -32,34 +30,18 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 
 @dataclass(frozen=True)
 class Plan:
-    """A study whose every extreme was checked; small, and sent whole to the processes that fly it.
+    """A study whose every extreme was checked.
 
     Attributes:
         study: as read.
         stiffest: the plant whose joint friction bounds the integration step of all episodes, with the air, forces and
             drives that state the shortest one.
-        origin: what the rows depend on, as they and the manifest say it.
+        manifest: the facts on which the rows depend.
     """
 
     study: Study
     stiffest: Scenario
-    origin: Origin
-
-    @property
-    def digest(self) -> str:
-        """Digest of all that the rows depend on."""
-        return self.origin.digest
-
-    @cached_property
-    def units(self) -> dict[str, str]:
-        """SI unit of each varied number, where its field declares one."""
-        scenario = next(iter(self.study.scenarios.values()))
-        return {path: unit for path in self.study.paths if (unit := _unit(scenario, path))}
-
-    @cached_property
-    def noise(self) -> bool:
-        """Whether an episode draws random numbers while it flies."""
-        return any(draws_needed(scenario) for scenario in self.study.scenarios.values())
+    manifest: Manifest
 
     def batches(self) -> dict[str, Batch]:
         """The closed loop of each controller in machine code."""
@@ -76,14 +58,6 @@ class Plan:
             )
             for label, scenario in study.scenarios.items()
         }
-
-
-def _unit(scenario: Scenario, path: str) -> str:
-    """Unit of a number; empty for one that is no field of a record."""
-    try:
-        return unit_at(scenario, path)
-    except ValueError:
-        return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,22 +99,34 @@ def prepare(study: Study) -> Plan:
     for scenario in study.scenarios.values():
         for setting in (*singles, *together):
             setting.of(scenario)
-    origin = Origin(
-        study=json.loads(json.dumps({**study.document, **_added(study)})),
+    first = next(iter(study.scenarios.values()))
+    manifest = Manifest(
+        study=json.loads(json.dumps({**study.document, **_code_and_endings(study)})),
         scenarios={label: identity(scenario) for label, scenario in study.scenarios.items()},
-        version=versions()["skyarm"],
+        title=study.title,
+        success=dict(study.success),
+        units={path: unit for path in study.paths if (unit := _unit(first, path))},
+        noise=any(draws_needed(scenario) for scenario in study.scenarios.values()),
     )
-    return Plan(study, _stiffest(study.source, next(iter(study.scenarios.values())), singles, together), origin)
+    return Plan(study, _stiffest(study.source, first, singles, together), manifest)
 
 
-def _added(study: Study) -> dict[str, Any]:
+def _unit(scenario: Scenario, path: str) -> str:
+    """Unit of a number; empty for one that is no field of a record."""
+    try:
+        return unit_at(scenario, path)
+    except ValueError:
+        return ""
+
+
+def _code_and_endings(study: Study) -> dict[str, Any]:
     """Further facts on which rows depend: files of code, and words of user-defined endings."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
-    code = all_files(
-        study.scenarios, [row.load() for name, row in registrations("metric").items() if name in study.metrics]
+    rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
+    code = all_files(study.scenarios, rows)
+    return ({"plugins": code} if code else {}) | (
+        {"endings": endings} if (endings := [status for status in own if status not in STATUSES]) else {}
     )
-    found: dict[str, Any] = {"plugins": code, "endings": [status for status in own if status not in STATUSES]}
-    return {name: each for name, each in found.items() if each}
 
 
 def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skyarm.files import require_writable, taken_back
+from skyarm.files import require_writable, shown, taken_back
 from skyarm.files.writing import one_writer
 from skyarm.simulate.batch import Batch
-from skyarm.sweep.chunk_file import arrow, chunk_file
 from skyarm.sweep.design import values
 from skyarm.sweep.plan import Plan, prepare
 from skyarm.sweep.stats import Rows
-from skyarm.sweep.study import Study
+from skyarm.sweep.store import MANIFEST, ROWS, StudyFolder, arrow
+from skyarm.sweep.study import Study, StudyError
 from skyarm.sweep.study_file import load_study, study_from
-from skyarm.sweep.study_folder import MANIFEST, ROWS, StudyFolder
 
 Progress = Callable[[int, int], None]
 """Called with (episodes there, episodes in all)."""
-
-MANIFEST_SECONDS, FOUND_SECONDS = 10.0, 1.0
-"""Between two writings of the manifest, and between two calls of progress while the files that are there are read."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,7 +43,7 @@ def fly_sweep(
     folder: str | os.PathLike[str],
     *,
     workers: int = 1,
-    ray: str | None = None,
+    part: str | None = None,
     progress: Progress | None = None,
 ) -> Rows:
     """Fly a study, or what is missing of it, into a folder, and read its rows.
@@ -55,7 +53,7 @@ def fly_sweep(
             one, or a study that was loaded before.
         folder: of the rows; one that holds some of this study is completed.
         workers: threads that fly; rows do not depend on it.
-        ray: address of a Ray cluster, or "local".
+        part: "K/N", one of the machines that share the folder.
         progress: called with (episodes there, episodes in all).
 
     Returns:
@@ -69,7 +67,7 @@ def fly_sweep(
         study = study_from(study)
     elif not isinstance(study, Study):
         study = load_study(study)
-    run_sweep(study, folder, threads=workers, ray=ray, progress=progress)
+    run_sweep(study, folder, threads=workers, part=part, progress=progress)
     return Rows(folder)
 
 
@@ -78,7 +76,7 @@ def run_sweep(
     out: str | os.PathLike[str],
     *,
     threads: int = 1,
-    ray: str | None = None,
+    part: str | None = None,
     progress: Progress | None = None,
 ) -> Summary:
     """Fly what is missing of a study; the content of the folder does not depend on how often it was interrupted.
@@ -87,8 +85,8 @@ def run_sweep(
         study: from :func:`skyarm.sweep.load_study`.
         out: folder of the rows; one that holds some of this study is completed.
         threads: that fly a chunk; rows do not depend on it.
-        ray: address of a Ray cluster that flies the chunks, "local" to start one here.
-        progress: called after every chunk, and now and then while those that are there are read.
+        part: "K/N": of the chunks every N-th from the K-th on; others write into the same folder.
+        progress: called after every chunk.
 
     Raises:
         StudyError: a number that cannot be flown, or a folder that holds another study.
@@ -96,56 +94,40 @@ def run_sweep(
         OSError: the folder cannot be written, which is seen before any flight; or files of rows vanished.
     """
     arrow()
+    first, stride = _part(part)
     plan, begin, flown = prepare(study), time.perf_counter(), 0
     report = progress or (lambda *_: None)
-    with taken_back(out, Path(out) / MANIFEST, Path(out) / ROWS), one_writer(require_writable(out)):
-        store = StudyFolder(out, plan, _seldom(lambda there: report(there, study.episodes)))
-        found, written = store.episodes, time.perf_counter()
-        report(found, study.episodes)
-        try:
-            for index, content in _chunks(plan, list(store.todo), threads, ray):
-                store.put(index, content)
-                flown += len(study.span(index))
-                if time.perf_counter() - written > MANIFEST_SECONDS:
-                    store.write_manifest()
-                    written = time.perf_counter()
-                report(store.episodes, study.episodes)
-        finally:
-            store.finish()
-    return Summary(
-        folder=Path(out),
-        rows=study.episodes * len(study.scenarios),
-        flown=flown,
-        found=found,
-        seconds=time.perf_counter() - begin,
-    )
+    folder = Path(out)
+    with taken_back(folder, folder / MANIFEST, folder / ROWS):
+        alone = one_writer(require_writable(folder)) if part is None else contextlib.nullcontext()
+        with alone:
+            try:
+                store = StudyFolder(folder, plan.manifest)
+            except StudyError as error:
+                raise StudyError(f"{study.source}: {error}") from None
+            if part is None:
+                store.clear()
+            store.write_manifest()
+            found, todo = store.episodes, [i for i in range(first, study.chunks, stride) if i not in store.done]
+            report(found, study.episodes)
+            batches = plan.batches() if todo else {}
+            try:
+                for index in todo:
+                    store.put(index, fly_chunk(plan, batches, index, threads))
+                    flown += len(study.span(index))
+                    report(store.episodes, study.episodes)
+            finally:
+                store.finish()
+    rows = store.episodes * len(study.scenarios)
+    return Summary(folder=folder, rows=rows, flown=flown, found=found, seconds=time.perf_counter() - begin)
 
 
-def _seldom(call: Callable[[int], None]) -> Callable[[int], None]:
-    """A function that calls at most every ``FOUND_SECONDS``."""
-    last = time.monotonic()
-
-    def found(there: int) -> None:
-        nonlocal last
-        if time.monotonic() - last > FOUND_SECONDS:
-            last = time.monotonic()
-            call(there)
-
-    return found
-
-
-def _chunks(plan: Plan, todo: list[int], threads: int, ray: str | None) -> Iterator[tuple[int, bytes]]:
-    """Each chunk's file, in any order."""
-    if not todo:
-        return
-    if ray is not None:
-        from skyarm.sweep.distributed import fly_on_ray
-
-        yield from fly_on_ray(plan, todo, ray)
-        return
-    batches = plan.batches()
-    for index in todo:
-        yield index, fly_chunk(plan, batches, index, threads)
+def _part(text: str | None) -> tuple[int, int]:
+    """First chunk and stride of a part."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text or "1/1")
+    if not found or not 1 <= int(found[1]) <= int(found[2]):
+        raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
+    return int(found[1]) - 1, int(found[2])
 
 
 def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
@@ -153,8 +135,9 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
 
     The bytes depend on study and index only: not on threads, nor on what flew before.
     """
-    pa, study, statuses = arrow(), plan.study, plan.origin.statuses
-    episodes = np.arange(study.span(index).start, study.span(index).stop)
+    pa, study, statuses = arrow(), plan.study, plan.manifest.statuses
+    span = study.span(index)
+    episodes = np.arange(span.start, span.stop)
     drawn = values(study, episodes)
     tables = []
     for position, batch in enumerate(batches.values()):
@@ -171,7 +154,7 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
             "end_time": outcome.end_time,
         }
         tables.append(pa.table(columns))
-    return chunk_file(pa.concat_tables(tables), plan.origin, index)
+    return plan.manifest.parquet(pa.concat_tables(tables), index)
 
 
 def _words(pa: Any, indices: Any, words: list[str]) -> Any:

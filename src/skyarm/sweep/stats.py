@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
 from skyarm.scenario.numbers import labelled, words_of
-from skyarm.sweep.chunk_file import arrow
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
+from skyarm.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
 from skyarm.sweep.study import StudyError
-from skyarm.sweep.study_folder import chunk_path, not_counted, whole_chunks
 
 Array = npt.NDArray[Any]
 
@@ -27,7 +26,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 class Rows:
     """A study's rows, read column by column; each column is ordered by episode.
 
-    Only files count that are whole and of this study; the manifest's word on how many there are does not.
+    Only files count that are whole and of this study.
 
     Args:
         folder: that ``skyarm sweep`` wrote.
@@ -35,28 +34,29 @@ class Rows:
 
     Attributes:
         manifest: of the folder. count: rows that are there. planned: rows of the whole study.
-        skipped: names of damaged files.
+        skipped: names of files that do not count.
 
     Raises:
-        StudyError: no such folder, no rows, rows of another study, or an unknown metric.
+        StudyError: no such folder, no rows, or an unknown metric.
     """
 
     def __init__(self, folder: str | os.PathLike[str], success: Mapping[str, float] | None = None) -> None:
         arrow()
         import pyarrow.dataset as ds
 
-        self.folder = Path(folder)
-        self.manifest, chunks, self.skipped = whole_chunks(folder)
-        origin = self.manifest.origin
+        self.folder, manifest = Path(folder), read_manifest(folder)
+        at = f"folder = {os.fspath(folder)!r}"
+        if manifest is None:
+            raise StudyError(f"{at}: must be one that 'skyarm sweep' wrote; it has no whole {MANIFEST}")
+        self.manifest = manifest
+        chunks, self.skipped = whole_chunks(folder, manifest)
         if not chunks:
             others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
-            raise StudyError(
-                f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
-            )
+            raise StudyError(f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}")
         self._data = ds.dataset([str(chunk_path(folder, index)) for index in chunks])
-        self.parameters, self.metrics = origin.parameters, tuple(origin.study["metrics"])
-        self.controllers = tuple(origin.scenarios)
+        self.parameters, self.metrics = manifest.parameters, tuple(manifest.study["metrics"])
+        self.controllers = tuple(manifest.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:
             if name not in self.metrics:
@@ -64,16 +64,16 @@ class Rows:
                 raise StudyError(f"success.{name}: is no metric of these rows; {there}")
         chosen = self._column("controller")
         self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
-        self.episodes = sum(len(origin.span(index)) for index in chunks)
-        self.count, self.planned = self.episodes * len(self.controllers), origin.rows
+        self.episodes = sum(len(manifest.span(index)) for index in chunks)
+        self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
 
     @property
     def deterministic(self) -> bool:
         """Whether nothing was drawn at random: a grid of given numbers, flown without noise."""
-        study = self.manifest.origin.study
+        study = self.manifest.study
         kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
         given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
-        return given and self.manifest.noise is False
+        return given and not self.manifest.noise
 
     def label(self, path: str) -> str:
         """Words and unit of a varied number."""
@@ -146,7 +146,6 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         "rows": rows.count,
         "rows_planned": rows.planned,
         "files_not_counted": list(rows.skipped),
-        "manifest_rebuilt": rows.manifest.rebuilt,
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,
         "confidence": confidence,

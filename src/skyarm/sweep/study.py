@@ -9,9 +9,8 @@ from typing import Any
 
 from skyarm.metrics.windows import Windows
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sweep.derived_numbers import is_own_name
 from skyarm.sweep.distributions import Distribution, Values
-from skyarm.sweep.expressions import Expression
+from skyarm.sweep.expressions import Expression, is_own_name
 
 DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")

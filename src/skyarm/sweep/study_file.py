@@ -52,8 +52,8 @@ from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.scenario.scenario_tables import require_plugins
-from skyarm.sweep.derived_numbers import derived_from, is_own_name, require_used
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.sweep.expressions import derived_from, is_own_name
 from skyarm.sweep.sobol import DIMENSIONS
 from skyarm.sweep.study import (
     DESIGNS,
@@ -139,7 +139,6 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
     derived = derived_from(top.take("derived", {}), tuple(vary))
-    require_used(vary, derived)
     _say_grid(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
