@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import file_names, write_inside
+from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.pages import image, rendered
 from skyarm.pages import page as plain_page
 from skyarm.scenario.numbers import labelled, words_of
