@@ -24,7 +24,7 @@ def distribution(folder: Path, *names: str) -> str:
         ("llvmlite-0.44.0", "llvmlite 0.44.0 is installed: must be at least 0.45; python -m pip install"),
         ("numpy-1.9.3", "numpy 1.9.3 is installed"),  # 9 is below 26
         ("rich-12.6.0", "rich 12.6.0 is installed"),
-        ("pydantic-1.10.0rc1", "pydantic 1.10.0rc1 is installed"),
+        ("jinja2-2.11.0rc1", "jinja2 2.11.0rc1 is installed"),
         ("mujoco_core-3.9.0", "mujoco-core 3.9.0 is installed: must be at least 4.0; python -m pip install"),
         ("matplotlib-unknown", "matplotlib unknown is installed"),
     ],

@@ -20,7 +20,6 @@ HEAVY = (
     "pinocchio",
     "llvmlite.binding",
     "hypothesis",
-    "pydantic",
     "typer",
     "rich",
 )

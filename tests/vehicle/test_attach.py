@@ -159,11 +159,11 @@ REFUSED = {
     "itself": ('arm = "v.toml"', "attach[0].arm = 'v.toml': must not lead back to a file that refers to it"),
     "rotors": ('arm = "hummingbird"', "attach[0].arm = 'hummingbird': must have no rotors (front)"),
     "to": ('arm = "arm.urdf"\nto = "foot"', "attach[0].to = 'foot': must be one of base, leg, rail"),
-    "unknown field": ('arm = "arm.urdf"\nat = "leg"', "attach[0].at = 'leg': unknown field; allowed: position, rpy"),
-    "missing": ("position = [0.0, 0.0, 0.0]", "attach[0].arm = (missing): must be the path of a .urdf"),
+    "unknown field": ('arm = "arm.urdf"\nat = "leg"', "attach[0].at = 'leg': unknown field; allowed: arm, mimic"),
+    "missing": ("position = [0.0, 0.0, 0.0]", "attach[0].arm: is missing; there are position"),
     "pose": (
         'arm = "arm.urdf"\nposition = [0.0, 0.0]',
-        "attach[0].position = [0.0, 0.0]: must be three finite numbers",
+        "attach[0].position = [0.0, 0.0]: must be three numbers",
     ),
     "both": (
         'arm = "arm.urdf"\nrpy = [0.0, 0.0, 0.0]\nquaternion_wxyz = [1.0, 0.0, 0.0, 0.0]',
@@ -174,7 +174,7 @@ REFUSED = {
         "attach[1].prefix = '': must tell the arm's link 'upper'",
     ),
     "override": ('arm = "arm.urdf"\n[[joints]]\nname = "knee"', "joints.name = 'knee': must be one of hip, shoulder"),
-    "mimic": ('arm = "arm.urdf"\nmimic = "free"', "attach[0].mimic = 'free': must be 'lock' or 'couple'"),
+    "mimic": ('arm = "arm.urdf"\nmimic = "free"', "attach[0].mimic = 'free': must be one of lock, couple"),
     "broken": ('arm = "bad.urdf"', "attach[0].arm = 'bad.urdf': robot = 'no <link>': must have at least one link"),
     "folder": ('arm = "folder.urdf"', "attach[0].arm = 'folder.urdf': is a folder"),
 }

@@ -8,7 +8,8 @@ import pytest
 
 from skyarm.algebra import Sym3
 from skyarm.vehicle import VehicleError, check
-from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle, without_source
+from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_tables import fields_of, source_covers
 
 NAMES = (
     "crazyflie_arm1",
@@ -25,6 +26,18 @@ NAMES = (
     "voliro_like",
 )
 FLYING = tuple(name for name in NAMES if name != "hummingbird_arm2")
+
+
+def without_source(document):
+    """Numeric fields that no key of ``[sources]`` covers, as dotted paths."""
+
+    def numeric(value):
+        several = isinstance(value, list) and bool(value) and all(map(numeric, value))
+        return several or (isinstance(value, (int, float)) and not isinstance(value, bool))
+
+    keys = document.get("sources", {})
+    missing = [p for p, v in fields_of(document) if numeric(v) and not any(source_covers(k, p) for k in keys)]
+    return [".".join(text for text, _ in path) for path in missing]
 
 
 def about_origin(body):

@@ -159,14 +159,14 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
         (
             {"speed": None},
-            r"rotors\[.*\]\.thrust_table\.speed = \(missing\): must be a column, rad/s; without it throttle",
+            r"rotors\[.*\]\.thrust_table\.speed: is missing: must be a column, rad/s; without it throttle",
         ),
         (
             {"speed": None, "throttle": [0.2, 0.4, 0.6, 0.8]},
-            r"rotors\[.*\]\.thrust_coefficient = \(missing\): must be a number, .* where thrust_table has no",
+            r"rotors\[.*\]\.thrust_coefficient: is missing: must be a number, .* where thrust_table has no",
         ),
         ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current, throttle"),
-        ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a list of finite numbers"),
+        ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
     ],
 )
 def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, change, words):

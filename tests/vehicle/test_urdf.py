@@ -433,7 +433,7 @@ def test_a_toml_file_adds_rotors_frames_and_limits_to_a_urdf_file(tmp_path):
         (
             "damping = 0.01",
             "axis = [1.0, 0.0, 0.0]",
-            "joints[elbow].axis = [1.0, 0.0, 0.0]: unknown field; allowed: lower",
+            "joints[elbow].axis = [1.0, 0.0, 0.0]: unknown field; allowed: name, lower",
         ),
     ],
 )

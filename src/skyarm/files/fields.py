@@ -45,13 +45,14 @@ def all_wrong_words() -> Iterator[None]:
 class Fields:
     """Reader of a table: checks each value it hands out, and refuses by name what nobody asked for.
 
-    Every error is a ValueError of one line: field, value, what is allowed.
+    Every error is a ValueError of one line: field, value, what is allowed. ``named`` calls the tables of a list by
+    their names: ``links[arm].mass``.
     """
 
-    def __init__(self, table: Any, where: str) -> None:
+    def __init__(self, table: Any, where: str, named: bool = False) -> None:
         if not isinstance(table, dict):
             raise ValueError(f"{where} = {shown(table)}: must be a table")
-        self.table, self.where = table, where
+        self.table, self.where, self._named = table, where, named
         self._asked: list[str] = []
         self._stands_for: dict[str, str] = {}  # a word of the file -> the required field that it may have meant
 
@@ -139,11 +140,11 @@ class Fields:
 
     def inner(self, name: str) -> Fields:
         """Reader of a table within this one; of an empty table where it is left out."""
-        return Fields(self.take(name, {}), self.at(name))
+        return Fields(self.take(name, {}), self.at(name), self._named)
 
     def tables(self, name: str) -> list[Fields]:
         """Readers of a list of tables; none where it is left out."""
-        return list_of_tables(self.take(name, []), self.at(name))
+        return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:
         """Refuse fields that were not asked for, at once or with the other wrong words of the file."""
@@ -158,11 +159,13 @@ class Fields:
             wrong[self.where, name] = line
 
 
-def list_of_tables(value: Any, where: str) -> list[Fields]:
+def list_of_tables(value: Any, where: str, named: bool = False) -> list[Fields]:
     """Readers of a list of tables, in order."""
     if not isinstance(value, list):
         raise ValueError(f"{where} = {shown(value)}: must be a list of tables")
-    return [Fields(table, f"{where}[{i}]") for i, table in enumerate(value)]
+    names = [table.get("name") if named and isinstance(table, dict) else None for table in value]
+    called = [name if isinstance(name, str) and name else i for i, name in enumerate(names)]
+    return [Fields(table, f"{where}[{name}]", named) for table, name in zip(value, called, strict=True)]
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:

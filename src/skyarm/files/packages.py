@@ -18,7 +18,6 @@ FLOORS = {
     "mujoco-core": "4.0",
     "typer": "0.20",
     "rich": "13",
-    "pydantic": "2.7",
     "matplotlib": "3.8",
 }
 """Package -> the lowest version that the tests have passed on."""

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Protocol
 from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.registry import find
 from skyarm.scalars import Scalar
-from skyarm.vehicle import check
-from skyarm.vehicle.check import accept
+from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Flat = Sequence[float]
@@ -25,11 +25,10 @@ class Truth:
     """What is simulated: the true vehicle and gravity (m/s^2)."""
 
     vehicle: Vehicle
-    gravity: Annotated[Scalar, Unit("m/s^2")] = 9.81
+    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number)] = 9.81
 
     def __post_init__(self) -> None:
-        accept(self, "world", vehicle=coerce.one(Vehicle), gravity=coerce.number)
-        check.number("world.gravity", self.gravity, low=0.0)
+        accept_fields(self, "plant", VehicleError)
 
 
 class Plant(Protocol):

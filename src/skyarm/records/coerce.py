@@ -281,3 +281,20 @@ def near_unit_quaternion(value: Quaternion) -> Quaternion:
     """A quaternion; one of a length that is 1 within TOLERANCE is made exactly that long."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
+
+
+def proper_rotation(field: str, value: Any) -> Mat3:
+    """A matrix of orthonormal columns and determinant +1."""
+    held = near_rotation(field, value)
+    rows = [list(row) for row in held.rows]
+    if not concrete(*(c for row in rows for c in row)):
+        return held
+    for name, row in zip(("r0", "r1", "r2"), rows, strict=True):
+        if not abs(math.sqrt(sum(c * c for c in row)) - 1.0) <= TOLERANCE:
+            refuse(f"{field}.{name}", tuple(row), "must be a unit vector")
+    # the determinant alone would pass rows 4e-3 off orthogonal, as it changes with the square of that angle
+    r0, r1, r2 = held.rows
+    skew = max(abs(a.dot(b)) for a, b in ((r0, r1), (r1, r2), (r2, r0)))
+    if skew > 10 * TOLERANCE or r0.cross(r1).dot(r2) < 0.0:
+        refuse(field, [c for row in rows for c in row], "must be a rotation (orthogonal, determinant +1)")
+    return held

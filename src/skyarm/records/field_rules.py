@@ -90,6 +90,8 @@ defaults: Callable[[type], Mapping[str, Any]] = _usual
 
 def _rule(wanted: Any, unit: Unit) -> Rule | None:
     """The rule of an annotation; None where it says nothing that could be checked."""
+    if unit.rule is not None:
+        return _bounded(unit.rule, unit)
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
     if origin in (typing.Union, types.UnionType):
         return _one_of(options, unit)
@@ -106,6 +108,22 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
         return _callable
     plain = {bool: coerce.flag, str: coerce.text}.get(wanted)
     return coerce.one(wanted) if plain is None and _is_record(wanted) else plain
+
+
+def _bounded(rule: Rule, unit: Unit) -> Rule:
+    """A rule of a field's own, whose plain numbers are within its bounds."""
+
+    def bounded(field: str, value: Any) -> Any:
+        held = rule(field, value)
+        if isinstance(held, Vec3):
+            for axis, each in zip("xyz", held, strict=True):
+                if concrete(each):
+                    _within(f"{field}.{axis}", each, unit)
+        elif concrete(held) and type(held) is not bool:
+            _within(field, held, unit)
+        return held
+
+    return bounded
 
 
 def _is_record(wanted: Any) -> bool:
@@ -230,12 +248,14 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
 
 def _many_records(kind: type) -> Rule:
     """A tuple of records of one class."""
+    item = coerce.one(kind)
 
     def rule(field: str, value: Any) -> Any:
-        several = coerce.is_sequence(value) and not isinstance(value, _ALONE)
-        held = value if isinstance(value, tuple) else tuple(value) if several else ()
-        if not several or not all(isinstance(each, kind) for each in held):
+        if not coerce.is_sequence(value) or isinstance(value, _ALONE):
             refuse(field, value, f"must be a tuple of {kind.__name__}")
+        held = value if isinstance(value, tuple) else tuple(value)
+        for i, each in enumerate(held):
+            item(f"{field}[{i}]", each)
         return held
 
     return rule

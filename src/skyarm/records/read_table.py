@@ -7,13 +7,13 @@ import inspect
 import re
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
 from skyarm.records.leaves import field_names
-from skyarm.records.units import NUMBER, Unit, declared
+from skyarm.records.units import NUMBER, Unit, declared, units
 from skyarm.registry import find
 from skyarm.scalars import Scalar
 
@@ -63,6 +63,21 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
         named = re.match(r"\w+", words)
         own = isinstance(kind, type) and named is not None and named[0] in (field_names(kind) or ())
         raise ValueError(words if words.startswith(where) else f"{where}{'.' if own else ': '}{words}") from None
+
+
+def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
+    """Those numbers of a record that a table states, within the bounds that the record's fields declare."""
+    known, found = units(kind), {}
+    for name in names:
+        if fields.take(name, None) is None and name not in required:
+            continue
+        unit = known[name]
+        try:
+            value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
+        except ValueError as error:
+            raise ValueError(f"{error}, {unit.unit}" if unit.unit and name in fields.table else str(error)) from None
+        found[name] = 0 if unit.folds and value == 0.0 else value
+    return found
 
 
 def takes_table(function: Callable[..., Any]) -> bool:

@@ -27,6 +27,7 @@ class Unit:
         low, high: least and largest value allowed. strict: neither of them is allowed itself.
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
+        rule: coercion in place of that of the field's type.
     """
 
     unit: str = ""
@@ -36,6 +37,7 @@ class Unit:
     strict: bool = False
     infinite: bool = False
     folds: bool = False
+    rule: Callable[[str, Any], Any] | None = None
 
     @property
     def words(self) -> str:

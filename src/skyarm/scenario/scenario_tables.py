@@ -37,9 +37,9 @@ from skyarm.scenario.standing_start import standing
 from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
-from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_tables import mounted_drives
 
 if TYPE_CHECKING:
     from skyarm.contact.contact import Contact

@@ -6,33 +6,41 @@ Each message names the field, the value and what is allowed; the file is added b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.algebra import Sym3
 from skyarm.files import shown
-from skyarm.records import coerce
-from skyarm.records.coerce import TOLERANCE, RecordError, Rule, concrete
+from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
+from skyarm.records.field_rules import accept_fields
 from skyarm.vehicle import mobility
 
 if TYPE_CHECKING:
     from skyarm.vehicle.attach import RigidBodies
     from skyarm.vehicle.linkage import Body, Follower, Joint
-    from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+    from skyarm.vehicle.vehicle_records import Vehicle
 
 
-LONGEST = 1e100
-"""m, a length whose square overflows far beyond it."""
+LENGTH = (-1e100, 1e100)
+"""Bounds of a length, m, whose square overflows far beyond them."""
+
+SHARE: Mapping[str, Any] = {"low": 0.0, "folds": True, "rule": coefficient}
+"""A number of at least 0 whose integer zero is structure: there is no such effect."""
 
 
 class VehicleError(RecordError):
     """A vehicle's description is wrong."""
 
 
-def accept(record: Any, where: str, **rules: Rule) -> None:
-    """Put a vehicle's record in the form it is held in, or raise VehicleError."""
-    coerce.accept(record, where, rules, VehicleError)
+def accept_named(record: Any, kind: str) -> None:
+    """Put a record that has a name in the form it is held in; messages call it by the name, ``joints[shoulder].axis``.
+
+    Raises:
+        VehicleError: one line with field, value and what is allowed.
+    """
+    name = record.link.name if kind == "follower" and hasattr(record.link, "name") else getattr(record, "name", "")
+    accept_fields(record, f"{kind}s[{name}]" if isinstance(name, str) and name else kind, VehicleError)
 
 
 def refuse(field: str, value: Any, allowed: str) -> NoReturn:
@@ -40,47 +48,13 @@ def refuse(field: str, value: Any, allowed: str) -> NoReturn:
     raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 
 
-def number(field: str, value: Any, *, low: float = -math.inf, strict: bool = False) -> None:
-    """A finite number not below ``low`` (above it if strict)."""
-    if not concrete(value):
-        return
-    if not math.isfinite(value):
-        refuse(field, value, "must be a finite number")
-    if value < low or (strict and value == low):
-        refuse(field, value, f"must be {'greater than' if strict else 'at least'} {low:g}")
-
-
-def vector(field: str, v: Vec3, *, unit: bool = False) -> None:
-    """Three finite numbers, of unit length if asked."""
-    for name, value in zip("xyz", v, strict=True):
-        number(f"{field}.{name}", value)
-        if concrete(value) and not abs(value) <= LONGEST:
-            refuse(f"{field}.{name}", value, f"must be at most {LONGEST:g} m in size")
-    if unit and concrete(*v):
-        length = math.sqrt(sum(c * c for c in v))
-        if abs(length - 1.0) > TOLERANCE:
-            refuse(field, tuple(v), f"must be a unit vector, its length is {length:g}")
-
-
-def rotation(field: str, R: Mat3) -> None:
-    """A proper rotation matrix."""
-    entries = [c for row in R.rows for c in row]
-    if not concrete(*entries):
-        return
-    for row in R.rows:
-        vector(field, row, unit=True)
-    # the determinant alone would pass rows 4e-3 off orthogonal, as it changes with the square of that angle
-    skew = max(abs(a.dot(b)) for a, b in ((R.r0, R.r1), (R.r1, R.r2), (R.r2, R.r0)))
-    if skew > 10 * TOLERANCE or R.r0.cross(R.r1).dot(R.r2) < 0.0:
-        refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
-
-
 def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
     """Moments that a real body can have: positive semi-definite and the triangle inequality of principal moments."""
     if not concrete(*inertia_com.entries):
         return
     for name, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), inertia_com.entries, strict=True):
-        number(f"{field}.{name}", value)
+        if not math.isfinite(value):
+            refuse(f"{field}.{name}", value, "must be a finite number")
     import numpy as np
 
     rows = [list(row) for row in inertia_com.full().rows]
@@ -99,44 +73,12 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
         )
 
 
-def body(field: str, value: Body) -> None:
-    """Mass, centre of mass and inertia of one link."""
-    number(f"{field}.mass", value.mass, low=0.0)
-    vector(f"{field}.com", value.com)
-    inertia(f"{field}.inertia", value.inertia, planar=value.planar)
-
-
 def joint(field: str, value: Joint) -> None:
-    """Kind, axis, pose, limits and friction of one joint."""
+    """Kind and limits of one joint."""
     if value.kind not in ("revolute", "prismatic"):
         refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
-    vector(f"{field}.axis", value.axis, unit=True)
-    vector(f"{field}.position", value.position)
-    rotation(f"{field}.rotation", value.rotation)
-    for name in ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping"):
-        number(f"{field}.{name}", getattr(value, name), low=0.0)
-    number(f"{field}.coulomb_rate", value.coulomb_rate, low=0.0, strict=True)
-    if concrete(value.effort_limit) and not value.effort_limit >= 0.0:
-        refuse(f"{field}.effort_limit", value.effort_limit, "must be at least 0 (a passive joint)")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
         refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
-
-
-def rotor(field: str, value: Rotor) -> None:
-    """Pose, direction and coefficients of one rotor."""
-    vector(f"{field}.position", value.position)
-    vector(f"{field}.axis", value.axis, unit=True)
-    if value.direction not in (-1, 1):
-        refuse(f"{field}.direction", value.direction, "must be +1 (ccw) or -1 (cw)")
-    number(f"{field}.thrust_coefficient", value.thrust_coefficient, low=0.0, strict=True)
-    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient", "inertia"):
-        number(f"{field}.{name}", getattr(value, name), low=0.0)
-    for name in ("time_constant_up", "time_constant_down"):
-        number(f"{field}.{name}", getattr(value, name), low=0.0, strict=True)
-    if concrete(value.max_speed) and not value.max_speed > 0.0:
-        refuse(f"{field}.max_speed", value.max_speed, "must be greater than 0")
-    if value.tilt is not None:
-        value.tilt.require(f"{field}.tilt", value.axis)
 
 
 def unique(field: str, names: list[str]) -> None:
@@ -149,8 +91,8 @@ def unique(field: str, names: list[str]) -> None:
 
 
 def vehicle(value: Vehicle) -> None:
-    """Topology, then every number."""
-    body("base", value.base)
+    """What concerns several fields or records; each record checks its own numbers."""
+    inertia("base.inertia", value.base.inertia, planar=value.base.planar)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
     unique("links.name", [link.name for link in value.moving])
@@ -160,17 +102,18 @@ def vehicle(value: Vehicle) -> None:
     for index, link in enumerate(value.links):
         if not -1 <= link.parent < index:
             refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
-        body(f"links[{link.name}]", link.body)
+        inertia(f"links[{link.name}].inertia", link.body.inertia, planar=link.body.planar)
         joint(f"joints[{link.joint.name}]", link.joint)
     for index, follower in enumerate(value.followers):
         _follower(value, follower, index)
     for each in value.rotors:
-        rotor(f"rotors[{each.name}]", each)
+        if each.direction not in (-1, 1):
+            refuse(f"rotors[{each.name}].direction", each.direction, "must be +1 (ccw) or -1 (cw)")
+        if each.tilt is not None:
+            each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
     for frame in value.frames:
         if not -1 <= frame.link < len(value.moving):
             refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
-        vector(f"frames[{frame.name}].position", frame.position)
-        rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
         refuse(
             "end_effector",
@@ -178,9 +121,6 @@ def vehicle(value: Vehicle) -> None:
             f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
         )
     _drives(value)
-    for name, area in zip("xyz", value.drag.area, strict=True):
-        number(f"drag.area.{name}", area, low=0.0)
-    number("drag.air_density", value.drag.air_density, low=0.0)
     if found := mobility.what_does_not_move(value):
         refuse(*found)
 
@@ -200,16 +140,14 @@ def _drives(value: Vehicle) -> None:
 def _follower(value: Vehicle, each: Follower, index: int) -> None:
     """A follower has a leader, an earlier parent, and a joint without anything of its own."""
     field, link = f"followers[{each.name}]", each.link
-    body(f"{field}.link", link.body)
+    inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     joint(f"{field}.link.joint", link.joint)
     if not 0 <= each.leader < value.n:
         refuse(f"{field}.leader", each.leader, f"must be the index of a link, 0 ... {value.n - 1}")
     if not -1 <= link.parent < value.n + index:
         refuse(f"{field}.link.parent", link.parent, "must be the base (-1), a link or an earlier follower")
-    number(f"{field}.ratio", each.ratio)
     if concrete(each.ratio) and each.ratio == 0:
         refuse(f"{field}.ratio", each.ratio, "must not be 0; a joint that never moves is fixed")
-    number(f"{field}.offset", each.offset)
     for name in ("damping", "coulomb", "armature", "stop_stiffness"):
         if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
             refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.records import coerce
-from skyarm.records.coerce import near_rotation, near_unit_vector
+from skyarm.records.coerce import coefficient, inertia, number, proper_rotation, unit_vector, vector
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
-from skyarm.vehicle.check import accept
+from skyarm.vehicle.check import LENGTH, SHARE, VehicleError, accept_named
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
@@ -34,13 +34,13 @@ class Body:
             exists in a controller's model only; a plant refuses it.
     """
 
-    mass: Annotated[Scalar, Unit("kg")]
-    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link")] = ZERO3
-    inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link")] = Sym3(0, 0, 0)
+    mass: Annotated[Scalar, Unit("kg", low=0.0, rule=coefficient)]
+    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link", *LENGTH, rule=vector)] = ZERO3
+    inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link", rule=inertia)] = Sym3(0, 0, 0)
     planar: bool = False
 
     def __post_init__(self) -> None:
-        accept(self, "body", mass=coerce.coefficient, com=coerce.vector, inertia=coerce.inertia, planar=coerce.flag)
+        accept_fields(self, "body", VehicleError)
 
     @classmethod
     def of_parts(cls, parts: Sequence[Body]) -> Body:
@@ -89,30 +89,27 @@ class Joint:
 
     name: str
     kind: str = "revolute"
-    axis: Annotated[Vec3, Unit("", "unit vector, joint axes")] = Vec3(0, 1, 0)
-    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link")] = ZERO3
-    rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link")] = Mat3.identity()
-    lower: Annotated[Scalar, Unit("rad or m", infinite=True)] = -math.inf
-    upper: Annotated[Scalar, Unit("rad or m", infinite=True)] = math.inf
-    effort_limit: Annotated[Scalar, Unit("N m or N", "largest effort of the joint", infinite=True)] = math.inf
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
-    coulomb: Annotated[Scalar, Unit("N m or N")] = 0
-    coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
-    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = field(
+    axis: Annotated[Vec3, Unit("", "unit vector, joint axes", rule=unit_vector)] = Vec3(0, 1, 0)
+    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link", *LENGTH, rule=vector)] = ZERO3
+    rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link", rule=proper_rotation)] = Mat3.identity()
+    lower: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number)] = -math.inf
+    upper: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number)] = math.inf
+    effort_limit: Annotated[
+        Scalar, Unit("N m or N", "largest effort of the joint", low=0.0, infinite=True, rule=number)
+    ] = math.inf
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", **SHARE)] = 0
+    coulomb: Annotated[Scalar, Unit("N m or N", **SHARE)] = 0
+    coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, rule=number)] = 0.01
+    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint", **SHARE)] = field(
         default=0, metadata=WRITTEN_IF_ANY
     )
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = field(
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits", **SHARE)] = field(
         default=0, metadata=WRITTEN_IF_ANY
     )
-    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = field(default=0, metadata=WRITTEN_IF_ANY)
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m", **SHARE)] = field(default=0, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
-        accept(self, "joint", name=coerce.text, kind=coerce.text)
-        where = f"joints[{self.name}]"
-        accept(self, where, axis=near_unit_vector, position=coerce.vector, rotation=near_rotation)
-        accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
-        accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
-        accept(self, where, **dict.fromkeys(("armature", "stop_stiffness", "stop_damping"), coerce.coefficient))
+        accept_named(self, "joint")
 
     @property
     def has_stops(self) -> bool:
@@ -134,8 +131,7 @@ class Link:
     body: Body
 
     def __post_init__(self) -> None:
-        accept(self, "link", name=coerce.text)
-        accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
+        accept_named(self, "link")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -154,12 +150,11 @@ class Follower:
 
     link: Link
     leader: int
-    ratio: Annotated[Scalar, Unit("rad or m per rad or m")] = 1.0
-    offset: Annotated[Scalar, Unit("rad or m")] = 0
+    ratio: Annotated[Scalar, Unit("rad or m per rad or m", rule=number)] = 1.0
+    offset: Annotated[Scalar, Unit("rad or m", rule=coefficient)] = 0
 
     def __post_init__(self) -> None:
-        accept(self, "follower", link=coerce.one(Link), leader=coerce.whole, ratio=coerce.number)
-        accept(self, f"followers[{self.link.name}]", offset=coerce.coefficient)
+        accept_named(self, "follower")
 
     @property
     def name(self) -> str:

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
-from skyarm.records import coerce
-from skyarm.records.coerce import concrete, near_unit_vector
+from skyarm.records.coerce import concrete, number, unit_vector
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
-from skyarm.vehicle import check
-from skyarm.vehicle.check import VehicleError, accept, refuse
+from skyarm.vehicle.check import VehicleError, refuse
 
 ACROSS = 1e-6
 """Cosine between a servo's axis and the rotor's within which they count as perpendicular."""
@@ -37,18 +36,19 @@ class Tilt:
         max_rate: rad/s.
     """
 
-    axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes")]
-    lower: Annotated[Scalar, Unit("rad", "least angle")]
-    upper: Annotated[Scalar, Unit("rad", "largest angle")]
-    time_constant: Annotated[Scalar, Unit("s", "lag of the angle")]
-    max_rate: Annotated[Scalar, Unit("rad/s", "largest rate of the angle", infinite=True)] = math.inf
+    axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes", rule=unit_vector)]
+    lower: Annotated[Scalar, Unit("rad", "least angle", rule=number)]
+    upper: Annotated[Scalar, Unit("rad", "largest angle", rule=number)]
+    time_constant: Annotated[Scalar, Unit("s", "lag of the angle", low=0.0, strict=True, rule=number)]
+    max_rate: Annotated[
+        Scalar, Unit("rad/s", "largest rate of the angle", low=0.0, strict=True, infinite=True, rule=number)
+    ] = math.inf
 
     def __post_init__(self) -> None:
-        accept(self, "tilt", axis=near_unit_vector, **dict.fromkeys(NUMBERS, coerce.number))
+        accept_fields(self, "tilt", VehicleError)
 
     def require(self, field: str, thrust_axis: Vec3) -> None:
         """Refuse numbers that no servo has, or an axis that is not across the thrust; one line with the field."""
-        check.vector(f"{field}.axis", self.axis, unit=True)
         if concrete(*self.axis, *thrust_axis) and abs(self.axis.dot(thrust_axis)) > ACROSS:
             refuse(f"{field}.axis", tuple(self.axis), f"must be perpendicular to the rotor's axis {tuple(thrust_axis)}")
         for name, low in (("lower", -math.pi), ("upper", 0.0)):
@@ -58,9 +58,6 @@ class Tilt:
                 refuse(f"{field}.{name}", value, allowed)
         if concrete(self.lower, self.upper) and not self.lower < self.upper:
             refuse(f"{field}.lower", self.lower, f"must be below upper = {self.upper!r}")
-        check.number(f"{field}.time_constant", self.time_constant, low=0.0, strict=True)
-        if concrete(self.max_rate) and not self.max_rate > 0.0:
-            refuse(f"{field}.max_rate", self.max_rate, "must be greater than 0")
 
 
 def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> Vec3:

@@ -1,4 +1,4 @@
-"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.schema`), URDF and MJCF."""
+"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -7,20 +7,29 @@ import importlib
 import io
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection
+from functools import partial
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import did_you_mean, file_name, must_be_one_of, needs_extra, one_line, read_toml, shown, unreadable
+from skyarm.files import (
+    all_wrong_words,
+    did_you_mean,
+    file_name,
+    must_be_one_of,
+    needs_extra,
+    one_line,
+    read_toml,
+    shown,
+    unreadable,
+)
 from skyarm.files.names import names_in, require_kind
-from skyarm.vehicle.assemble import SOURCES, Referred, assemble
-from skyarm.vehicle.attach import RigidBodies, bodies_of
+from skyarm.vehicle.attach import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
-from skyarm.vehicle.schema import AttachTable, VehicleFile, parse
-from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_tables import vehicle_from
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
@@ -74,18 +83,6 @@ def _located(file: str, read: Any) -> Vehicle:
     return vehicle
 
 
-def read_document(content: bytes) -> dict[str, Any]:
-    """TOML text as tables.
-
-    Raises:
-        VehicleError: not UTF-8, or a syntax error with its line.
-    """
-    try:
-        return read_toml(content)
-    except ValueError as error:
-        raise VehicleError(str(error)) from None
-
-
 def vehicle_of_text(text: str, file: Path) -> Vehicle:
     """Vehicle of the text of a TOML file that is not written yet.
 
@@ -101,29 +98,21 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
 
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
     """Vehicle of a TOML file; ``above`` are the files that refer to it."""
-    document: Mapping[str, Any] = read_document(content)
+    chain = above if file is None else (*above, file.resolve())
+    refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
     try:
+        document = read_toml(content)
         require_kind(document, "vehicle")
+        with all_wrong_words():
+            return vehicle_from(document, refer)
+    except VehicleError:
+        raise
     except ValueError as error:
         raise VehicleError(str(error)) from None
-    tables = parse(document)
-    vehicle = assemble(tables, referred_by(tables, file, above, _loaded))
-    check_keys(document, tables.sources)
-    return vehicle
-
-
-def _loaded(name: str, path: Path, above: tuple[Path, ...]) -> Vehicle:
-    """Vehicle of the library, or of a TOML file that another one refers to."""
-    if name in list_vehicles():
-        return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
-    return _from_toml(path.read_bytes(), path, above)
 
 
 RIGID = (".urdf", ".xml", ".mjcf")
 """Suffixes of files that hold rigid bodies and joints, and no rotors."""
-
-Loaded = Callable[[str, Path, tuple[Path, ...]], Vehicle]
-"""From a name, the path that it means and the files above it to a vehicle."""
 
 
 def expand(path: Path) -> str:
@@ -153,75 +142,22 @@ def plain_vehicle(path: Path) -> Vehicle:
     return urdf_vehicle(with_real_inertias(read_rigid(path, "lock"), False))
 
 
-def referred_by(file: VehicleFile, own: Path | None, above: tuple[Path, ...], load: Loaded) -> Referred:
-    """What the fields of a vehicle file refer to.
-
-    Args:
-        file: its fields.
-        own: its path, from whose folder others are named; None for the library's.
-        above: the files that refer to it.
-        load: reads a vehicle of TOML.
-
-    Raises:
-        VehicleError: a file that is not there, of no known kind, or wrong; or files that refer to each other.
-    """
-    chain = above if own is None else (*above, own.resolve())
-    folder = Path() if own is None else own.parent
-    given = [name for name in SOURCES if getattr(file, name) is not None]
-    if len(given) > 1:
-        refuse(given[1], getattr(file, given[1]), f"must not be given together with '{given[0]}'")
-    bodies, airframe, settled = None, None, list[str]()
-    if given:
-        field, name = given[0], str(getattr(file, given[0]))
-        suffixes = {"urdf": (".urdf",), "mjcf": RIGID[1:], "airframe": (".toml", *RIGID)}[field]
-        found = _read(field, name, folder, chain, load, suffixes, file.mimic)
-        bodies = found if isinstance(found, RigidBodies) else bodies_of(found)
-        if isinstance(found, Vehicle):
-            airframe, settled = found, [link.joint.name for link in found.links]
-    arms, drives = [], list[MountedDrive]()
-    for index, table in enumerate(file.attach):
-        arm, carried = _arm(f"attach[{index}]", table, file, folder, chain, load)
-        arms.append(arm)
-        if carried is not None:
-            settled += [table.prefix + link.joint.name for link in carried.links]
-            drives += [replace(each, name=table.prefix + each.name) for each in carried.drives]
-    return Referred(bodies, airframe, tuple(arms), tuple(settled), tuple(drives))
-
-
-def _arm(
-    field: str, table: AttachTable, file: VehicleFile, folder: Path, chain: tuple[Path, ...], load: Loaded
-) -> tuple[RigidBodies, Vehicle | None]:
-    """Bodies of an arm, and the vehicle that its own file describes it as, with drives and stops."""
-    found = _read(f"{field}.arm", table.arm, folder, chain, load, (".toml", *RIGID), table.mimic or file.mimic)
-    if isinstance(found, RigidBodies):
-        return found, None
-    if found.rotors:
-        refuse(f"{field}.arm", table.arm, f"must have no rotors ({found.rotors[0].name}); those of the airframe fly")
-    if found.battery is not None:
-        refuse(f"{field}.arm", table.arm, "must have no battery; that of the airframe feeds the rotors")
-    return bodies_of(found), found
-
-
 def _read(
-    field: str,
-    name: str,
-    folder: Path,
-    chain: tuple[Path, ...],
-    load: Loaded,
-    suffixes: tuple[str, ...],
-    mimic: str,
+    field: str, name: str, suffixes: Collection[str], mimic: str, folder: Path, chain: tuple[Path, ...]
 ) -> RigidBodies | Vehicle:
-    """Bodies of a URDF or MJCF file, or the vehicle of a TOML file or of the library."""
+    """Bodies of a URDF or MJCF file, or the vehicle of a TOML file or of the library, as a field names it."""
+    named = "a name of the library, or " if ".toml" in suffixes else ""
+    allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:
         if is_robot(name):
             return read_rigid(robot_file(name), mimic)
         path = folder / name
-        if path.suffix == "" and ".toml" in suffixes:
-            return load(name, path, chain) if _shipped(name) else refuse(field, name, _allowed(suffixes))
+        if named and name in list_vehicles():
+            return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
         if path.suffix == ".xacro":
             refuse(field, name, expand(path))
         if path.suffix not in suffixes:
-            refuse(field, name, _allowed(suffixes))
+            refuse(field, name, allowed)
         reason = unreadable(path)
         if reason:
             refuse(field, name, f"{reason} ({shown(str(path))[1:-1]})")
@@ -230,20 +166,9 @@ def _read(
     except OSError as error:
         refuse(field, name, error.strerror or "must be readable")
     try:
-        return load(name, path, chain) if path.suffix == ".toml" else read_rigid(path, mimic)
+        return _from_toml(path.read_bytes(), path, chain) if path.suffix == ".toml" else read_rigid(path, mimic)
     except VehicleError as error:
         raise VehicleError(f"{field} = {name!r}: {error}") from None
-
-
-def _shipped(name: str) -> bool:
-    from skyarm.vehicle.vehicle_files import list_vehicles
-
-    return name in list_vehicles()
-
-
-def _allowed(suffixes: tuple[str, ...]) -> str:
-    named = "a name of the library, or " if ".toml" in suffixes else ""
-    return f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
 
 
 PREFIX = "robot:"
@@ -318,59 +243,3 @@ def _fetched(name: str, wanted: str) -> Path:
     if found is None:
         refuse("robot", name, "must be a robot that robot_descriptions has as URDF or MJCF")
     return Path(found)
-
-
-Step = tuple[str, bool]
-"""A key of a table, or the name of an array's entry (True)."""
-
-
-def fields(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Step, ...], Any]]:
-    """Path and value of every field that is no table; an array of numbers is one field."""
-    for key, value in document.items():
-        if key not in ("schema", "sources"):
-            yield from _below(((key, False),), value)
-
-
-def _below(path: tuple[Step, ...], value: Any) -> Iterator[tuple[tuple[Step, ...], Any]]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _below((*path, (key, False)), inner)
-    elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for index, inner in enumerate(value):
-            yield from _below((*path, (str(inner.get("name", index)), True)), inner)
-    else:
-        yield path, value
-
-
-def speaks_of(key: str, path: Sequence[Step]) -> bool:
-    """True if a key of ``[sources]`` covers the field at a path."""
-    parts = key.split(".")
-    full = [text for text, _ in path]
-    unnamed = [text for text, is_name in path if not is_name]
-    return full[: len(parts)] == parts or unnamed[: len(parts)] == parts
-
-
-def check_keys(document: Mapping[str, Any], sources: Mapping[str, str]) -> None:
-    """Refuse a key that speaks of no field of the file, and an empty source."""
-    paths = [path for path, _ in fields(document)]
-    for key, text in sources.items():
-        if not any(speaks_of(key, path) for path in paths):
-            refuse(f"sources.{key}", text, "must speak of a field of this file (a dotted path)")
-        if not text.strip():
-            refuse(f"sources.{key}", text, "must say where the number comes from")
-
-
-def without_source(document: Mapping[str, Any]) -> list[str]:
-    """Numeric fields that no key of ``[sources]`` covers, as dotted paths."""
-    keys = list(document.get("sources", {}))
-    return [
-        ".".join(text for text, _ in path)
-        for path, value in fields(document)
-        if _numeric(value) and not any(speaks_of(key, path) for key in keys)
-    ]
-
-
-def _numeric(value: Any) -> bool:
-    if isinstance(value, list):
-        return bool(value) and all(_numeric(item) for item in value)
-    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -13,36 +13,18 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.records import coerce
-from skyarm.records.coerce import near_rotation, near_unit_vector
+from skyarm.records.coerce import number, pairs, proper_rotation, unit_vector, vector
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add
 from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import accept
+from skyarm.vehicle.check import LENGTH, SHARE, VehicleError, accept_named
 from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
-
-
-def _optional(kind: type) -> coerce.Rule:
-    """Rule: a record of this kind, or None."""
-    one = coerce.one(kind)
-    return lambda name, value: None if value is None else one(name, value)
-
-
-_ROTOR: dict[str, coerce.Rule] = {
-    "position": coerce.vector,
-    "axis": near_unit_vector,
-    **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
-    **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
-    "inertia": coerce.coefficient,
-    "table": _optional(ThrustTable),
-    "tilt": _optional(Tilt),
-    "direction": coerce.whole,
-}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,23 +49,24 @@ class Rotor:
     """
 
     name: str
-    position: Annotated[Vec3, Unit("m", "hub, base axes")]
-    axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes")] = Vec3(0, 0, 1)
+    position: Annotated[Vec3, Unit("m", "hub, base axes", *LENGTH, rule=vector)]
+    axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
     direction: int
-    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2")]
-    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust")]
-    drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag")] = 0
-    rolling_moment_coefficient: Annotated[Scalar, Unit("N s^2/rad")] = 0
-    time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed")] = 0.0125
-    time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed")] = 0.025
-    max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)] = math.inf
-    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns")] = field(default=0, metadata=WRITTEN_IF_ANY)
+    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0, strict=True, rule=number)]
+    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust", **SHARE)]
+    drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag", **SHARE)] = 0
+    rolling_moment_coefficient: Annotated[Scalar, Unit("N s^2/rad", **SHARE)] = 0
+    time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed", low=0.0, strict=True, rule=number)] = 0.0125
+    time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed", low=0.0, strict=True, rule=number)] = (
+        0.025
+    )
+    max_speed: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True, infinite=True, rule=number)] = math.inf
+    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns", **SHARE)] = field(default=0, metadata=WRITTEN_IF_ANY)
     table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
     tilt: Tilt | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
-        accept(self, "rotor", name=coerce.text)
-        accept(self, f"rotors[{self.name}]", **_ROTOR)
+        accept_named(self, "rotor")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,13 +75,13 @@ class Frame:
 
     name: str
     link: int
-    position: Annotated[Vec3, Unit("m", "a named frame (the tool), axes of its link")]
-    rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link")] = Mat3.identity()
+    position: Annotated[Vec3, Unit("m", "a named frame (the tool), axes of its link", *LENGTH, rule=vector)]
+    rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link", rule=proper_rotation)] = (
+        Mat3.identity()
+    )
 
     def __post_init__(self) -> None:
-        accept(self, "frame", name=coerce.text)
-        where = f"frames[{self.name}]"
-        accept(self, where, link=coerce.whole, position=coerce.vector, rotation=near_rotation)
+        accept_named(self, "frame" if type(self) is Frame else "look")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -111,11 +94,7 @@ class Look(Frame):
     """
 
     file: str
-    scale: Annotated[Vec3, Unit("m", "of one of the file's numbers, along its axes")] = Vec3(1.0, 1.0, 1.0)
-
-    def __post_init__(self) -> None:
-        Frame.__post_init__(self)
-        accept(self, f"looks[{self.name}]", file=coerce.text, scale=coerce.vector)
+    scale: Annotated[Vec3, Unit("m", "of one of the file's numbers, along its axes", rule=vector)] = Vec3(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -127,11 +106,13 @@ class BodyDrag:
         air_density: kg/m^3 (ISA sea level 1.225).
     """
 
-    area: Annotated[Vec3, Unit("m^2", "drag coefficient times reference area along x, y, z")] = ZERO3
-    air_density: Annotated[Scalar, Unit("kg/m^3")] = 1.225
+    area: Annotated[Vec3, Unit("m^2", "drag coefficient times reference area along x, y, z", low=0.0, rule=vector)] = (
+        ZERO3
+    )
+    air_density: Annotated[Scalar, Unit("kg/m^3", **SHARE)] = 1.225
 
     def __post_init__(self) -> None:
-        accept(self, "drag", area=coerce.vector, air_density=coerce.coefficient)
+        accept_fields(self, "drag", VehicleError)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -146,7 +127,7 @@ class MountedDrive:
     drive: Any
 
     def __post_init__(self) -> None:
-        accept(self, "drives", name=coerce.text)
+        accept_fields(self, "drives", VehicleError)
         if not callable(getattr(self.drive, "effort", None)):
             check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
@@ -183,15 +164,11 @@ class Vehicle:
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
-    sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    sources: Annotated[tuple[tuple[str, str], ...], Unit(rule=pairs)] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
-        accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
-        accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
-        accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
-        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
-        accept(self, "vehicle", notes=coerce.several(str), looks=coerce.several(Look))
+        accept_fields(self, "vehicle", VehicleError)
         check.vehicle(self)
 
     @property

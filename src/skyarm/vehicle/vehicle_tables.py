@@ -1,0 +1,444 @@
+"""Vehicles from the tables of a TOML file (``schema = 1``); docs/vehicle_files.md has the grammar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from skyarm.algebra import Mat3
+from skyarm.files import Fields, shown
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import defaults
+from skyarm.records.read_table import numbers_from, record_from, registered_from
+from skyarm.vehicle import check, description
+from skyarm.vehicle.attach import Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
+from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
+from skyarm.vehicle.battery import Battery
+from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.linkage import BASE, JOINT_NUMBERS, Body, Joint, Link
+from skyarm.vehicle.stops import with_smooth_friction, with_stops
+from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
+from skyarm.vehicle.tilt import NUMBERS as TILT_NUMBERS
+from skyarm.vehicle.tilt import Tilt, arm_direction
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rotor, Vehicle
+
+SOURCES: Mapping[str, tuple[str, ...]] = {
+    "urdf": (".urdf",),
+    "mjcf": (".xml", ".mjcf"),
+    "airframe": (".toml", ".urdf", ".xml", ".mjcf"),
+}
+"""Fields of which one may stand in place of ``base`` and ``links`` -> suffixes of the files that they name."""
+
+MIMIC = ("lock", "couple")
+
+CLOSURES = ("closures", "closure", "loops", "loop", "loop_joints", "loop_closures", "constraints", "equality")
+"""Tables in which other formats describe closed chains: refused by that name."""
+
+ACTUATION = ("lower", "upper", *JOINT_NUMBERS)
+
+Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
+"""From a field, the name that stands there, the suffixes allowed and what becomes of mimics to what is in that file."""
+
+
+def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
+    """The vehicle of a file's tables.
+
+    Args:
+        document: tables of the file.
+        refer: reads the files that it names.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    top = Fields(dict(document), "", named=True)
+    _refuse_closures(top)
+    if (schema := top.take("schema")) != 1 or isinstance(schema, bool):
+        refuse("schema", schema, "must be 1")
+    mimic, repair = top.choice("mimic", MIMIC, "lock"), top.flag("repair", False)
+    bodies, airframe = _bodies(top, refer, mimic)
+    own = [link.joint.name for link in bodies.links] if airframe is None and not _source(top) else []
+    drives = list(airframe.drives) if airframe else []
+    settled = [link.joint.name for link in bodies.links] if airframe else []
+    for fields in top.tables("attach"):
+        bodies, arm = _attached(bodies, fields, refer, mimic)
+        if arm is not None:
+            prefix = fields.text("prefix", "")
+            settled += [prefix + link.joint.name for link in arm.links]
+            drives += [replace(each, name=prefix + each.name) for each in arm.drives]
+    changes: dict[str, dict[str, Any]] = {}
+    for fields in _unique(top, "joints"):
+        changes[fields.text("name")] = _actuation(fields)
+        fields.done()
+    bodies = with_real_inertias(_overridden(changes, bodies, own), repair)
+    frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
+    links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
+    stated = mounted_drives(_table(top, "drives"), "drives")
+    taken = {each.name for each in stated}
+    drives = [*(each for each in drives if each.name not in taken), *stated]
+    of_links = {k["joint"].get("name"): k["joint"] for k in top.table.get("links", ()) if "joint" in k}
+    given = {joint: {*of_links.get(joint, ()), *changes.get(joint, ())} for joint in {*of_links, *changes}}
+
+    def stating(field: str) -> set[str]:
+        return {joint for joint, fields in given.items() if field in fields}
+
+    usual = _rotor_numbers(inner := top.inner("rotor_defaults"))
+    inner.done()
+    made = Vehicle(
+        name=top.text("name"),
+        title=top.text("title", ""),
+        base=bodies.base,
+        links=_with_limits_of_drives(links, drives, stating("effort_limit")),
+        followers=followers,
+        rotors=(*(airframe.rotors if airframe else ()), *(_rotor(each, usual) for each in top.tables("rotors"))),
+        frames=tuple(each for each in fixed if not isinstance(each, Look)),
+        looks=tuple(each for each in fixed if isinstance(each, Look)),
+        end_effector=top.text("end_effector", "") or (airframe.end_effector if airframe else ""),
+        drag=_drag(top, airframe),
+        drives=tuple(drives),
+        battery=(
+            record_from(Battery, top.inner("battery"))
+            if top.take("battery", None) is not None
+            else airframe.battery
+            if airframe
+            else None
+        ),
+        sources=(*(airframe.sources if airframe else ()), *_sources(top).items()),
+        notes=(*bodies.notes, *contradicting_limits(links, followers)),
+    )
+    limits = top.choice("joint_limits", ("stop", "end"), "stop")
+    top.done()
+    known = {*own, *settled, *stating("coulomb_rate")}
+    made = with_smooth_friction(made, {link.joint.name for link in made.links} - known)
+    if limits == "end":
+        return made
+    stiff, damped = stating("stop_stiffness"), stating("stop_damping")
+    return with_stops(made, {*settled} - stiff - damped, stiff=stiff, damped=damped)
+
+
+def _refuse_closures(top: Fields) -> None:
+    links = top.table.get("links")
+    tables = [top, *(top.tables("links") if isinstance(links, list) else ())]
+    for fields in tables:
+        for word in (word for word in CLOSURES if word in fields.table):
+            refuse(fields.at(word), fields.table[word], "closed chains are not supported")
+
+
+def _table(top: Fields, name: str) -> dict[str, Any]:
+    """A table by names."""
+    return top.inner(name).table
+
+
+def _unique(top: Fields, name: str) -> list[Fields]:
+    """Tables of a list, whose names are told apart."""
+    tables = top.tables(name)
+    check.unique(f"{name}.name", [each.text("name") for each in tables])
+    return tables
+
+
+def _source(top: Fields) -> str:
+    """The field that names the file of the bodies; empty where they stand in this one."""
+    given = [name for name in SOURCES if top.take(name, None) is not None]
+    if len(given) > 1:
+        refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
+    return given[0] if given else ""
+
+
+def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
+    """The bodies of a file or of the one that it names, and the vehicle that this one describes."""
+    source = _source(top)
+    base, links = top.take("base", None), top.take("links", [])
+    if not source:
+        if base is None:
+            raise VehicleError("base: is missing: must be a table, or 'urdf' the path of a URDF file")
+        return _own_bodies(top), None
+    found = refer(source, top.text(source), SOURCES[source], mimic)
+    for field, given in (("base", base), ("links", links)):
+        if given:
+            refuse(field, "a table", f"must not be given together with '{source}'")
+    return (found, None) if isinstance(found, RigidBodies) else (bodies_of(found), found)
+
+
+def _own_bodies(top: Fields) -> RigidBodies:
+    tables = {fields.text("name"): fields for fields in _unique(top, "links")}
+    if "base" in tables:
+        refuse("links.name", "base", "is the airframe's name")
+    parents = {}
+    for link, fields in tables.items():
+        parents[link] = parent = fields.take("parent")
+        if not isinstance(parent, str) or not parent:
+            allowed = "must be the name of one parent, 'base' or a link (closed chains are not supported)"
+            refuse(fields.at("parent"), parent, allowed)
+    order = description.tree_order(parents, "base", "links[{}].parent")
+    base = _body(top.inner("base"), ())
+    links, mimics = [], {}
+    for link in order:
+        fields = tables[link]
+        inner = Fields(fields.take("joint"), fields.at("joint"), named=True)
+        joint = _joint(inner)
+        if (table := inner.take("mimic", None)) is not None:
+            mimics[joint.name] = record_from(Mimic, Fields(table, inner.at("mimic")))
+        inner.done()
+        parent = BASE if parents[link] == "base" else order.index(parents[link])
+        links.append(Link(name=link, parent=parent, joint=joint, body=_body(fields, ("name", "parent", "joint"))))
+    check.unique("joints.name", [link.joint.name for link in links])
+    return RigidBodies("", "base", base, tuple(links), (), mimics)
+
+
+def _body(fields: Fields, known: Sequence[str]) -> Body:
+    """Own mass and parts of a link as one body; ``known`` are words of its table that others read."""
+    for word in known:
+        fields.take(word, None)
+    parts = _unique_parts(fields)
+    stated = [word for word in ("mass", "com", "inertia") if fields.take(word, None) is not None]
+    own = [_piece(fields)] if stated or not parts else []
+    pieces = [*own, *map(_piece, parts)]
+    planar = fields.flag("planar", False)
+    for each in (*parts, fields):
+        each.done()
+    whole = description.body(pieces)
+    return replace(whole, planar=whole.planar or planar)
+
+
+def _unique_parts(fields: Fields) -> list[Fields]:
+    parts = fields.tables("parts")
+    check.unique(fields.at("parts.name"), [part.text("name") for part in parts])
+    return parts
+
+
+def _piece(fields: Fields) -> Body:
+    (mass,) = numbers_from(Body, fields, ("mass",), required=("mass",)).values()
+    planar = fields.flag("planar", False)
+    com, entries = fields.vector("com", (0.0, 0.0, 0.0)), fields.numbers("inertia", (0.0, 0.0, 0.0))
+    if len(entries) not in (3, 6):
+        allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
+        refuse(fields.at("inertia"), list(entries), allowed)
+    piece = Body(mass=mass, com=description.vector(com), inertia=description.inertia(entries), planar=planar)
+    check.inertia(fields.at("inertia"), piece.inertia, planar=planar)
+    return piece
+
+
+def _joint(fields: Fields) -> Joint:
+    axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
+    R, p = _pose(fields)
+    kind, name = fields.choice("kind", ("revolute", "prismatic"), "revolute"), fields.text("name")
+    return Joint(name=name, kind=kind, axis=axis, position=p, rotation=R, **_actuation(fields))
+
+
+def _actuation(fields: Fields) -> dict[str, Any]:
+    """Limits and friction of a joint that are given."""
+    return numbers_from(Joint, fields, ACTUATION)
+
+
+def _pose(fields: Fields) -> tuple[Mat3, Any]:
+    """Rotation and position (m) of a frame in another one."""
+    R, rpy, wxyz = Mat3.identity(), fields.take("rpy", None), fields.take("quaternion_wxyz", None)
+    if rpy is not None and wxyz is not None:
+        refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
+    if wxyz is not None:
+        four = fields.numbers("quaternion_wxyz")
+        if len(four) != 4:
+            refuse(fields.at("quaternion_wxyz"), wxyz, "must be four numbers of unit length")
+        R = description.rotation_quaternion(fields.at("quaternion_wxyz"), four)
+    elif rpy is not None:
+        R = description.rotation_rpy(fields.vector("rpy"))
+    return R, description.vector(fields.vector("position", (0.0, 0.0, 0.0)))
+
+
+def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
+    """Frame in the moving body that carries the named link."""
+    (R, p), name = _pose(fields), fields.text("name")
+    at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
+    fields.done()
+    return posed_in(at, R, p, name)
+
+
+def _attached(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
+    """Bodies with an arm on them, and the vehicle that the arm's own file describes it as."""
+    arm = fields.text("arm")
+    found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
+    carried = found if isinstance(found, Vehicle) else None
+    if carried is not None and carried.rotors:
+        words = f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
+        refuse(fields.at("arm"), arm, words)
+    if carried is not None and carried.battery is not None:
+        refuse(fields.at("arm"), arm, "must have no battery; that of the airframe feeds the rotors")
+    armature = fields.number("armature", 0.0, low=0.0)
+    (R, p), to, prefix = _pose(fields), fields.text("to", "base"), fields.text("prefix", "")
+    fields.done()
+    whole = _with_armature(found if isinstance(found, RigidBodies) else bodies_of(found), armature)
+    return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
+
+
+def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
+    """An arm whose revolute joints have drives, where its own file knows of none."""
+    if armature == 0.0:
+        return arm
+    links = [
+        replace(k, joint=replace(k.joint, armature=armature))
+        if k.joint.kind == "revolute" and not k.joint.armature
+        else k
+        for k in arm.links
+    ]
+    return replace(arm, links=tuple(links))
+
+
+def _overridden(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
+    """Bodies with the limits and friction that the file states for joints that another file describes."""
+    known = [link.joint.name for link in bodies.links if link.joint.name not in own]
+    for name in changes:
+        if name in own:
+            refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
+        if name in bodies.mimics:
+            what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
+            refuse("joints.name", name, what)
+        if name not in known:
+            refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
+    if not changes:
+        return bodies
+    links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)
+    return replace(bodies, links=links)
+
+
+def _drag(top: Fields, airframe: Vehicle | None) -> BodyDrag:
+    if top.take("drag", None) is None:
+        return airframe.drag if airframe else BodyDrag()
+    fields = top.inner("drag")
+    area = fields.numbers("area", low=0.0)
+    if len(area) != 3:
+        refuse(fields.at("area"), list(area), "must be three numbers, m^2")
+    density = fields.number("air_density", BodyDrag().air_density, low=0.0)
+    fields.done()
+    return BodyDrag(area=description.vector(area), air_density=density)
+
+
+ROTOR_NUMBERS = (
+    *("thrust_coefficient", "moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"),
+    *("time_constant_up", "time_constant_down", "max_speed", "inertia"),
+)
+
+
+def _rotor_numbers(fields: Fields) -> dict[str, Any]:
+    """What a rotor, or all rotors, state, as far as they do."""
+    values = numbers_from(Rotor, fields, ROTOR_NUMBERS)
+    if fields.take("axis", None) is not None:
+        values["axis"] = description.unit_axis(fields.at("axis"), fields.vector("axis"))
+    if fields.take("thrust_table", None) is not None:
+        inner = fields.inner("thrust_table")
+        values["table"] = {name: inner.numbers(name, (), low=0.0) for name in COLUMNS}
+        inner.done()
+    if fields.take("tilt", None) is not None:
+        inner = fields.inner("tilt")
+        values["tilt"] = numbers_from(Tilt, inner, TILT_NUMBERS, required=TILT_NUMBERS[:3])
+        if inner.take("axis", None) is not None:
+            values["tilt"]["axis"] = description.unit_axis(inner.at("axis"), inner.vector("axis"))
+        inner.done()
+    return values
+
+
+def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
+    """A rotor whose table leaves to the defaults what it does not state."""
+    values = {**usual, **_rotor_numbers(fields)}
+    name, position = fields.text("name"), fields.vector("position")
+    direction = {"ccw": 1, "cw": -1}[fields.choice("direction", ("ccw", "cw"))]
+    fields.done()
+    if "table" in values:
+        try:
+            _take_table(dict(values.pop("table")), values)
+        except VehicleError as error:
+            raise VehicleError(f"{fields.where}.{error}") from None
+    for needed in ("thrust_coefficient", "moment_coefficient"):
+        if needed not in values:
+            raise VehicleError(f"{fields.at(needed)}: is missing: must stand here or in rotor_defaults")
+    if "tilt" in values:
+        axis = values.get("axis", defaults(Rotor)["axis"])
+        found = values["tilt"]
+        values["tilt"] = Tilt(**{"axis": found.get("axis") or arm_direction(fields.at("tilt"), position, axis)} | found)
+    return Rotor(name=name, position=description.vector(position), direction=direction, **values)
+
+
+def _take_table(columns: dict[str, Any], values: dict[str, Any]) -> None:
+    """Put a rotor's thrust table among its values, and the coefficients and the highest speed that follow from it."""
+    if not columns["speed"]:
+        if not columns["throttle"]:
+            allowed = (
+                "must be a column, rad/s; without it throttle must be one, and the rotor have a thrust_coefficient"
+            )
+            raise VehicleError(f"thrust_table.speed: is missing: {allowed}")
+        if "thrust_coefficient" not in values:
+            allowed = "must be a number, N s^2/rad^2, where thrust_table has no column speed: the speeds follow from it"
+            raise VehicleError(f"thrust_coefficient: is missing: {allowed}")
+        # a sheet without speeds: those of k_f W^2
+        columns["speed"] = tuple((thrust / values["thrust_coefficient"]) ** 0.5 for thrust in columns["thrust"])
+    elif "thrust_coefficient" in values:
+        refuse("thrust_coefficient", values["thrust_coefficient"], "must be left out: it follows from thrust_table")
+    if columns["torque"] and "moment_coefficient" in values:
+        refuse("moment_coefficient", values["moment_coefficient"], "must be left out: it follows from thrust_table")
+    table = ThrustTable(**columns)
+    values["table"], values["thrust_coefficient"] = table, table.thrust_coefficient
+    if columns["torque"]:
+        values["moment_coefficient"] = table.moment_coefficient
+    values.setdefault("max_speed", table.speed[-1])
+
+
+def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
+    """Drives of tables by the joint's name, each with the ``kind`` under which it is registered and its numbers.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    read = {joint: registered_from("drive", object, table, f"{where}.{joint}") for joint, table in tables.items()}
+    return tuple(MountedDrive(name=joint, drive=drive) for joint, drive in read.items())
+
+
+def _with_limits_of_drives(
+    links: Sequence[Link], drives: Sequence[MountedDrive], stated: Collection[str]
+) -> tuple[Link, ...]:
+    """Links with the limit of their drive where they have a drive and, as URDF files write it, an effort limit of 0."""
+    given = {each.name: each.drive for each in drives if each.name not in stated}
+
+    def limited(link: Link) -> Link:
+        drive, limit = given.get(link.joint.name), link.joint.effort_limit
+        if drive is None or not concrete(limit) or limit != 0:
+            return link
+        return replace(link, joint=replace(link.joint, effort_limit=drive.largest_effort()))
+
+    return tuple(map(limited, links))
+
+
+def _sources(top: Fields) -> dict[str, str]:
+    """[sources]: texts by the dotted path of a field of the file, of which array entries may be left out."""
+    found = _table(top, "sources")
+    paths = [path for path, _ in fields_of(top.table)]
+    for key, text in found.items():
+        if not isinstance(text, str):
+            raise VehicleError(f"sources.{key} = {shown(text)}: must be text; sources must be a table of texts")
+        if not any(source_covers(key, path) for path in paths):
+            refuse(f"sources.{key}", text, "must speak of a field of this file (a dotted path)")
+        if not text.strip():
+            refuse(f"sources.{key}", text, "must say where the number comes from")
+    return found
+
+
+Step = tuple[str, bool]
+"""A key of a table, or the name of an array's entry (True)."""
+
+
+def fields_of(table: Any, above: tuple[Step, ...] = ()) -> Iterator[tuple[tuple[Step, ...], Any]]:
+    """Path and value of every field of a document that is no table; an array of numbers is one field."""
+    if isinstance(table, dict):
+        inner = [((key, False), each) for key, each in table.items() if above or key not in ("schema", "sources")]
+    elif isinstance(table, list) and table and isinstance(table[0], dict):
+        inner = [((str(each.get("name", i)), True), each) for i, each in enumerate(table)]
+    else:
+        yield above, table
+        return
+    for step, each in inner:
+        yield from fields_of(each, (*above, step))
+
+
+def source_covers(key: str, path: Sequence[Step]) -> bool:
+    """Whether a key of ``[sources]`` covers the field at a path."""
+    parts = key.split(".")
+    full, unnamed = [text for text, _ in path], [text for text, is_name in path if not is_name]
+    return full[: len(parts)] == parts or unnamed[: len(parts)] == parts
