@@ -62,4 +62,4 @@ def campaign() -> Any:
     """Twenty episodes of the paper of 30 s as stated, thirty with settings that were found, on both plants."""
     from skyarm.paper.campaign import run_campaign
 
-    return run_campaign(("rigid_body", "mujoco"), sensitivity=False, beyond=False)
+    return run_campaign(("rigid_body", "mujoco"), sensitivity=False)

@@ -6,7 +6,6 @@ import dataclasses
 import os
 import signal
 import threading
-import time
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import pytest
 
 from logs_synthetic import synthetic_log
 from skyarm.paper import campaign as room
-from skyarm.paper.campaign import Effort, Job, _perform_all, beyond_jobs, perform, run_campaign
+from skyarm.paper.campaign import Job, _perform_all, perform, run_campaign
 from skyarm.paper.flights import Flight, flights, metrics, scenario, with_damping
 from skyarm.paper.published import CASES
 from skyarm.paper.variations import (
@@ -55,18 +54,6 @@ def test_two_workers_give_the_bits_of_one() -> None:
     assert {t[2] for t in told} == {job.label for job in FEW}
 
 
-def test_what_the_flights_took_is_said_by_plant(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "perform", lambda _job: time.sleep(1e-3))
-    effort = Effort()
-    begun = time.perf_counter()
-    _perform_all(FEW, 1, None, effort)
-    effort.wall = time.perf_counter() - begun
-    assert {plant: len(each) for plant, each in effort.seconds.items()} == {"rigid_body": 2, "mujoco": 1}
-    assert 0.0 < sum(map(sum, effort.seconds.values())) <= effort.wall
-    effort = Effort(1.25, {"rigid_body": [0.5, 0.75], "mujoco": [1.04]})
-    assert effort.words() == "3 flights in 1.2 s; summed over processes: 2 on rigid_body 1.2 s, 1 on mujoco 1.0 s"
-
-
 def _killed(job: Job) -> None:
     del job
     os.kill(os.getpid(), signal.SIGKILL)
@@ -100,14 +87,14 @@ def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.M
     flown: list[Job] = []
 
     def pretend(job: Job) -> Any:
-        if job.condition or job.kind:
+        if job.kind:
             return job
         flown.append(job)
         return {"position_error_mean": float(len(flown))} if job.group else job
 
     monkeypatch.setattr(room, "perform", pretend)
-    monkeypatch.setattr(room, "_measure_again", lambda campaign, each, plant: campaign.sensitivity.setdefault(
-        each.group, {}).setdefault(each.value, {"measured on": plant}))  # fmt: skip
+    again = [dataclasses.replace(each, measure=lambda *_: {}) if each.change is None else each for each in variations()]
+    monkeypatch.setattr(room, "variations", lambda: again)
     found = run_campaign(PLANTS)
     assert sum(len(pair) for cases in found.logs.values() for pair in cases.values()) == 20
     for plant, cases in found.logs.items():
@@ -126,18 +113,11 @@ def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.M
     assert len(varied) == len(wanted)
     assert set(found.sensitivity["joint_damping"]) == {f"{damping:g}" for damping in DAMPINGS}
     assert set(found.sensitivity["joint_damping"]["0.02"]) == set(CASES)
-    assert len(found.cells) == sum(bool(job.condition) for job in beyond_jobs(PLANTS))
-    for (condition, case, name), cell in found.cells.items():
-        assert cell == Job(Flight(case, name, "rigid_body"), condition=condition)  # type: ignore[comparison-overlap]
-    for plant, logs in found.exact.items():
-        for preset, log in logs.items():
-            assert log.flight == Flight("case3_wind", preset, plant)  # type: ignore[attr-defined]
-    assert {plant: len(logs) for plant, logs in found.exact.items()} == dict.fromkeys(PLANTS, 2)
     assert {kind: len(cells) for kind, cells in found.found.items()} == {"inferred": 20, "predicted": 10}
     for kind, cells in found.found.items():
         for (case, controller, plant), job in cells.items():
             assert (job.kind, job.flight) == (kind, Flight(case, controller, plant))  # type: ignore[attr-defined]
-    alone = run_campaign(PLANTS[:1], sensitivity=False, beyond=False, inferred=False)
+    alone = run_campaign(PLANTS[:1], sensitivity=False, inferred=False)
     assert not alone.sensitivity
     assert not alone.found
 

@@ -25,7 +25,7 @@ README = Path(__file__).parents[2] / "README.md"
 @pytest.fixture(scope="module")
 def stated() -> Campaign:
     """The paper's twenty episodes, with settings as it states them."""
-    return run_campaign(PLANTS, sensitivity=False, beyond=False, inferred=False)
+    return run_campaign(PLANTS, sensitivity=False, inferred=False)
 
 
 @pytest.fixture(scope="module")

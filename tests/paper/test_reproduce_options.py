@@ -56,7 +56,15 @@ def test_a_small_comparison_is_shown_in_the_report(tmp_path: Path, monkeypatch: 
     done = skyarm("reproduce", "--compare", "--plant", "rigid_body", "--out", str(tmp_path))
     assert done.code == 0, done.err
     page = (tmp_path / "report.html").read_text("utf-8")
-    assert "All laws compared" in page
+    assert "paper_pd against paper_ct" in page
     assert "The envelope" in page
-    assert (tmp_path / reproduce.COMPARED).is_dir()
-    assert (tmp_path / reproduce.ENVELOPE_FOLDER).is_dir()
+    for name in ("compare", "envelope"):
+        assert f'href="{name}/report.html"' in page
+        assert (tmp_path / name / "report.html").is_file()
+
+
+def test_without_a_choice_the_centroidal_law_flies_beside_the_paper_s() -> None:
+    (suite,) = reproduce.usual_suites().values()
+    assert isinstance(suite, comparison.Comparison)
+    assert list(suite.entrants) == ["paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip"]
+    assert list(suite.conditions) == ["perfect", "noisy"]

@@ -58,13 +58,12 @@ def reproduce(
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and one page, report.html, with the centroidal law beside the paper's on the same cases. With --compare
-    all of 'skyarm compare' into OUT/compare and its envelope into OUT/envelope; the same command continues it. With
+    Figures 3-18 and one page, report.html; the centroidal law beside the paper's on the same cases into OUT/compare.
+    With --compare all of 'skyarm compare' there and its envelope into OUT/envelope; the same command continues it. With
     --infer the settings that the paper leaves open are searched for anew, into OUT/unstated_settings.json, in place of
     those that ship; the same command continues that too.
     """
     from skyarm.paper.counted_cells import sentence
-    from skyarm.paper.report_pages import opening_film
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
     from skyarm.scenario.scenario_record import PLANTS
@@ -83,12 +82,10 @@ def reproduce(
             out,
             plants=plants,
             workers=processes,
-            comparison=Comparison() if compare else None,
-            envelope=Envelope() if compare else None,
+            suites={"compare": Comparison(), "envelope": Envelope()} if compare else None,
             evidence=evidence,
             progress=advance,
             note=tell,
-            film=opening_film,
         )
     give(table, folder=out)
     tell(sentence(table), _headline(table))

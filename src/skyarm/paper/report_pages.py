@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyarm.files import file_names
 from skyarm.log.flight_log import Log
 from skyarm.pages import bullets, details, image, page, paragraph, plot, table
 from skyarm.paper import report_text as prose
-from skyarm.paper.counted_cells import RULE, impossible, sentence
+from skyarm.paper.counted_cells import RULE, sentence
 from skyarm.paper.flights import WINDOWS, first_plant
 from skyarm.paper.inference_tables import (
     choices_table,
@@ -24,7 +22,7 @@ from skyarm.paper.inference_tables import (
     settings_table,
 )
 from skyarm.paper.inferred_settings import is_of_this_study
-from skyarm.paper.published import known, tally
+from skyarm.paper.published import tally
 from skyarm.paper.report_tables import (
     counts_table,
     definitions_table,
@@ -32,7 +30,7 @@ from skyarm.paper.report_tables import (
     headline_table,
     main_numbers_table,
     near_counts,
-    reversed_table,
+    not_reproduced,
     sensitivity_tables,
     summary_table,
     title_of,
@@ -42,7 +40,6 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.interactive import (
     PanelsFigure,
-    damping_figure,
     experiment_figure,
     figure_json,
     plot_script,
@@ -51,9 +48,6 @@ from skyarm.view.figures.interactive import (
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.make_film import make_film
-from skyarm.view.film.offscreen import NoDisplayError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,37 +55,17 @@ if TYPE_CHECKING:
 Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
 """plant -> case -> law -> log."""
 
-MAIN, FILM = "report.html", "film.webp"
-"""The page that leads to all others; the film's file beside it."""
-
-MOST_FILM = 1_500_000
-"""Bytes of a film that is put into the page; a larger one stays a file beside it."""
+MAIN = "report.html"
+"""The page that leads to all others."""
 
 TITLE = "Computed torque for a flying arm: the paper and two simulations"
-
-DAMPING_PANELS = (
-    ("case2", "position_error_mean", "Case 2: position error, mean [m]"),
-    ("case2", "pitch_rms", "Case 2: pitch RMS [rad]"),
-    ("case2", "joint_error_mean", "Case 2: joint error, mean [rad]"),
-    ("case3", "ee_error_mean", "Case 3: tip error, mean [m]"),
-    ("case3", "pitch_rms", "Case 3: pitch RMS [rad]"),
-    ("case3", "tau1_rms", "Case 3: torque of joint 1, RMS [N m]"),
-)
 
 VEHICLE = "hummingbird_arm2_rotors"
 """What flies in every case."""
 
-FILMED = "case3"
-"""The circle: the only case in which the base and both joints move all the time."""
 
 CIRCLE = (7.5, 21.0)
 """s of that flight whose path is drawn."""
-
-FILM_SETTINGS = FilmSettings(
-    layout="over", camera="fixed", width=640, height=360, fps=12, speed=2.5, start=0.0, stop=20.0,
-    title="Case 3: the baseline (PD) and the paper's law (CT)",
-)  # fmt: skip
-"""Eight seconds, small enough to stand in the page."""
 
 
 class Plots:
@@ -105,29 +79,6 @@ class Plots:
         name = f"plot-{len(self.data)}"
         self.data.append(f'<script type="application/json" id="{name}">{figure_json(figure)}</script>')
         return plot(name, caption)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Opening:
-    """The first picture of the report.
-
-    Attributes:
-        picture: PNG. caption: what the picture shows.
-        film: WebP, or nothing. film_caption: what the film shows.
-    """
-
-    picture: bytes
-    caption: str
-    film: bytes = b""
-    film_caption: str = ""
-
-    def html(self) -> str:
-        """The film, and the picture for a printer and for readers who prefer pictures that do not move."""
-        still = image(self.caption, self.caption, self.picture, kind="single opening")
-        if not 0 < len(self.film) <= MOST_FILM:
-            return still
-        film = image(self.film_caption, self.film_caption, self.film, kind="film opening", form="webp")
-        return f'<div class="moves">{film}{still}</div>'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +100,7 @@ def report_pages(
     reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
     figures: Mapping[int, Figure] | None = None,
     further: Mapping[str, str] | None = None,
-    opening: Opening | None = None,
+    opening: str = "",
 ) -> dict[str, str]:
     """Write the report.
 
@@ -160,35 +111,33 @@ def report_pages(
         reasons: case -> law -> metric -> why it differs from the paper, one line.
         figures: the paper's number -> static figure, put into the pages as images.
         further: title -> HTML of further sections.
-        opening: what the first page opens with.
+        opening: HTML that the first page opens with.
 
     Returns:
         File -> a whole HTML document, all in one folder: ``report.html``, then a page for each case. Scripts, styles
         and images are inside; no address is outside the folder.
     """
-    experiments, plant, plots = results.get("experiments", {}), first_plant(results), Plots()
+    experiments, plant = results.get("experiments", {}), first_plant(results)
     drawn = {number: image_bytes(figure) for number, figure in (figures or {}).items()}
     files = case_files(experiments)
     case_of = {number: PAPER_CATALOGUE[number].case if number in PAPER_CATALOGUE else "" for number in drawn}
     left = {number: png for number, png in drawn.items() if case_of[number] not in files}
-    words, reversed_ones = reversed_table(experiments, plant)
     verdict = [
         summary_table(experiments, files),
-        details(words, reversed_ones) if reversed_ones else paragraph(words),
+        paragraph(not_reproduced(experiments, plant)),
         details("Headline numbers against accepted ranges", headline_table(experiments)),
         details("Counts by law and plant", paragraph(RULE, "note") + counts_table(results)),
     ]
     sections = [
         ("verdict", "Verdict", "".join(verdict)),
         *((f"further-{i}", title, content) for i, (title, content) in enumerate((further or {}).items(), 1)),
-        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
+        ("sensitivity", "Sensitivity to assumptions", sensitivity_tables(sensitivity, experiments, plant)),
         *([("figures", "Figures", _paper_figures(left, plant))] if left else []),
         ("assumptions", "Assumptions", _assumptions()),
         ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
     ]
     facts = f"{sentence(results)} {_facts(experiments)}{'' if drawn else ' No static figures were drawn.'}"
-    start = opening.html() if opening else ""
-    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=facts, opening=start, sections=sections, plots=plots)}
+    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=facts, opening=opening, sections=sections)}
     for case, file in files.items():
         own = {number: png for number, png in drawn.items() if case_of[number] == case}
         pages[file] = _case_page(case, experiments[case], reasons.get(case, {}), logs, own, plant)
@@ -271,18 +220,6 @@ def _facts(experiments: Mapping[str, Any]) -> str:
     return " ".join([*parts, *own])
 
 
-def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plant: str, plots: Plots) -> str:
-    damping, drawn = sensitivity.get("joint_damping") or {}, ""
-    if damping:
-        paper = {
-            case: {law: {name: known(cell.get("paper")) for name, cell in cells.items()} for law, cells in laws.items()}
-            for case, laws in experiments.items()
-        }
-        caption = f"{len(DAMPING_PANELS)} numbers over the assumed joint damping, {plant}; dotted: the paper."
-        drawn = plots.add(damping_figure(damping, paper, DAMPING_PANELS), caption)
-    return drawn + sensitivity_tables(sensitivity, experiments, plant)
-
-
 def _assumptions() -> str:
     folded = {
         "Everything that is assumed": bullets(prose.ASSUMPTIONS),
@@ -340,7 +277,7 @@ def inferred_section(
     parts += [] if is_of_this_study(evidence) else [paragraph(prose.OTHER_STUDY, "note")]
     parts += [each.html() for each in opened]
     parts += [details(title, "".join(each.html() for each in tables)) for title, tables in folded.items()]
-    return "".join([*parts, details("What stays open", bullets(impossible(results, plant)))])
+    return "".join([*parts, details("What stays open", bullets(prose.OPEN))])
 
 
 def vehicle_section() -> str:
@@ -348,23 +285,3 @@ def vehicle_section() -> str:
     name = "The vehicle from three sides"
     words = f"{name}: frames, joints with their positive senses, and rotors of {VEHICLE}. Sizes of bodies are guesses."
     return image(name, words, image_bytes(vehicle_drawing(load_vehicle(VEHICLE)), dpi=150.0), wide=True)
-
-
-def opening_film(flown: Mapping[str, Mapping[str, Log]]) -> tuple[bytes, str] | None:
-    """Film both controllers on the circle of Case 3.
-
-    Args:
-        flown: case -> controller -> log.
-
-    Returns:
-        Animated WebP and the sentence that says what it shows; None where this machine cannot draw one.
-    """
-    logs = flown[FILMED]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / FILM
-        try:
-            make_film(list(logs.values()), file, FILM_SETTINGS, labels=list(logs))
-        except NoDisplayError:
-            return None
-        words = f"Case 3 at {FILM_SETTINGS.speed:g} times its speed: {' and '.join(logs)}, and the ghost of where they"
-        return file.read_bytes(), f"{words} should be; below, the tip's error."

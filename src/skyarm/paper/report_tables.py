@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from skyarm.pages import Mark, details, grouped, markdown, table
-from skyarm.paper.counted_cells import RULE, counts, impossible, inferred, sentence, stated
+from skyarm.paper.counted_cells import RULE, counts, inferred, sentence, stated
 from skyarm.paper.flights import first_plant
 from skyarm.paper.published import (
     CLAIMS,
@@ -26,6 +26,7 @@ from skyarm.paper.published import (
     said,
 )
 from skyarm.paper.reasons import HEADING, Reasons
+from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.scenario.scenario_record import PLANTS
 
@@ -57,8 +58,6 @@ MAIN_METRICS = (
     *("iae_position", "hover_offset"),
 )
 """In the first table of a case's page, as far as the case has them; all others are folded below it."""
-
-KEY_METRICS = ("position_error_mean", "ee_error_mean", "pitch_rms", "joint_error_mean", "tau1_rms")
 
 
 def typographic(written: str) -> str:
@@ -141,18 +140,11 @@ def _span(values: Sequence[float]) -> str:
     return " \N{HORIZONTAL ELLIPSIS} ".join(ends) or DASH
 
 
-def reversed_table(experiments: Experiments, plant: str) -> tuple[str, str]:
-    """Summary and table of where the law that is better in the paper is the worse one here; no table for nothing."""
-    rows = []
-    for case, name in reversed_orders(experiments, plant):
-        pair = [experiments[case][controller][name] for controller in ("CT", "PD")]
-        values = [number_cell(each.get(column)) for column in ("paper", plant) for each in pair]
-        rows.append([f"{title_of(case)}: {metric(name).label}", metric(name).unit, *values])
-    head = ["Metric", "Unit", ">Paper CT", ">Paper PD", f">{plant} CT", f">{plant} PD"]
-    if not rows:
-        return f"In no metric is the better law of the paper the worse one here ({plant}).", ""
-    words = f"Not reproduced: {len(rows)} metrics in which the better law of the paper is the worse one here ({plant})"
-    return words, table(head, rows, f"The paper and {plant}, both laws", "reversed")
+def not_reproduced(experiments: Experiments, plant: str) -> str:
+    """Metrics in which the better law of the paper is the worse one here."""
+    pairs = reversed_orders(experiments, plant)
+    named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
+    return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}."
 
 
 def near_counts(laws: Mapping[str, Cells], plant: str) -> tuple[int, int, int]:
@@ -253,7 +245,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Mapping[str, Any], 
 
 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """Two folded tables per assumption varied on a plant: the key metrics, and everything else."""
+    """A folded table for each assumption varied on a plant."""
     parts = []
     assumed = {(each.group, each.value) for each in variations() if each.assumed}
     for group, variants in sensitivity.items():
@@ -262,15 +254,14 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
         title = GROUPS.get(group, group.replace("_", " "))
         caption = f"{title}, {plant}; bold: nearest to the paper; dash: not measurable"
         heads = [f">{value}{' (assumed)' if (group, value) in assumed else ''}" for value in variants]
-        tables = []
-        for key in (True, False):
-            groups = []
-            for (case, controller), names in _cells_of(variants).items():
-                chosen = [name for name in names if (name in KEY_METRICS) == key]
-                rows = [_variant_row(case, controller, name, variants, experiments) for name in chosen]
-                groups += [(f"{title_of(case)}, {controller}", rows)] if rows else []
-            tables.append(grouped(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants"))
-        parts.append(details(title, tables[0] + details("Other metrics", tables[1])))
+        groups = [
+            (
+                f"{title_of(case)}, {controller}",
+                [_variant_row(case, controller, name, variants, experiments) for name in names],
+            )
+            for (case, controller), names in _cells_of(variants).items()
+        ]
+        parts.append(details(title, grouped(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants")))
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 
@@ -301,24 +292,11 @@ def definitions_table() -> str:
     return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
 
 
-ASSUMED = (
-    "Assumed, since the paper does not say: commands reach rotors and joints without latency (RotorS has about three "
-    "physics steps); joint damping of 0.001 N m s/rad on both joints; linear ramps in Case 1."
-)
-
-INFERRED_SETTINGS = (
-    "Inferred: settings that the paper does not give, searched for so that its numbers come out, the same for every "
-    "flight; inference.md has them, the evidence for each, and what they predict of flights they have not seen."
-)
-
-
 def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
     """All experiments, one table each."""
     plant = first_plant(results)
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
     head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper", HEADING]
-    pairs = reversed_orders(results["experiments"], plant)
-    named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
     blocks = [
         "# Paper and ours",
         f"{sentence(results)} {RULE}",
@@ -326,7 +304,7 @@ def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
         f"Metrics against the held 50 Hz reference. Differences: {plant} against the paper, a larger magnitude is +.",
         ASSUMED,
         INFERRED_SETTINGS,
-        f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}.",
+        not_reproduced(results["experiments"], plant),
     ]
     for case, controllers in results["experiments"].items():
         names = [n for n in dict.fromkeys(n for c in controllers.values() for n in c) if not n.endswith(CONTINUOUS)]
@@ -337,7 +315,7 @@ def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
             if name in cells
         ]
         blocks += [f"## {title_of(case)}", markdown(head, rows)]
-    blocks += ["## What stays open", "\n".join(f"- {line}" for line in impossible(results, plant))]
+    blocks += ["## What stays open", "\n".join(f"- {line}" for line in OPEN)]
     return "\n\n".join(blocks) + "\n"
 
 

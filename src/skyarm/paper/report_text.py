@@ -77,3 +77,28 @@ INFERRED = (
 )
 
 OTHER_STUDY = "This search was made with another version of the study: skyarm reproduce --infer makes it anew."
+
+ASSUMED = (
+    "Assumed, since the paper does not say: commands reach rotors and joints without latency (RotorS has about three "
+    "physics steps); joint damping of 0.001 N m s/rad on both joints; linear ramps in Case 1."
+)
+
+INFERRED_SETTINGS = (
+    "Inferred: settings that the paper does not give, searched for so that its numbers come out, the same for every "
+    "flight; inference.md has them, the evidence for each, and what they predict of flights they have not seen."
+)
+
+OPEN = (
+    "CT in Case 2 against CT in Case 3: the paper's joint errors are 3.0 times in the mean and 4.2 times at most as "
+    "large, where reference, friction, latency and inertia scale by 1.33 to 1.5. No share of friction, latency or gain "
+    "of the study gives both; Case 2's peaks stay away too: pitch 0.227 rad, position 0.099 m. They look like another "
+    "build, or another run.",
+    "CT in Case 1: position 0.076 and 0.088 m. Torques of 0.036 N m speak for slow ramps, pitch of 0.026 rad and joint "
+    "errors up to 0.265 rad for steps: one motion cannot be both.",
+    "The onset of the constant wind: CT pitches by 0.647 rad, PD by 0.381 rad, in the same wind from the same hover.",
+    "PD's peak pitch of the first 8 s, 0.003 and 0.012 rad, is that of a hover which it is about to leave: hundredths "
+    "of a second decide it. In Case 1, where PD joins later, 0.012 rad has no cause.",
+    "Settling times: no rule for them is published. The paper's 10 s for CT is where the steady window begins, and in "
+    "Case 3 it passes over the step back at 21 s that its own figure shows.",
+)
+"""Differences that no settings explain, with the paper's numbers; ours are in the tables."""

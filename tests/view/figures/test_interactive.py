@@ -16,7 +16,6 @@ from skyarm.pages import page, plot
 from skyarm.simulate import Window
 from skyarm.view.figures.interactive import (
     STYLES,
-    damping_figure,
     experiment_figure,
     figure_json,
     plot_script,
@@ -79,24 +78,6 @@ def test_a_gap_stands_for_what_is_not_finite() -> None:
     position[100:120] = np.nan
     figure = experiment_figure({"rigid_body": {"CT": dataclasses.replace(log, position=position)}})
     assert [i for i, v in enumerate(figure.curves[0].y) if v is None] == [25, 26, 27, 28, 29]
-
-
-def test_damping_figure_draws_measured_points_and_the_published_level() -> None:
-    table = {
-        "0.05": {"case2": {"CT": {"pitch_rms": None}, "PD": {"pitch_rms": 5.0}}},
-        "0": {"case2": {"CT": {"pitch_rms": 1.0}, "PD": {"pitch_rms": 3.0}}},
-        "0.001": {"case2": {"CT": {"pitch_rms": 2.0}, "PD": {}}},
-    }
-    paper = {"case2": {"CT": {"pitch_rms": 1.5}, "PD": {}}}
-    figure = damping_figure(table, paper, [("case2", "pitch_rms", "Pitch")])
-    ct, ct_paper, pd, _ = figure.curves
-    assert figure.categories == ["0", "0.001", "0.05"]
-    assert (ct.x0, ct.dx) == (0.0, 1.0)
-    assert tuple(ct.y) == (1.0, 2.0, None)
-    assert tuple(pd.y) == (3.0, None, 5.0)
-    assert tuple(ct_paper.y) == (1.5, 1.5, 1.5)
-    assert (ct.style, ct_paper.style, pd.style) == ("ct", "ct-paper", "pd")
-    assert (ct.points, ct_paper.points) == (True, False)
 
 
 def test_specification_cannot_close_a_script_element() -> None:

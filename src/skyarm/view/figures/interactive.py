@@ -135,40 +135,6 @@ def _curve(log: Log, quantity: Panel, panel: int, plant: str, controller: str, s
     )
 
 
-def damping_figure(damping: Mapping[str, Table], paper: Table, metrics: Sequence[tuple[str, str, str]]) -> PanelsFigure:
-    """Plot metrics over the assumed joint damping, with the paper's value as a level.
-
-    Args:
-        damping: damping in N m s/rad, as text -> experiment -> controller -> metric -> value.
-        paper: experiment -> controller -> metric -> the paper's value.
-        metrics: (experiment, metric, title) of each small panel.
-    """
-    values = sorted(damping, key=float)
-    curves = []
-    for panel, (case, metric, _) in enumerate(metrics):
-        for law in ("CT", "PD"):
-            style = STYLES["rigid_body", law]
-            found = [_lookup(damping[value], case, law, metric) for value in values]
-            level = [_lookup(paper, case, law, metric)] * len(values)
-            curves.append(Curve(panel=panel, name=law, style=style, y=found, points=True))
-            curves.append(Curve(panel=panel, name=f"{law}, paper", style=f"{style}-paper", y=level))
-    # categories: the values span 0 to 0.05, which neither a linear nor a logarithmic axis spreads
-    return PanelsFigure(
-        axis="Joint damping [N m s/rad]",
-        height=230,
-        columns=3,
-        categories=values,
-        panels=[{"label": title, "unit": "", "span": (0.0, 0.0), "from_zero": True} for _, _, title in metrics],
-        curves=curves,
-    )
-
-
-def _lookup(table: Table, case: str, controller: str, metric: str) -> float | None:
-    """A metric; None for whatever is not finite."""
-    value = table.get(case, {}).get(controller, {}).get(metric)
-    return float(value) if value is not None and np.isfinite(value) else None
-
-
 def plot_script() -> str:
     """The script that draws every interactive figure of a page, to be put into it once, at its end."""
     return _resource("uplot.js") + _resource("plot_page.js")

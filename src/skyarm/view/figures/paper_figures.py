@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from skyarm.log.flight_log import Log
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
-from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, distance, peaks
-from skyarm.view.figures.style import PAGE, PAPER, Look, limits, plain_numbers, shade_gust, shade_window
+from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, distance
+from skyarm.view.figures.style import PAPER, Look, limits, shade_gust, shade_window
 
 Array = npt.NDArray[np.float64]
 
@@ -34,12 +34,6 @@ PLACES = {"CT": 0, "PD": 1}
 """Law -> place of its look; others take those behind."""
 
 STYLE = replace(PAPER, panel=1.12)
-
-SMALLEST = 1e-3
-"""mm: below it a crossing of zero says nothing and would stretch the axis of the tip's error."""
-
-STEP = 0.05
-"""s: each point is the largest error of so long a stretch, so that crossings of zero do not blacken the picture."""
 
 
 def _axes(label: str, array: str, **reference: str) -> tuple[Panel, ...]:
@@ -283,37 +277,3 @@ def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, 
         drawn.append(MILLIMETRES * curve.mean[(curve.time >= span[0]) & (curve.time < span[1])])
     ax.set_xlim(*span)
     ax.set_ylim(*limits(drawn, floor=bool(np.min(np.concatenate(drawn)) >= 0.0), span=20.0, cap=2e3))
-
-
-TIP_LINES = (
-    PAPER.looks[1],
-    PAPER.looks[0],
-    replace(PAPER.looks[3], dash=(6.0, 1.5, 1.0, 1.5)),
-    Look(color="#1b7837", width=1.5),
-)
-
-
-def tip_figure(logs: Mapping[str, Log], window: Window, title: str) -> Figure:
-    """Draw the tip's error against the continuous reference, a line a law, on a logarithmic axis.
-
-    Args:
-        logs: name of the law -> its flight, in the order of the legend.
-        window: of the metrics; shaded.
-        title: of the figure.
-    """
-    figure, ax = PAGE.single(PAGE.width, 4.6)
-    shade_window(ax, (window.start, window.stop))
-    handles: dict[str, Any] = {}
-    for (name, log), look in zip(logs.items(), TIP_LINES, strict=False):
-        error = 1e3 * np.linalg.norm(log.tool - log.tool_reference, axis=1)
-        time, highest = peaks(log.time, error, max(1, round(STEP * float(log.info["rates_hz"]["control"]))))
-        label = name + ending_of(log)
-        (handles[label],) = ax.plot(time, np.maximum(highest, SMALLEST), label=label, **look.line)
-    ax.set_yscale("log")
-    plain_numbers(ax.yaxis)
-    ax.set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
-    ax.set_xlabel("Time [s]", **PAGE.words)
-    ax.set_ylabel("Error of the tip [mm]", **PAGE.words)
-    ax.set_title(title, **PAGE.words)
-    PAGE.legend(figure, handles)
-    return figure
