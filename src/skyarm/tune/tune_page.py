@@ -1,20 +1,16 @@
-"""Results of a tuning: files of gains that scenarios name, and a page with a slider from calm to stiff.
-
-The slider is a row of radio buttons, so that the page needs no script and the arrow keys move it.
-"""
+"""Results of a tuning: files of gains that scenarios name, and a page with a slider from calm to stiff."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.files.toml import toml_key, toml_value
 from skyarm.pages import page as plain_page
-from skyarm.pages import section, table
+from skyarm.pages import rendered
 from skyarm.records.identity import identity
 from skyarm.records.leaves import part, walk
 from skyarm.tune.front import RULE, LoopMargins, Point
@@ -141,168 +137,50 @@ def _short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-WIDTH, HEIGHT, EDGE = 640.0, 300.0, 56.0
-"""Of the plot, and its margin: units of the SVG."""
-
-
-def short_words(point: Point) -> str:
-    """A point in a few words."""
-    return escape(f"tip {1e3 * point.tip:.3g} mm, jitter {point.jitter:.3g} rad/s")
-
-
-def front_plot(before: Point, front: Sequence[Point]) -> str:
-    """Error over jitter, both on logarithmic axes; each point of the front has a class of its number."""
-    points = (before, *front)
-    across = [math.log10(max(point.jitter, 1e-6)) for point in points]
-    up = [math.log10(max(1e3 * point.error, 1e-6)) for point in points]
-    x, y = _axis(across, EDGE, WIDTH - 16.0), _axis(up, HEIGHT - 40.0, 16.0)
-    dots = [(x(a), y(b)) for a, b in zip(across, up, strict=True)]
-    line = " ".join(f"{a:.1f},{b:.1f}" for a, b in dots[1:])
-    circles = "".join(
-        f'<circle class="point{i}" cx="{a:.1f}" cy="{b:.1f}" r="5"><title>{short_words(front[i])}</title></circle>'
-        for i, (a, b) in enumerate(dots[1:])
-    )
-    a, b = dots[0]
-    ends = "".join(
-        f'<text x="{x(value):.1f}" y="{HEIGHT - 22:.1f}" text-anchor="{anchor}">{10**value:.2g}</text>'
-        for value, anchor in ((min(across), "start"), (max(across), "end"))
-    ) + "".join(
-        f'<text x="{EDGE - 6:.1f}" y="{y(value) + 4:.1f}" text-anchor="end">{10**value:.3g}</text>'
-        for value in (min(up), max(up))
-    )
-    return (
-        f'<figure class="wide"><svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="error over jitter">'
-        f'<line class="axis" x1="{EDGE}" y1="{HEIGHT - 40}" x2="{WIDTH - 16}" y2="{HEIGHT - 40}"/>'
-        f'<line class="axis" x1="{EDGE}" y1="16" x2="{EDGE}" y2="{HEIGHT - 40}"/>{ends}'
-        f'<text x="{WIDTH / 2:.0f}" y="{HEIGHT - 4:.0f}" text-anchor="middle">rotor jitter, rad/s per period</text>'
-        f'<text x="{EDGE + 6:.0f}" y="14">error, mm</text><polyline points="{line}"/>{circles}'
-        f'<circle class="before" cx="{a:.1f}" cy="{b:.1f}" r="6">'
-        f"<title>before: {short_words(before)}</title></circle>"
-        f"</svg><figcaption>Both axes are logarithmic; the ring is the law as it was before.</figcaption></figure>"
-    )
-
-
-def _axis(values: list[float], low: float, high: float) -> Callable[[float], float]:
-    """From a value to its place, with some room at both ends."""
-    first, last = min(values), max(values)
-    width = max(last - first, 1e-6)
-    return lambda value: low + (high - low) * (0.04 + 0.92 * (value - first) / width)
-
-
-CHOSEN = """#stop{i}:checked ~ .panels .panel{i} {{ display: block; }}
-#stop{i}:checked ~ .stops .at{i} i {{ background: var(--accent); border-color: var(--accent); }}
-#stop{i}:focus-visible ~ .stops .at{i} i {{ outline: 2px solid var(--ink); outline-offset: 2px; }}
-#stop{i}:checked ~ figure .point{i} {{ fill: var(--accent); r: 8; }}"""
+def error_words(vehicle: Vehicle) -> str:
+    """Name of the error of a flight: of the tip, or of the base where there is no tip."""
+    return "tip error" if vehicle.end_effector else "base error"
 
 
 def tune_page(found: Tuning) -> str:
-    """HTML of what a tuning found; one file that needs nothing else."""
-    count = len(found.points)
-    style = (resources.files("skyarm.tune") / "tune_page.css").read_text("utf-8")
-    style = f"<style>\n{style}" + "\n".join(CHOSEN.format(i=i) for i in range(count)) + "\n</style>"
-    inputs = "".join(
-        f'<input class="stop" type="radio" name="stop" id="stop{i}" aria-label="stop {i + 1} of {count}, calm to stiff"'
-        f"{' checked' if i == found.picked else ''}>"
-        for i in range(count)
-    )
-    labels = "".join(
-        f'<label for="stop{i}" class="at{i}{" picked" if i == found.picked else ""}" title="{short_words(point)}">'
-        "<i></i></label>"
-        for i, point in enumerate(found.points)
-    )
-    panels = "".join(f'<div class="panel panel{i}">{_panel(found, i)}</div>' for i in range(count))
-    slider = (
-        f'{style}{inputs}<div class="ends"><span>calm</span><span>stiff</span></div>'
-        f'<div class="stops" role="presentation">{labels}</div>'
-        f'{front_plot(found.before, found.points)}<div class="panels">{panels}</div>'
-    )
-    plan = found.plan
+    """HTML of a tuning's results; one file that needs nothing else."""
+    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     facts = (
         f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants; the front on {plan.unseen} plants "
         f"that the search has not seen; seed {plan.seed}"
     )
-    rule = escape(RULE.replace("tip error", error_words(_vehicle(found))))
-    short = "" if found.meets else " No point meets all: the pick is the least short."
-    rule = f"<p>Picked is {rule}.{short}</p>"
-    body = section("From calm to stiff", rule + slider) + section("All stops", _all(found))
-    body += section("Plants and a path by which nothing was chosen", _aside(found))
-    return plain_page(f"{plan.label} for {plan.flight.plant.vehicle.name}", facts, body)
-
-
-def _panel(found: Tuning, number: int) -> str:
-    """Scores, margins and gains of a stop."""
-    point, before = found.points[number], found.before
-    rows = [[name, value(before), value(point)] for name, value in shown(_vehicle(found))]
-    scores = table(["", ">before", ">at this stop"], rows)
-    old, new = gains_of(found, before), gains_of(found, point)
-    units = {knob.path: knob.unit for knob in found.plan.knobs}
-    gains = table(
-        ["gain", "unit", ">before", ">at this stop"],
-        [[path, units[path], toml_value(old[path]), toml_value(value)] for path, value in new.items()],
+    body = rendered(
+        "tune/tune.html",
+        found=found,
+        rule=RULE.replace("tip error", error_words(vehicle)),
+        style=(resources.files("skyarm.tune") / "tune_page.css").read_text("utf-8"),
+        plot=_plot((found.before, *found.points)),
+        error=error_words(vehicle),
+        joints=vehicle.n,
+        gains=[gains_of(found, point) for point in found.points],
+        before=gains_of(found, found.before),
+        units={knob.path: knob.unit for knob in plan.knobs},
+        aside=ASIDE,
+        inf=math.inf,
+        text=toml_value,
+        key=toml_key,
     )
-    lines = "\n".join(f"{toml_key(path)} = {toml_value(value)}" for path, value in new.items())
-    mark = " (picked)" if number == found.picked else ""
-    return (
-        f"<h3>Stop {number + 1} of {len(found.points)}{mark}: {escape(front_name(number))}</h3>{scores}{gains}"
-        f"<pre>[gains]\n{escape(lines)}</pre>"
-    )
+    return plain_page(f"{plan.label} for {vehicle.name}", facts, body)
 
 
-def _delay(margins: LoopMargins) -> str:
-    return "-" if margins.why_none else "over 100" if math.isinf(margins.delay) else f"{1e3 * margins.delay:.3g}"
+def _plot(points: Sequence[Point]) -> dict[str, Any]:
+    """Places of points in a picture of error (mm) over jitter on logarithmic axes, and the axes' ends."""
+    rows = [(each.jitter, 1e3 * each.error) for each in points]
+    jitters, errors = ([max(each, 1e-6) for each in column] for column in zip(*rows, strict=True))
 
+    def places(values: Sequence[float], low: float, high: float) -> list[float]:
+        logs = [math.log10(value) for value in values]
+        width = max(max(logs) - min(logs), 1e-6)
+        return [round(low + (high - low) * (0.04 + 0.92 * (each - min(logs)) / width), 1) for each in logs]
 
-def _gains(margins: LoopMargins, pair: tuple[float, float]) -> str:
-    if margins.why_none:
-        return "-"
-    return " to ".join("none" if k in (0.0, math.inf) else f"{k:.2f}" for k in pair)
-
-
-def error_words(vehicle: Vehicle) -> str:
-    """What the error of a flight is called: of the tip, or of the base where there is no tip."""
-    return "tip error" if vehicle.end_effector else "base error"
-
-
-def shown(vehicle: Vehicle) -> list[tuple[str, Callable[[Point], str]]]:
-    """What a stop shows of a vehicle: words, and how the number is written; nothing of joints that it has not."""
-    found: list[tuple[str, Callable[[Point], str]]] = [
-        (f"{error_words(vehicle)}, 90 % of plants, mm", lambda p: f"{1e3 * p.tip:.3g}"),
-        ("error that is tuned, mm", lambda p: f"{1e3 * p.error:.3g}"),
-        ("rotor jitter, rad/s per period", lambda p: f"{p.jitter:.3g}"),
-        ("joint efforts, RMS", lambda p: f"{p.effort:.3g}"),
-        ("plants lost", lambda p: f"{p.lost:.0%}"),
-        ("rotor commands at their limit", lambda p: f"{p.saturated:.1%}"),
-        ("delay margin, ms", lambda p: _delay(p.margins)),
-        ("gain margin of the rotors", lambda p: _gains(p.margins, p.margins.rotors)),
-        ("gain margin of the joints", lambda p: _gains(p.margins, p.margins.joints)),
-    ]
-    return [each for each in found if vehicle.n or "joint" not in each[0]]
-
-
-def _vehicle(found: Tuning) -> Vehicle:
-    return found.plan.flight.plant.vehicle
-
-
-def _all(found: Tuning) -> str:
-    joints, rows = bool(_vehicle(found).n), []
-    for i, point in enumerate((found.before, *found.points)):
-        name = "before" if i == 0 else f"stop {i}" + (", picked" if i - 1 == found.picked else "")
-        margins = point.margins
-        efforts = [f"{point.effort:.3g}"] * joints
-        row = [name, f"{1e3 * point.tip:.3g}", f"{point.jitter:.3g}", *efforts, f"{point.lost:.0%}"]
-        rows.append([*row, _delay(margins), _gains(margins, margins.rotors)])
-        rows[-1] += [_gains(margins, margins.joints)] * joints
-    error = error_words(_vehicle(found)).removesuffix(" error")
-    head = ["", f">{error}, mm", ">jitter, rad/s", *([">effort"] * joints), ">lost", ">delay margin, ms", ">rotors"]
-    return table([*head, *([">joints"] * joints)], rows)
-
-
-def _aside(found: Tuning) -> str:
-    """The pick beside all gains that were known before."""
-    rows = [
-        [name, f"{1e3 * x.tip:.3g}", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no"]
-        for name, x in found.aside.items()
-    ]
-    error = f">{error_words(_vehicle(found))}, 90 % of plants, mm"
-    told = table(["", error, ">jitter, rad/s", ">lost", "meets all constraints"], rows)
-    return f"<p>{ASIDE} plants.</p>{told}"
+    x, y = places(jitters, 56.0, 624.0), places(errors, 260.0, 16.0)
+    return {
+        "places": list(zip(x, y, strict=True)),
+        "across": [(min(jitters), min(x)), (max(jitters), max(x))],
+        "up": [(min(errors), max(y)), (max(errors), min(y))],
+    }
