@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -50,10 +49,6 @@ class OpenLoop:
     joints_delay: float = 0.0
     states: int = 0
     channels: tuple[Channel, ...] = ()
-
-
-Radius = Callable[[float], float]
-"""Spectral radius of a loop by a number that changes it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

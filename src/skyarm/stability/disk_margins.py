@@ -7,9 +7,9 @@ value stands in place of the magnitude, here its upper bound, so that the margin
 the largest: any positive gain and any phase below 90 degrees are tolerated.
 
 Sources: Seiler, Packard, Gahinet 2020, An Introduction to Disk Margins, IEEE Control Systems Magazine 40 (5), eq. (11)
-with skew 0, theorem 1, and the section on multiple-loop margins. A. J. Laub 1981, Efficient multivariable frequency
-response computations, IEEE TAC 26, 407-408. Doyle 1982, Analysis of feedback systems with structured uncertainties, IEE
-Proc. D 129 (6). Safonov 1982, Stability margins of diagonally perturbed multivariable feedback systems, same issue.
+with skew 0, theorem 1, and the section on multiple-loop margins. Doyle 1982, Analysis of feedback systems with
+structured uncertainties, IEE Proc. D 129 (6). Safonov
+1982, Stability margins of diagonally perturbed multivariable feedback systems, same issue.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.stability.closed_loop import Closed, OpenLoop, gains
-from skyarm.stability.gain_edges import gain_edges
 from skyarm.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
 
 Array = npt.NDArray[np.float64]
@@ -120,11 +118,8 @@ WIDE = 0.5
 DEAD = 1e-2
 """Largest magnitude of an eigenvalue that leaves no resonance: below, it dies out within three periods."""
 
-BLOCK = 16
-"""Rows of the back substitution that are solved at once; the others are products of matrices."""
-
 AT_ONCE = 96
-"""Frequencies whose matrices are eliminated together: some ten megabytes."""
+"""Frequencies whose systems are solved together: some ten megabytes."""
 
 
 def frequency_grid(z: Complex, period: float) -> Array:
@@ -145,73 +140,22 @@ def frequency_grid(z: Complex, period: float) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """``C (z - A)^-1 B`` at any frequency.
+    """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s, z = exp(i w period)."""
 
-    Attributes:
-        hessenberg: (n, n) A in an orthonormal basis in which only its first subdiagonal is not zero.
-        enters: (n, inputs) B in that basis. leaves: (outputs, n) C in it. period: s, z = exp(i w period).
-    """
-
-    hessenberg: Array
-    enters: Array
-    leaves: Array
+    A: Array
+    B: Array
+    C: Array
     period: float
 
     def at(self, frequencies: Array) -> Complex:
-        """Responses (frequencies, outputs, inputs) at frequencies in rad/s; infinite on an eigenvalue."""
-        z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)
-        parts = [self._at(z[k : k + AT_ONCE]) for k in range(0, len(z), AT_ONCE)]
-        shape = (0, len(self.leaves), self.enters.shape[1])
-        return np.concatenate(parts) if parts else np.zeros(shape, dtype=complex)
-
-    def _at(self, z: Complex) -> Complex:
-        """Gaussian elimination of one subdiagonal with row exchanges, then back substitution in blocks."""
-        n, m, count = len(self.hessenberg), self.enters.shape[1], len(z)
-        rows = np.empty((n, n + m, count), dtype=complex)
-        rows[:, :n] = -self.hessenberg[:, :, None]
-        rows[:, n:] = self.enters[:, :, None]
-        rows[np.arange(n), np.arange(n)] += z
-        for k in range(n - 1):
-            upper, lower = rows[k, k:], rows[k + 1, k:]
-            exchanged = np.abs(lower[0]) > np.abs(upper[0])
-            pivot, other = np.where(exchanged, lower, upper), np.where(exchanged, upper, lower)
-            # a column of zeros only has nothing to eliminate; z on an eigenvalue gives an infinite response
-            with np.errstate(all="ignore"):
-                factor = np.where(other[0] == 0.0, 0.0, other[0] / pivot[0])
-                rows[k, k:], rows[k + 1, k:] = pivot, other - factor * pivot
-        rows = np.ascontiguousarray(np.moveaxis(rows, 2, 0))
-        upper, found = rows[:, :, :n], rows[:, :, n:]
-        infinite = ~(np.abs(np.diagonal(upper, axis1=1, axis2=2)) > 0.0).all(axis=1) | ~np.isfinite(rows).all(
-            axis=(1, 2)
-        )
-        upper[infinite], found[infinite] = np.eye(n), 0.0
-        for start in range((n - 1) // BLOCK * BLOCK, -1, -BLOCK):
-            here, after = slice(start, min(start + BLOCK, n)), slice(min(start + BLOCK, n), n)
-            found[:, here] -= upper[:, here, after] @ found[:, after]
-            found[:, here] = np.linalg.solve(upper[:, here, here], found[:, here])
-        responses = np.asarray(self.leaves @ found)
-        responses[infinite] = np.inf
-        return responses
+        """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
+        z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)[:, None, None]
+        found = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
+        return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *found])
 
 
-def response(A: Array, B: Array, C: Array, period: float) -> Response:
-    """The frequency response of x+ = A x + B v, y = C x."""
-    H, B, C = A.copy(), B.copy(), C.copy()
-    for k in range(len(A) - 2):
-        column = H[k + 1 :, k]
-        size = np.linalg.norm(column)
-        if size == abs(column[0]):
-            continue
-        # Householder's reflection that leaves the column its first entry only
-        v = column.copy()
-        v[0] += np.copysign(size, v[0])
-        v *= np.sqrt(2.0) / np.linalg.norm(v)
-        H[k + 1 :, k:] -= np.outer(v, v @ H[k + 1 :, k:])
-        H[:, k + 1 :] -= np.outer(H[:, k + 1 :] @ v, v)
-        H[k + 2 :, k] = 0.0
-        B[k + 1 :] -= np.outer(v, v @ B[k + 1 :])
-        C[:, k + 1 :] -= np.outer(C[:, k + 1 :] @ v, v)
-    return Response(H, B, C, period)
+def _parts(z: Complex) -> list[Complex]:
+    return [z[k : k + AT_ONCE] for k in range(0, len(z), AT_ONCE)]
 
 
 ROUNDS = 30
@@ -297,11 +241,10 @@ class CutLoops:
     Attributes:
         ports: of each port its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and what
             gives them at other frequencies.
-        period: s. stable: an unstable loop has no margins.
+        stable: an unstable loop has no margins.
     """
 
     ports: dict[str, _Port]
-    period: float
     stable: bool
 
     def loops(self, longest: float) -> tuple[LoopMargin, ...]:
@@ -322,17 +265,6 @@ class CutLoops:
                         LoopMargin(name=group, group=group, port=name, channels=len(places), disk=disk, frequency=w)
                     )
         return tuple(found)
-
-    @cached_property
-    def gain_edges(self) -> dict[tuple[int, ...], Array]:
-        """Gains, but 1, with which the loop is on the edge of stability, ascending, by commands that they act on."""
-        port = self.ports[COMMANDS]
-        rotors, joints = port.places("rotors"), port.places("joints")
-        blocks: list[tuple[int, ...]] = [(i,) for i in (*rotors, *joints)]
-        of_channel = {i: k for k, i in enumerate((*rotors, *joints))}
-        blocks += [block for block in (tuple(rotors), tuple(joints)) if len(block) > 1]
-        found = gain_edges(port.T, port.frequencies, blocks, port.at, self.period)
-        return {tuple(of_channel[i] for i in block): edges for block, edges in zip(blocks, found, strict=True)}
 
 
 @dataclass(slots=True, eq=False)
@@ -405,9 +337,9 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
         # what nothing is made of is no loop
         kept = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
         mine = [c for c in channels if c.port == port]
-        found = response(A, B[:, kept], C[kept], loop.period)
+        found = Response(A, B[:, kept], C[kept], loop.period)
         ports[port] = _Port(tuple(mine[i] for i in kept), *_sharpened(found, grid), found)
-    return CutLoops(ports, loop.period, stable)
+    return CutLoops(ports, stable)
 
 
 def _sharpened(found: Response, grid: Array) -> tuple[Array, Complex]:

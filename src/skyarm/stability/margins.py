@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.stability.closed_loop import Closed, OpenLoop, Radius, closed, gains, radius, spectral_radius
-from skyarm.stability.disk_margins import CutLoops, LoopMargin, cut_loops
+from skyarm.stability.closed_loop import Closed, OpenLoop, closed, gains, radius, spectral_radius
+from skyarm.stability.disk_margins import LoopMargin, cut_loops
 
 Array = npt.NDArray[np.float64]
 
@@ -25,11 +25,8 @@ LONGEST = 0.1
 WIDEST, STRIDE = 100.0, 1.25
 """Largest change of a gain that is looked at, and the factor between two looks."""
 
-HALVINGS = 24
-"""Of the interval that holds a gain margin: to 1e-8 of it."""
-
-BESIDE = 1e-3
-"""An edge that the frequency response shows is looked at by eigenvalues so far beyond it, relative."""
+HALVINGS = 20
+"""Of the interval that holds a gain margin: to 1e-6 of it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,59 +81,43 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
         s=s,
         radius=size,
         delay=delay_margin(loop),
-        rotor_gain=_common(loop, as_it_is, cut, rotors),
-        joint_gain=_common(loop, as_it_is, cut, joints),
-        one_rotor=_of_any(loop, as_it_is, cut, rotors),
-        one_joint=_of_any(loop, as_it_is, cut, joints),
+        rotor_gain=_gain(as_it_is, stable, [rotors]),
+        joint_gain=_gain(as_it_is, stable, [joints]),
+        one_rotor=_gain(as_it_is, stable, [[i] for i in rotors]),
+        one_joint=_gain(as_it_is, stable, [[i] for i in joints]),
         loops=cut.loops(LONGEST),
         together=cut.together(),
     )
 
 
-def _common(loop: OpenLoop, as_it_is: Closed, cut: CutLoops, places: Sequence[int]) -> tuple[float, float]:
-    """The interval of a factor common to some commands."""
-    if not cut.stable:
+def _gain(as_it_is: Closed, stable: bool, groups: Sequence[Sequence[int]]) -> tuple[float, float]:
+    """The narrowest interval of a factor that some commands have in common, of several groups of commands."""
+    if not stable:
         return 1.0, 1.0
-    if not places:
-        return 0.0, math.inf
+    low, high = 1.0 / WIDEST, WIDEST
+    for places in filter(len, groups):
+        factors = np.ones(len(as_it_is.sent))
 
-    def radius_at(k: float) -> float:
-        factors = np.ones(loop.u_m.shape[0])
-        factors[list(places)] = k
-        return spectral_radius(as_it_is.matrix(factors))
+        def is_unstable(gain: float, factors: Array = factors, places: Sequence[int] = places) -> bool:
+            factors[list(places)] = gain
+            return spectral_radius(as_it_is.matrix(factors)) > EDGE
 
-    edges = cut.gain_edges[tuple(places)]
-    low = _side(radius_at, [k for k in edges[::-1] if k < 1.0], 1.0 / STRIDE, 0.0)
-    return low, _side(radius_at, [k for k in edges if k > 1.0], STRIDE, math.inf)
-
-
-def _side(radius_at: Radius, edges: Sequence[float], factor: float, beyond: float) -> float:
-    """The nearest edge beyond which the loop is unstable; searched for by eigenvalues where none of them is one."""
-    inside = [k for k in edges if 1.0 / WIDEST <= k <= WIDEST]
-    for k in inside:
-        further = k * (1.0 + math.copysign(BESIDE, factor - 1.0))
-        if radius_at(further) > EDGE:
-            return float(k)
-    last = math.copysign(1.0, factor - 1.0)
-    if not inside and radius_at(WIDEST**last / STRIDE**last) <= EDGE:
-        return beyond
-    return _edge(radius_at, factor, beyond)
+        low, high = gain_edge(is_unstable, 1.0 / STRIDE, low), gain_edge(is_unstable, STRIDE, high)
+    return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 
-def _of_any(loop: OpenLoop, as_it_is: Closed, cut: CutLoops, places: Sequence[int]) -> tuple[float, float]:
-    """The narrowest interval of single commands; everything is borne where there is none."""
-    if not cut.stable:
-        return 1.0, 1.0
-    low, high = 0.0, math.inf
-    nearest = {place: cut.gain_edges[place,] for place in places}
-    # the narrowest first: others are looked at only if they could be narrower still
-    for place in sorted(places, key=lambda i: -max((k for k in nearest[i] if k < 1.0), default=0.0)):
-        if max((k for k in nearest[place] if k < 1.0), default=0.0) > low:
-            low = max(low, _common(loop, as_it_is, cut, [place])[0])
-    for place in sorted(places, key=lambda i: min((k for k in nearest[i] if k > 1.0), default=math.inf)):
-        if min((k for k in nearest[place] if k > 1.0), default=math.inf) < high:
-            high = min(high, _common(loop, as_it_is, cut, [place])[1])
-    return low, high
+def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float) -> float:
+    """First gain from 1 on, in strides, at which a loop is unstable; ``limit`` if there is none before it."""
+    nearer = min if limit > 1.0 else max
+    good, gain = 1.0, nearer(stride, limit)
+    while not is_unstable(gain):
+        if gain == limit:
+            return limit
+        good, gain = gain, nearer(gain * stride, limit)
+    for _ in range(HALVINGS):
+        middle = math.sqrt(good * gain)
+        good, gain = (good, middle) if is_unstable(middle) else (middle, gain)
+    return good
 
 
 def delay_margin(loop: OpenLoop) -> float:
@@ -153,17 +134,3 @@ def delay_margin(loop: OpenLoop) -> float:
             return (k - 1 + share) * step
         before = after
     return math.inf
-
-
-def _edge(radius_at: Radius, factor: float, beyond: float) -> float:
-    """First gain from 1 on, in strides of ``factor``, at which the loop is unstable; ``beyond`` if there is none."""
-    stable, gain = 1.0, factor
-    while 1.0 / WIDEST <= gain <= WIDEST:
-        if radius_at(gain) > EDGE:
-            unstable = gain
-            for _ in range(HALVINGS):
-                middle = math.sqrt(stable * unstable)
-                stable, unstable = (stable, middle) if radius_at(middle) > EDGE else (middle, unstable)
-            return stable
-        stable, gain = gain, gain * factor
-    return beyond
