@@ -12,22 +12,33 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import make_mixer, mix
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.geometric import (
     attitude_loop,
     body_thrust,
     downward_acceleration,
-    message_quaternion,
     yaw_of,
 )
 from skyarm.control.model import GeometricGains
-from skyarm.scalars import Scalar
+from skyarm.scalars import Scalar, divide, mul, sqrt, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
 GRAVITY = 9.81
 """m/s^2; RotorS, rotors_control/parameters.h, kDefaultGravity."""
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+SMALL_QUATERNION = 2.220446049250313e-16
+"""Length of a message's quaternion below which RotorS takes the identity: Eigen's epsilon for doubles."""
+
+
+def message_quaternion(w: Any, x: Any, y: Any, z: Any) -> Quaternion:
+    """Read a message's quaternion as RotorS does: normalised; the identity if its length is below Eigen's epsilon."""
+    length = sqrt(w * w + x * x + y * y + z * z)
+    vanishes = length < SMALL_QUATERNION
+    scale = divide(1.0, where(vanishes, 1.0, length))
+    parts = (where(vanishes, one, mul(value, scale)) for value, one in ((w, 1.0), (x, 0.0), (y, 0.0), (z, 0.0)))
+    return Quaternion(*parts)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -555,9 +555,9 @@ def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(ep
     assert np.linalg.norm(log.position[-1] - np.array([0.0, 0.0, 1.0])) < 0.1
 
 
-def early_case3(controller=None, **changes):
+def early_case3(controller=None, plant="rigid_body", **changes):
     """Two seconds of Case 3 that begin on the circle."""
-    scenario = load_scenario("case3")
+    scenario = load_scenario("case3", plant=plant)
     early = {"duration": 2.0, "reference": scenario.reference.shifted(-8.0)}
     return dataclasses.replace(scenario, controller=controller or scenario.controller, **(early | changes))
 
@@ -613,10 +613,10 @@ def test_what_needs_a_law_over_scalars_refuses_in_one_line():
     [
         ({"mode": "both"}, r"mode = 'both': must be one of \['tool', 'joints'\]"),
         ({"solver": "riccati"}, "no such option"),
-        ({"every": 0}, r"every = 0: must be a whole number from 1"),
+        ({"every": 0}, r"every = 0: must be at least 1"),
         ({"every": 14}, r"every = 14: must be less than controller\.stages = 14"),
         ({"preview": "full"}, r"preview = 'full': must be 'samples' or a Trajectory"),
-        ({"horizon": 0.0}, r"horizon = 0\.0: must be a number of s"),
+        ({"horizon": 0.0}, r"horizon = 0\.0: must be at least 0\.05"),
     ],
 )
 def test_wrong_options_are_refused_by_name(options, message):

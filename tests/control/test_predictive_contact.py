@@ -149,7 +149,7 @@ def test_a_tip_that_touches_costs_its_force_and_no_place_along_the_normal(seed):
     costs = scalars(input_residuals(model, WEIGHTS, state, inputs, unknown, pressed))
     assert costs[-1] == pytest.approx(float(WEIGHTS.force) * (force - 2.0))
     np.testing.assert_allclose(costs[:-1], scalars(input_residuals(model, WEIGHTS, state, inputs, held, goal)))
-    away = dataclasses.replace(pressed, world=contact_of(seed, touching=0.0))
+    away = dataclasses.replace(pressed, contact=contact_of(seed, touching=0.0))
     assert scalars(input_residuals(model, WEIGHTS, state, inputs, unknown, away))[-1] == 0.0
 
 

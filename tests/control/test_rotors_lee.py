@@ -10,11 +10,11 @@ import pytest
 
 import skyarm
 from flown import G, cases, controller, step, vec
-from rotors_node import rotors_sim_lee_command
+from rotors_node import message_quaternion, rotors_sim_lee_command
 from skyarm.actuation import mix
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
-from skyarm.control.blocks.geometric import message_quaternion, yaw_of
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.catalogue import HUMMINGBIRD
 from skyarm.control.model import Model
 

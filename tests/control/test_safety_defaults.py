@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,7 @@ import skyarm
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
-from skyarm.control.safety.limits import MOST, Limits, limits_for
+from skyarm.control.safety.limits import limits_for
 
 GRAVITY = 9.1
 VEHICLE = skyarm.load_vehicle("octo_coaxial_two_arms")
@@ -131,32 +130,6 @@ def test_the_smallest_rotor_slew_is_a_tenth_of_the_fastest_rotors_range_in_a_sec
     assert limits_for(free, rotor_slew=1.001 * least, **PULL).rotor_slew == 1.001 * least
     with pytest.raises(ControllerError, match="must be at least"):
         limits_for(free, rotor_slew=0.999 * least, **PULL)
-
-
-DECADES = {
-    3: ("speed", "step", "step_speed", "joint_step", "joint_margin", "trusted_joint_error"),
-    4: ("stiffness", "damping", "joint_speed", "joint_slew", "joint_pole", "trusted_rate", "lost_speed"),
-    5: ("lost_rate", "lost_joint_speed"),
-    6: ("effort", "patience", "calm"),
-    9: ("rotor_slew", "effort_slew"),
-}
-"""Powers of ten that are the upper ends: what a vehicle is lost by may be ten times what it is trusted with."""
-
-
-@pytest.mark.parametrize(("power", "name"), [(power, name) for power, names in DECADES.items() for name in names])
-def test_upper_ends_are_whole_powers_of_ten_that_pass_themselves(power, name):
-    law = make_controller("hybrid_computed_torque", Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")))
-    end = float(f"1e{power}")
-    found = getattr(limits_for(law, **(PULL | {name: end})), name)
-    assert (found[0] if isinstance(found, tuple) else found) == end
-    with pytest.raises(ControllerError, match=rf"^safety.{name}.* must be at most {re.escape(f'{end:g}')}(,|$)"):
-        limits_for(law, **(PULL | {name: math.nextafter(end, math.inf)}))
-
-
-def test_every_limit_but_those_with_ends_of_their_own_has_a_power_of_ten():
-    own_ends = {"tilt", "climb", "trusted_tilt"}
-    listed = {name for names in DECADES.values() for name in names}
-    assert listed == set(MOST) == {field.name for field in dataclasses.fields(Limits)} - own_ends
 
 
 @pytest.mark.parametrize("which", [0, 1])

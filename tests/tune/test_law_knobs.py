@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
-from skyarm.control.catalogue import KNOBS, LAWS, make_named
+from skyarm.control.catalogue import LAWS, make_named, tuned_factors
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, part, walk
@@ -56,8 +56,8 @@ def test_every_law_of_the_catalogue_has_knobs_on_positive_numbers_of_its_constan
             assert place[0] not in ("model", "mixer")
     paths = [place for knob in knobs for place, _ in knob.numbers]
     assert len(set(paths)) == len(paths)
-    if law in KNOBS:
-        assert {knob.path for knob in knobs} <= set(KNOBS[law])
+    if law in tuned_factors():
+        assert {knob.path for knob in knobs} <= set(tuned_factors()[law])
 
 
 def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_any():

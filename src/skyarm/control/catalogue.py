@@ -24,59 +24,17 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import check_made, check_maker, made_by
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.files import did_you_mean, must_be_one_of, nearest, shown
-from skyarm.records.leaves import Place, parts, replaced
+from skyarm.records.leaves import part, replaced
 from skyarm.registry.plugins import law_of_file_key
 from skyarm.registry.registrations import Registration, registrations
 from skyarm.registry.shipped import TUNED
 from skyarm.scalars import mul
 
-__all__ = [
-    "ACCELERATION",
-    "HUMMINGBIRD",
-    "KNOBS",
-    "LAWS",
-    "PRESETS",
-    "TORQUE",
-    "TUNED",
-    "Controller",
-    "ControllerError",
-    "Entry",
-    "Preset",
-    "choices",
-    "is_named",
-    "make_controller",
-    "make_named",
-    "make_tuned",
-    "meant",
-    "present_name",
-    "preset",
-    "require_different",
-    "rescale",
-    "suitable_options",
-    "tuned_factors",
-]
+__all__ = ["TUNED", "Controller", "ControllerError"]
 
 BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 """Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
 whose joints nothing drives (``tests/assess/test_hanging_joints.py`` flies them)."""
-
-GONE: Mapping[str, str] = {
-    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_coupled_thrust", "ct_consistent"), 1)},
-    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_observer", "ct_feedforward"), 3)},
-    **{name: f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(("ct_extrapolation", "ct_lag_inversion"), 5)},
-    "ct_level_gravity": "law 'hybrid_computed_torque' with without = ['full_gravity']",
-    "l1_adaptive_lateral": "law 'l1_adaptive' with lateral = true",
-    "hybrid_computed_torque_euler": "law 'hybrid_computed_torque', which is equal away from a pitch of 90 degrees",
-    "paper_ct_euler": "preset 'paper_ct', which is equal away from a pitch of 90 degrees",
-    "exact": "law 'centroidal'",
-    "exact_joint": "preset 'centroidal_joint'",
-    "exact_joint_stiff": "preset 'centroidal_joint_stiff'",
-    "exact_ee": "preset 'centroidal_tip'",
-    "exact_ee_stiff": "preset 'centroidal_tip_stiff'",
-    "rotors_hummingbird": "preset 'rotors_sim_hummingbird'",
-    "rotors_position": "law 'rotors_sim_position'",
-}
-"""Names of version 0.2 that are no more, and the present names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,13 +94,13 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     """
     if not isinstance(name, str) or name not in LAWS:
         allowed = must_be_one_of(LAWS, name, "skyarm show")
-        raise ControllerError(f"controller.law = {shown(name)}: {present_name(name)}{allowed}")
+        raise ControllerError(f"controller.law = {shown(name)}: {allowed}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     entry = LAWS[name]
     for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
     maker = entry.function()
     check_maker(maker, name, options)
     made: Controller = made_by(maker, name, model, options)
@@ -230,39 +188,12 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
     """
     if not isinstance(name, str) or name not in PRESETS:
         allowed = must_be_one_of(PRESETS, name, "skyarm show")
-        raise ControllerError(f"controller.preset = {shown(name)}: {present_name(name)}{allowed}")
+        raise ControllerError(f"controller.preset = {shown(name)}: {allowed}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
         return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
     except ControllerError as error:
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None
-
-
-COMMON = (
-    "gains.position",
-    "gains.velocity",
-    "gains.attitude",
-    "gains.rate",
-    "joint_gains.stiffness",
-    "joint_gains.damping",
-)
-"""Constants that every law with gains has; each path stands for all numbers below it, which keep their ratios."""
-
-KNOBS: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("decoupled_pd", "hybrid_computed_torque", "bulut2019", "guo2023", "li2024"), COMMON),
-    **dict.fromkeys(("hybrid_ct", "admittance_pd"), COMMON),
-    "ct_ladder": (*COMMON, "observer.force", "observer.torque", "observer.joints", "lag_share"),
-    "kim2013": (*COMMON, "switching", "adaptation.0", "adaptation.1", "adaptation.2"),
-    "l1_adaptive": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter"),
-    "indi": (*COMMON, "cutoff"),
-    "learned_compensator": (*COMMON, "answer"),
-    "nmpc": (
-        *("weights.velocity", "weights.heading", "weights.rate", "weights.joints", "weights.joint_rates"),
-        *("weights.joint_accelerations", "weights.rotor_accelerations"),
-        *("bandwidths.linear", "bandwidths.angular", "bandwidths.joints"),
-    ),
-}
-"""Constants of each law that are tuned."""
 
 
 def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
@@ -274,19 +205,12 @@ def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
     par = controller.par
     for path, factor in factors.items():
         place = tuple(path.split("."))
-        numbers = _part(par, place)
+        try:
+            numbers = part(par, place)
+        except (AttributeError, IndexError):
+            raise ControllerError(f"controller.{path}: the law has no such constant") from None
         par = replaced(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
     return dataclasses.replace(controller, par=par)
-
-
-def _part(record: Any, place: Place) -> Any:
-    """The value at a place of a law's constants."""
-    for name in place:
-        below = parts(record)
-        if name not in below:
-            raise ControllerError(f"controller.{'.'.join(place)}: the law has no such constant")
-        record = below[name]
-    return record
 
 
 @lru_cache(maxsize=1)
@@ -378,22 +302,9 @@ def meant(name: Any) -> str:
     """A hint to what an unknown name may have meant, as a message begins; empty where nothing is alike."""
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
-    return present_name(name) or did_you_mean(name, _every_name())
+    return did_you_mean(name, _every_name())
 
 
-GONE_OPTIONS: Mapping[tuple[str, str], str] = {
-    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
-}
-"""Options of earlier versions, and what stands in their place."""
-
-
-def no_option(law: str, option: str, there: Iterable[str]) -> str:
-    """Refusal of an option that a law does not have, or has no more."""
-    instead = GONE_OPTIONS.get((law, option))
-    return f"is gone; {instead}" if instead else f"law {law!r} has no such option; it has {', '.join(there)}"
-
-
-def present_name(name: Any) -> str:
-    """The present name of one that is no more, as a message begins."""
-    present = GONE.get(name.removesuffix(TUNED)) if isinstance(name, str) else None
-    return f"is {present} now; " if present else ""
+def no_option(law: str, options: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have."""
+    return f"law {law!r} has no such option; it has {', '.join(options)}"

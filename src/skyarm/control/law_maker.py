@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from skyarm.actuation import Mixer, make_mixer
@@ -15,6 +16,7 @@ from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.dynamics import mass_matrix
 from skyarm.files import shown
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
 
@@ -122,13 +124,8 @@ def law_maker(
         if chosen["joint_gains"] is None:
             chosen["joint_gains"] = default_joint_gains(model, torque=torque_gains)
         values: dict[str, Any] = {"rate_error": rate_error, **(constants(model) if constants else {})}
-        try:
-            for option, value in chosen.items():
-                rule = rules(kind).get(option, _as_given)
-                read = readers[option][1](model, value) if option in readers else rule(f"controller.{option}", value)
-                values[option] = read
-        except RecordError as error:
-            raise ControllerError(str(error)) from None
+        for option, value in chosen.items():
+            values[option] = checked_option(kind, option, value, model, readers)
         _require_fitting(values, model.vehicle.n)
         par = kind(model=model, mixer=mixer, **values)
         return Controller(name=name, law=law, par=par, memory=memory(par) if memory else (), **of_controller)
@@ -138,8 +135,35 @@ def law_maker(
     return make
 
 
-def _as_given(_field: str, value: Any) -> Any:
-    return value
+def checked_option(
+    kind: type, option: str, value: Any, model: Model, readers: Mapping[str, tuple[Any, Reader]] = MappingProxyType({})
+) -> Any:
+    """An option as a law's constants hold it: read by its reader, else checked by its field.
+
+    Raises:
+        ControllerError: one line with field, value and what is allowed.
+    """
+    try:
+        if option in readers:
+            return readers[option][1](model, value)
+        rule = rules(kind).get(option)
+        return value if rule is None else rule(f"controller.{option}", value)
+    except RecordError as error:
+        raise ControllerError(str(error)) from None
+
+
+def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
+    """As many plain numbers.
+
+    Raises:
+        ControllerError: one line.
+    """
+    at = f"controller.{option}"
+    try:
+        rows = coerce.items(at, value, (count,), f"must be {count} numbers")
+        return tuple(coerce.number(f"{at}[{i}]", each) for i, each in enumerate(rows))
+    except RecordError as error:
+        raise ControllerError(str(error)) from None
 
 
 def _require_fitting(values: Mapping[str, Any], joints: int) -> None:

@@ -1,10 +1,10 @@
 """The gains of a law that tuning may change, and those that the catalogue has for it.
 
-A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For the laws of
-:data:`skyarm.control.catalogue.KNOBS` the paths are written there. For any other law, a user-defined one among them,
-they are found: every positive number of its constants whose field states the unit of a gain (per second, per metre, per
-radian), or no unit at all. A vector and a tuple of any length are one knob; each item of a tuple of fixed length, as
-``tuple[float, float]``, is one.
+A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
+gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
+among them, they are found: every positive number of its constants whose field states the unit of a gain (per second,
+per metre, per radian), or no unit at all. A vector and a tuple of any length are one knob; each item of a tuple of
+fixed length, as ``tuple[float, float]``, is one.
 
 A search goes about the gains of the catalogue: gains that are off by three or by ten lead to the same candidates. The
 given ones are flown next to them, so that good ones are not lost either.
@@ -26,7 +26,7 @@ import numpy.typing as npt
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import plain_model
-from skyarm.control.catalogue import KNOBS, LAWS, PRESETS, TUNED, make_named, tuned_factors
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.files import did_you_mean, shown
@@ -93,7 +93,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     par = controller.par
     for name in layers:
         par = parts(par)[name]
-    listed = KNOBS.get(law)
+    listed = tuned_factors().get(law)
     found = [_listed(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
     knobs = tuple(_below(layers, each) for each in found if each is not None)
     if not knobs:

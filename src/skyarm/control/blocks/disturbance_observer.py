@@ -21,8 +21,8 @@ from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, fe
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
 from skyarm.control.blocks.select import choose, choose_each, data, vector_data
+from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
-from skyarm.records import coerce
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, mul, where
 from skyarm.sensors.measurement import Measurement
@@ -243,6 +243,5 @@ UNFILTERED = 1e6
 
 def observer_gains(_model: Model, bandwidths: Any) -> ObserverGains:
     """Gains from bandwidths of force, torque and joint torques, rad/s, without a filter of the pose."""
-    rows = coerce.items("controller.observer", bandwidths, (3,), "must be three numbers")
-    force, torque, joints = (coerce.number(f"controller.observer[{i}]", each) for i, each in enumerate(rows))
+    force, torque, joints = option_numbers("observer", bandwidths, 3)
     return ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)

@@ -10,19 +10,15 @@ from typing import Any
 
 from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
 from skyarm.control.model import GeometricGains
-from skyarm.scalars import atan2, cos, divide, mul, sin, sqrt, where
+from skyarm.scalars import atan2, cos, divide, mul, sin, where
 
 RATE_ERRORS = ("rotors_sim", "corrected")
-OLD_RATE_ERRORS = {"rotors": "rotors_sim"}
 
 SMALL_ACCELERATION = 1e-6
 """m/s^2. Below this commanded specific force the thrust direction is undefined: the present one is kept."""
 
 SMALL_SINE = 1e-6
 """Sine of the angle between thrust direction and heading below which the heading does not fix the attitude."""
-
-SMALL_QUATERNION = 2.220446049250313e-16
-"""Length of a message's quaternion below which RotorS takes the identity: Eigen's epsilon for doubles."""
 
 
 def downward_acceleration(
@@ -110,12 +106,3 @@ def yaw_of(quaternion: Quaternion) -> Any:
     """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), as RotorS reads a reference's."""
     w, x, y, z = quaternion
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def message_quaternion(w: Any, x: Any, y: Any, z: Any) -> Quaternion:
-    """Read a message's quaternion as RotorS does: normalised; the identity if its length is below Eigen's epsilon."""
-    length = sqrt(w * w + x * x + y * y + z * z)
-    vanishes = length < SMALL_QUATERNION
-    scale = divide(1.0, where(vanishes, 1.0, length))
-    parts = (where(vanishes, one, mul(value, scale)) for value, one in ((w, 1.0), (x, 0.0), (y, 0.0), (z, 0.0)))
-    return Quaternion(*parts)

@@ -48,7 +48,7 @@ from skyarm.control.blocks.disturbance_observer import (
 )
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import ControllerError
-from skyarm.control.law_maker import law_maker
+from skyarm.control.law_maker import law_maker, option_numbers
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
@@ -63,7 +63,6 @@ from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_co
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
-from skyarm.records import coerce
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
@@ -162,8 +161,7 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
     vehicle = model.vehicle
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
-    rows = coerce.items("controller.interaction", forces, (2,), "must be 2 numbers")
-    touch, lost = (coerce.number(f"controller.interaction[{i}]", each) for i, each in enumerate(rows))
+    touch, lost = option_numbers("interaction", forces, 2)
     found = interaction_gains((touch, lost), "tip", vehicle)
     if found is None:
         raise ControllerError(f"controller.interaction = {shown(forces)}: must be two forces above 0")

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 from skyarm.actuation.hover import hover_trim
@@ -13,11 +14,11 @@ from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import checked_law
 from skyarm.control.model import Model
-from skyarm.files import number, shown
-from skyarm.records.leaves import field_names
-from skyarm.records.units import Unit
+from skyarm.files import shown
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import rules
+from skyarm.records.units import Unit, units
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.linkage import Joint
 
@@ -75,6 +76,11 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     return sum(float(share) * speed * speed for share, speed in zip(shares, speeds, strict=True))
 
 
+# infinity times nothing is no number: what multiplies or is multiplied is finite
+_finite = partial(Unit, low=0.0, strict=True)
+_limit = partial(_finite, infinite=True)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limits:
     """Limits of references, commands and states of a law with the safety layer. Tuples have one entry per joint.
@@ -99,31 +105,29 @@ class Limits:
         calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
     """
 
-    tilt: Annotated[Scalar, Unit("rad", "asked for", infinite=True)]
-    climb: Annotated[Scalar, Unit("m/s^2", "asked for, up or down", infinite=True)]
-    speed: Annotated[Scalar, Unit("m/s", "asked for", infinite=True)]
-    step: Annotated[Scalar, Unit("m", "error that passes", infinite=True)]
-    step_speed: Annotated[Scalar, Unit("m/s", "error that passes", infinite=True)]
-    stiffness: Annotated[Scalar, Unit("1/s^2", "acceleration the law asks per position error")]
-    damping: Annotated[Scalar, Unit("1/s", "acceleration the law asks per velocity error")]
-    joint_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of the joints", infinite=True)]
-    joint_step: Annotated[tuple[Scalar, ...], Unit("rad or m", "step of a reference that passes", infinite=True)]
-    joint_slew: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of longer steps of a reference", infinite=True)]
-    joint_margin: Annotated[tuple[Scalar, ...], Unit("rad or m", "kept from the joints' limits")]
-    joint_pole: Annotated[Scalar, Unit("1/s", "how fast a joint closes in on a limit")]
-    effort: Annotated[tuple[Scalar, ...], Unit("N m or N", infinite=True)]
-    rotor_slew: Annotated[Scalar, Unit("rad/s^2", "of the commanded speeds", infinite=True)]
-    effort_slew: Annotated[tuple[Scalar, ...], Unit("N m/s or N/s", infinite=True)]
-    trusted_tilt: Annotated[Scalar, Unit("rad", "largest for longer than patience", infinite=True)]
-    trusted_rate: Annotated[Scalar, Unit("rad/s", "largest for longer than patience", infinite=True)]
-    trusted_joint_error: Annotated[
-        tuple[Scalar, ...], Unit("rad or m", "largest for longer than patience", infinite=True)
-    ]
-    lost_rate: Annotated[Scalar, Unit("rad/s", "largest for a moment", infinite=True)]
-    lost_speed: Annotated[Scalar, Unit("m/s", "largest for a moment", infinite=True)]
-    lost_joint_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "largest for a moment", infinite=True)]
-    patience: Annotated[Scalar, Unit("s", infinite=True)]
-    calm: Annotated[Scalar, Unit("s", "of calm flight before the law starts anew", infinite=True)]
+    tilt: Annotated[float, _limit("rad", "asked for")]
+    climb: Annotated[float, _limit("m/s^2", "asked for, up or down")]
+    speed: Annotated[float, _limit("m/s", "asked for")]
+    step: Annotated[float, _limit("m", "error that passes")]
+    step_speed: Annotated[float, _limit("m/s", "error that passes")]
+    stiffness: Annotated[float, _finite("1/s^2", "acceleration the law asks per position error")]
+    damping: Annotated[float, _finite("1/s", "acceleration the law asks per velocity error")]
+    joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of the joints")]
+    joint_step: Annotated[tuple[float, ...], _limit("rad or m", "step of a reference that passes")]
+    joint_slew: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of longer steps of a reference")]
+    joint_margin: Annotated[tuple[float, ...], Unit("rad or m", "kept from the joints' limits", low=0.0)]
+    joint_pole: Annotated[float, _finite("1/s", "how fast a joint closes in on a limit")]
+    effort: Annotated[tuple[float, ...], _limit("N m or N")]
+    rotor_slew: Annotated[float, _limit("rad/s^2", "of the commanded speeds")]
+    effort_slew: Annotated[tuple[float, ...], _limit("N m/s or N/s")]
+    trusted_tilt: Annotated[float, _limit("rad", "largest for longer than patience")]
+    trusted_rate: Annotated[float, _limit("rad/s", "largest for longer than patience")]
+    trusted_joint_error: Annotated[tuple[float, ...], _limit("rad or m", "largest for longer than patience")]
+    lost_rate: Annotated[float, _limit("rad/s", "largest for a moment")]
+    lost_speed: Annotated[float, _limit("m/s", "largest for a moment")]
+    lost_joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "largest for a moment")]
+    patience: Annotated[float, Unit("s", low=0.0, infinite=True)]
+    calm: Annotated[float, _limit("s", "of calm flight before the law starts anew")]
 
 
 STEEPEST = math.radians(85.0)
@@ -145,46 +149,8 @@ TIP_ERRORS = {"revolute": 1.5, "prismatic": 0.3}
 STEPS = {"revolute": (0.5, 3.0), "prismatic": (0.05, 0.3)}
 """(rad, rad/s) and (m, m/s) of a joint's reference: above those a law meets as a jump, at the pace of a quick reach."""
 
-PER_JOINT = (
-    "joint_speed",
-    "joint_step",
-    "joint_slew",
-    "joint_margin",
-    "effort",
-    "effort_slew",
-    "trusted_joint_error",
-    "lost_joint_speed",
-)
-
-FINITE = ("stiffness", "damping", "joint_margin", "joint_pole")
-"""Fields that multiply or are multiplied: infinity times nothing is no number."""
-
-MOST = {
-    "speed": 1e3,
-    "step": 1e3,
-    "step_speed": 1e3,
-    "stiffness": 1e4,
-    "damping": 1e4,
-    "joint_speed": 1e4,
-    "joint_step": 1e3,
-    "joint_slew": 1e4,
-    "joint_margin": 1e3,
-    "joint_pole": 1e4,
-    "effort": 1e6,
-    "rotor_slew": 1e9,
-    "effort_slew": 1e9,
-    "trusted_rate": 1e4,
-    "trusted_joint_error": 1e3,
-    "lost_rate": 1e5,
-    "lost_speed": 1e4,
-    "lost_joint_speed": 1e5,
-    "patience": 1e6,
-    "calm": 1e6,
-}
-"""Upper ends, or the default where that is more: far beyond any vehicle, squares and products far from overflow.
-
-Infinity stands for no limit, except in ``FINITE``. Tilts and climb have ends of their own.
-"""
+HIGHEST = 1e9
+"""Upper end of every finite limit: squares and products stay far from overflow. Infinity stands for no limit."""
 
 SLOWEST = 0.1
 """1/s, of the rotors' highest speed: a smaller slew could not hold an attitude."""
@@ -202,17 +168,32 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     """
     model: Model = controller.par.model
     joints = [link.joint for link in model.vehicle.links]
-    names = list(field_names(Limits) or ())
     for name in given:
-        if name not in names:
-            raise ControllerError(f"safety.{name}: unknown field; allowed: {', '.join(names)}")
-    default = _defaults(model, joints, TIP_ERRORS if controller.keeps_tip else ERRORS)
+        if name not in rules(Limits):
+            raise ControllerError(f"safety.{name}: unknown field; allowed: {', '.join(rules(Limits))}")
+    values = _defaults(model, joints, TIP_ERRORS if controller.keeps_tip else ERRORS)
+    per_joint = {name for name, value in values.items() if isinstance(value, tuple)}
     if "stiffness" not in given or "damping" not in given:
-        default |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
-    values = default | given
-    checked = {name: _checked(name, values[name], len(joints), default.get(name, 0.0)) for name in names}
-    _check_ranges(checked, model)
-    return Limits(**checked)
+        values |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
+    for name, value in (values | given).items():
+        alone = name in per_joint and not isinstance(value, (list, tuple))
+        values[name] = held = _held(name, (value,) * len(joints) if alone else value)
+        if name in per_joint and len(held) != len(joints):
+            said = f"safety.{name} = {shown(value)}: {len(held)} values"
+            raise ControllerError(f"{said}, must be {len(joints)} (one per joint)")
+        if name in given and any(HIGHEST < each < math.inf for each in (held if name in per_joint else (held,))):
+            none = ", or inf for no limit" if units(Limits)[name].infinite else ""
+            raise ControllerError(f"safety.{name} = {shown(value)}: must be at most {HIGHEST:g}{none}")
+    _check_ranges(values, model)
+    return Limits(**values)
+
+
+def _held(name: str, value: Any) -> Any:
+    """A limit as its field holds it."""
+    try:
+        return rules(Limits)[name](f"safety.{name}", value)
+    except RecordError as error:
+        raise ControllerError(str(error)) from None
 
 
 def _defaults(model: Model, joints: list[Joint], errors: Mapping[str, float]) -> dict[str, Any]:
@@ -257,33 +238,6 @@ def _fastest(model: Model) -> float:
 def _margin(joint: Joint) -> float:
     """Not more than a tenth of the joint's range."""
     return min(MARGINS[joint.kind], 0.1 * (float(joint.upper) - float(joint.lower)))
-
-
-def _checked(name: str, value: Any, joints: int, default: Any) -> Any:
-    """One number, or one per joint, within its ends."""
-    at = f"safety.{name}"
-    strict, infinite = name not in ("patience", "joint_margin"), name not in FINITE
-    try:
-        if name not in PER_JOINT:
-            return _below(name, number(value, at, low=0.0, strict=strict, infinite=infinite), at, default)
-        row = list(value) if isinstance(value, (list, tuple)) else [value] * joints
-        if len(row) != joints:
-            raise ValueError(f"{at} = {shown(value)}: {len(row)} values, must be {joints} (one per joint)")
-        found = [number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=infinite) for i, v in enumerate(row)]
-        return tuple(
-            _below(name, v, f"{at}[{i}]", usual) for i, (v, usual) in enumerate(zip(found, default, strict=True))
-        )
-    except ValueError as error:
-        raise ControllerError(str(error)) from None
-
-
-def _below(name: str, value: float, at: str, default: float) -> float:
-    """The value, if it is none above its upper end that is still a number."""
-    most = max(MOST.get(name, math.inf), default if default < math.inf else 0.0)
-    if most < value < math.inf:
-        never = "" if name in FINITE else ", or inf for no limit"
-        raise ValueError(f"{at} = {value!r}: must be at most {most:g}{never}")
-    return value
 
 
 def _check_ranges(values: dict[str, Any], model: Model) -> None:

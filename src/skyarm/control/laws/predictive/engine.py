@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import Command, Mixer
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.laws.centroidal.interaction import InteractionGains
+from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, worst_cost
 from skyarm.control.laws.predictive.linearise import Bounds, Rollouts, Stages, examples
@@ -77,7 +75,7 @@ KEPT = 16
 
 
 class Observation:
-    """The observer and what follows from commands that no measurement shows yet, on arrays of leaves.
+    """The observer and the effect of commands that no measurement shows yet, on arrays of leaves.
 
     Args:
         model: the belief. bandwidths: of the observer. dt: control period, s.
@@ -88,29 +86,19 @@ class Observation:
         estimate = Estimate(state=state, disturbance=disturbance)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
         reading = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
-
-        def look(before: Estimate, _par: Any, row: Any, _uniforms: Any) -> Any:
-            command, reading = row
-            return observe(model, bandwidths, before, command, reading, dt), ()
-
-        def move(before: Estimate, _par: Any, row: Any, _uniforms: Any) -> Any:
-            return Estimate(state=predict(model, before, row, dt), disturbance=before.disturbance), ()
-
-        self._look = Kernel(trace_loop(look, estimate, (), (command, reading)), Lanes(1))
-        self._move = Kernel(trace_loop(move, estimate, (), command), Lanes(1))
-
-    def at(self, before: Array, command: Array, reading: Array) -> Array:
+        self.at = Compiled(
+            lambda before, command, reading: observe(model, bandwidths, before, command, reading, dt),
+            *(estimate, command, reading),
+        )
         """Estimate at a measurement from the one a period earlier and the command that acted in between."""
-        return _stepped(self._look, before, np.concatenate([command, reading])[None])
+        self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
 
     def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
         """The same after the commands that came since, a period each."""
-        return _stepped(self._move, estimate, np.stack(commands)) if commands else estimate
-
-
-def _stepped(kernel: Kernel, before: Array, rows: Array) -> Array:
-    after, _ = kernel.run(before[:, None], np.zeros((0, 1)), rows)
-    return np.ascontiguousarray(after[:, 0])
+        for command in commands:
+            state = self._advance(estimate, command)
+            estimate = np.concatenate([state, estimate[len(state) :]])
+        return estimate
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ enough good ones in a row, and a rest that doubles with each hand-over that foll
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,12 @@ import numpy.typing as npt
 
 from skyarm.actuation import AllocationError, Command, mix
 from skyarm.algebra import Motion, Vec3
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
+from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.riccati import Plan
@@ -134,22 +133,13 @@ class Stabiliser:
     def __init__(self, model: Model) -> None:
         par = _parameters(model)
         joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
-        signals = ((0.0,) * (4 + joints),) * 3
-
-        def step(_carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
-            return _computed_torque(par, *row), ()
-
-        self.zero = np.zeros((self.rotors + joints, 1))
         nothing = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0,) * joints)
-        row = (blank_measurement(joints, self.rotors), nothing, signals)
-        self.kernel = Kernel(trace_loop(step, (0.0,) * len(self.zero), (), row), Lanes(1))
+        signals = ((0.0,) * (4 + joints),) * 3
+        self.law = Compiled(partial(_computed_torque, par), blank_measurement(joints, self.rotors), nothing, signals)
 
     def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
         """The law's command for leaves of a measurement and of a disturbance, and a sample of the reference."""
-        wanted = (sample.values, sample.rates, sample.accelerations)
-        row = np.concatenate([reading, disturbance, *wanted])
-        found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
-        values = found[:, 0].tolist()
+        values = self.law(reading, disturbance, sample.values, sample.rates, sample.accelerations).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 

@@ -32,6 +32,7 @@ from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.centroidal.interaction import interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
@@ -54,7 +55,6 @@ from skyarm.control.laws.predictive.riccati import NoPlanError, Plan, Problem, s
 from skyarm.control.laws.predictive.tip_contact import Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.files import shown
-from skyarm.records import coerce
 from skyarm.reference import Reference, Trajectory
 from skyarm.sensors.measurement import Measurement
 
@@ -268,26 +268,22 @@ def make_predictive_controller(
     """
     if mode not in MODES:
         raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
-    if isinstance(every, int) and isinstance(stages, int) and every >= stages:
+    given = {"weights": weights, "bandwidths": bandwidths, "stages": stages, "horizon": horizon, "every": every}
+    given |= {"delay_periods": delay_periods, "mode": mode}
+    held = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
+    if held["every"] >= held["stages"]:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
     if not isinstance(preview, Trajectory) and preview != "samples":
         raise ControllerError(f"controller.preview = {shown(preview)}: must be 'samples' or a Trajectory")
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
         interaction = THRESHOLDS if leads else (0.0, 0.0)
-    rows = coerce.items("controller.interaction", interaction, (2,), "must be 2 numbers")
-    touch, lost = (coerce.number(f"controller.interaction[{i}]", each) for i, each in enumerate(rows))
+    touch, lost = option_numbers("interaction", interaction, 2)
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
-        weights=weights,
-        bandwidths=bandwidths,
-        mode=mode,
-        stages=stages,
-        horizon=horizon,
-        every=every,
-        delay_periods=delay_periods,
         preview=preview,
+        **held,
         interaction=interaction_gains((touch, lost), "tool" if leads else "joints", model.vehicle, leading="tool"),
     )
     tip = mode == "tool"

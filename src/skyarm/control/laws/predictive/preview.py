@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.geometric import desired_attitude
+from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
@@ -28,6 +27,8 @@ from skyarm.scalars import cos, sin
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
+
+ZERO = Vec3(0.0, 0.0, 0.0)
 
 JUMP = 0.02
 """m or rad between a sample and what the last one foretold, beyond which the motion is taken for a new one."""
@@ -181,20 +182,10 @@ class Stance:
 
     def __init__(self, model: Model, mode: str) -> None:
         vehicle = model.vehicle
-        self.kernel: Kernel | None = None
+        self.shift: Compiled | None = None
         if mode == "tool" and vehicle.end_effector:
-            row = ((0.0,) * 3, (0.0,) * (1 + vehicle.n))
-
-            def step(carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
-                thrust, (yaw, *joints) = row
-                return carry, tuple(shift(vehicle, Vec3(*thrust), yaw, tuple(joints)))
-
-            self.kernel = Kernel(trace_loop(step, (0.0,), (), row), Lanes(1), logging=True)
+            self.shift = Compiled(partial(shift, vehicle), ZERO, 0.0, (0.0,) * vehicle.n)
 
     def at(self, thrusts: Array, values: Array) -> Array:
         """Shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints)."""
-        if self.kernel is None:
-            return np.zeros((len(values), 3))
-        rows = np.hstack([thrusts, values[:, 3:]])
-        _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), rows)
-        return np.ascontiguousarray(log[:, :, 0])
+        return np.zeros((len(values), 3)) if self.shift is None else self.shift(thrusts, values[:, 3:])

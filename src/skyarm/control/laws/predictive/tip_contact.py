@@ -17,9 +17,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
 from skyarm.compile import leaves, rebuild
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
@@ -28,6 +25,7 @@ from skyarm.control.laws.centroidal.interaction import (
     wanted_of,
 )
 from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.linearise import examples
 from skyarm.control.model import Model
@@ -89,10 +87,10 @@ class TipContact:
         state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
         first = first_interaction(vehicle.n)
         self.gains, self.first = gains, np.array(leaves(first), dtype=float)
-        row = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
+        rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
-        def step(memory: InteractionMemory, _par: Any, row: Any, _uniforms: Any) -> Any:
-            now, observed, push, (x, y, z, yaw, *joints) = row
+        def step(memory: InteractionMemory, now: Any, observed: Any, push: Any, signals: Any) -> Any:
+            x, y, z, yaw, *joints = signals
             wanted, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
             n, into = wanted.normal, -wanted.normal.dot(tip_velocity(model, now))
             after, pressing = interact(gains, memory, wanted, vehicle, observed, at, into, 0.0, dt)
@@ -120,7 +118,7 @@ class TipContact:
                 tip_force=tuple(after.force),
             )
 
-        self.kernel = Kernel(trace_loop(step, first, (), row), Lanes(1), logging=True)
+        self.step = Compiled(step, first, *rows)
         scalars = ("asked", "touching", "rising", "share", "force", "damping", "shift", "shift_rate", "gap", "speed")
         numbers: dict[str, Any] = dict.fromkeys(scalars, 0.0) | dict.fromkeys(("normal", "tip_force"), (0.0,) * 3)
         self.touch = Touch(**numbers | dict.fromkeys(("free", "pressed"), (0.0,) * (6 + vehicle.n)))
@@ -137,10 +135,11 @@ class TipContact:
         Returns:
             the memory, and what is known now.
         """
-        before = self.first if before is None else before
-        rows = np.concatenate([estimate, np.array(push[:TOLD], dtype=float), wanted])[None]
-        after, log = self.kernel.run(before[:, None], np.zeros((0, 1)), rows)
-        return np.ascontiguousarray(after[:, 0]), rebuild(self.touch, iter(log[0, :, 0].tolist()))
+        found = self.step(
+            self.first if before is None else before, estimate, np.array(push[:TOLD], dtype=float), wanted
+        )
+        count = len(self.first)
+        return found[:count], rebuild(self.touch, iter(found[count:].tolist()))
 
 
 def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
