@@ -18,9 +18,9 @@ from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import give_way
+from skyarm.control.laws.centroidal.admittance import shift_reference
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.centroidal.virtual_body import AT_REST, moved_tip
+from skyarm.control.laws.centroidal.virtual_body import VirtualBody, move
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.onboard.export_c import export_c
@@ -260,13 +260,21 @@ def observed_at(law, force):
     )
 
 
+def with_channel(memory, **changes):
+    """A memory of an admittance with other values of its own, or of the force's channel."""
+    own = {name: changes.pop(name) for name in ("age", "bias") if name in changes}
+    force, *others = memory.channels
+    return dataclasses.replace(memory, channels=(dataclasses.replace(force, **changes), *others), **own)
+
+
 def gave_way(law, force, told=(), **hearing):
     """One period of giving way after the first seconds: memory, and the reference's three signals."""
-    first = law.memory.parts.admittance
-    first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, **hearing))
+    first = with_channel(law.memory.parts.admittance, age=2.0, **hearing)
     at, observed = observed_at(law, force)
     rest = [Taylor((1.0, 2.0, 3.0, 0.0, 0.0))] * 6
-    memory, signals = give_way(law.par.parts.admittance, first, law.par.model.vehicle, observed, rest, told, 0.005)
+    memory, signals = shift_reference(
+        law.par.parts.admittance, first, law.par.model.vehicle, observed, rest, (told, ()), 0.005
+    )
     assert signals[3:] == rest[3:]
     return at, memory, signals[:3]
 
@@ -275,8 +283,10 @@ def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivativ
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
     _, memory, signals = gave_way(law, (0.5, -0.3, 0.2))
     assert [*memory.force] == pytest.approx([0.5, -0.3, 0.2])
-    tip, (place, velocity, acceleration) = moved_tip(law.par.parts.admittance.tip, AT_REST, Vec3(0.5, -0.3, 0.2), 0.005)
-    assert [*memory.tip.rate] == pytest.approx([*tip.rate])
+    tip, (place, velocity, acceleration) = move(
+        law.par.parts.admittance.tip, VirtualBody(), Vec3(0.5, -0.3, 0.2), 0.005
+    )
+    assert [*memory.channels[0].body.rate] == pytest.approx([*tip.rate])
     for signal, p, v, a in zip(signals, place, velocity, acceleration, strict=True):
         assert [signal.derivative(k) for k in range(3)] == pytest.approx([1.0 + p, 2.0 + v, 6.0 + a])
     # what is bias pushes nothing
@@ -288,12 +298,12 @@ def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivativ
 def test_a_sensor_is_heard_in_the_axes_of_the_tip_without_its_bias(scenario):
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT, force_sensor=True)
     vehicle, told, bias = law.par.model.vehicle, np.array([-2.0, 0.5, 4.0]), np.array([0.1, -0.2, 0.0])
-    at, memory, _ = gave_way(law, (0.0, 0.0, 0.0), tuple(told), felt=Vec3(*bias))
+    at, memory, _ = gave_way(law, (0.0, 0.0, 0.0), tuple(told), offset=Vec3(*bias))
     turned = np.array([[*row] for row in (at.R @ frame_pose(vehicle, vehicle.frame(), JOINTS).R).rows])
     share = 1.0 - math.exp(-60.0 * 0.005)
     assert [*memory.force] == pytest.approx(turned @ (share * told - bias))
     assert law.par.parts.admittance.tip.lead == pytest.approx(1.0 / 60.0)
-    assert memory.hearing.heard == 1.0
+    assert memory.channels[0].detected == 1.0
 
 
 def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario):
@@ -306,8 +316,7 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
 @pytest.mark.parametrize("heard", [0.0, 1.0])
 def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
     law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
-    first = law.memory.parts.admittance
-    first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, heard=heard))
+    first = with_channel(law.memory.parts.admittance, age=2.0, detected=heard)
     seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
     still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))
     reference, commands = Reference(joints=JOINTS, **still).dense(), []
@@ -330,12 +339,11 @@ def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
     arm = {"joints": (-0.45, -0.9), **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))}
     reference = Reference(**arm).dense()
     still = blank_measurement(2, 4, tip_force=3 if sensor else 0)
-    hearing = dataclasses.replace(law.memory.parts.admittance.hearing, age=2.0)
-    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, hearing=hearing))
-    in_c.memory.parts_admittance_hearing_age = 2.0
+    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, age=2.0))
+    in_c.memory.parts_admittance_age = 2.0
     for i in range(8):
         told = (-0.6, 0.0, 0.8) if sensor else ()
         seen = dataclasses.replace(still, joints=(-0.45, -0.9), velocity=Vec3(-0.05 * i, 0.0, 0.0), tip_force=told)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
-    assert abs(memory.parts.admittance.tip.place[0]) > 1e-6
+    assert abs(memory.parts.admittance.channels[0].body.offset[0]) > 1e-6

@@ -20,7 +20,7 @@ from skyarm.algebra import E_Z, Quaternion, Vec3, axis_rotation
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import senses_torque
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import give_way
+from skyarm.control.laws.centroidal.admittance import shift_reference
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_wrench
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -96,12 +96,11 @@ def gave_way(law, force=(0.0,) * 3, torque=(0.0,) * 3, told=(), twisted=(), felt
         law.memory.observed, quaternion=quaternion, joints=BENT, force=d.force, torque=d.torque, efforts=d.efforts
     )
     first = law.memory.parts.admittance
-    heard = dataclasses.replace(first.rotation.hearing, **(hearing.pop("turned", {})))
-    rotation = dataclasses.replace(first.rotation, hearing=heard)
-    own = dataclasses.replace(first.hearing, **{"age": 2.0, **hearing})
-    first = dataclasses.replace(first, hearing=own, rotation=rotation)
+    twist = dataclasses.replace(first.channels[1], **(hearing.pop("turned", {})))
+    push = dataclasses.replace(first.channels[0], quiet=hearing.pop("quiet", 0.0))
+    first = dataclasses.replace(first, channels=(push, twist), **{"age": 2.0, **hearing})
     rest = [Taylor((float(q), 0.0, 0.0, 0.0, 0.0)) for q in (0.0, 0.0, 1.5, 0.0, *BENT)]
-    return give_way(law.par.parts.admittance, first, HEXAROTOR, observed, rest, told, 0.005, twisted)
+    return shift_reference(law.par.parts.admittance, first, HEXAROTOR, observed, rest, (told, twisted), 0.005)
 
 
 def test_a_torque_above_its_threshold_turns_the_reference_in_its_direction():
@@ -110,24 +109,24 @@ def test_a_torque_above_its_threshold_turns_the_reference_in_its_direction():
         torque = [0.0] * 3
         torque[axis] = 0.2
         memory, signals = gave_way(law, torque=torque)
-        assert [*memory.rotation.torque] == pytest.approx(torque, abs=1e-9)
-        assert memory.rotation.hearing.heard == 1.0
+        assert [*memory.channels[1].value] == pytest.approx(torque, abs=1e-9)
+        assert memory.channels[1].detected == 1.0
         rate = 0.2 * 0.005 / J * (1.0 - D * law.par.parts.admittance.rotation.body.lead / J)
-        assert [*memory.rotation.body.rate] == pytest.approx([rate * (i == axis) for i in range(3)], rel=0.02)
+        assert [*memory.channels[1].body.rate] == pytest.approx([rate * (i == axis) for i in range(3)], rel=0.02)
         rates = np.array([q.derivative(1) for q in signals[4:]])
         columns = [[*c.angular] for c in jacobian_columns(HEXAROTOR, HEXAROTOR.frame(), BENT)]
         assert (np.array(columns).T @ rates)[axis] > 0.0
     quiet, signals = gave_way(law, torque=(0.0, 0.04, 0.0))
-    assert quiet.rotation.hearing.heard == 0.0
+    assert quiet.channels[1].detected == 0.0
     assert [q.derivative(0) for q in signals[4:]] == pytest.approx(BENT, abs=1e-15)
     before, _ = gave_way(law, torque=(0.0, 0.2, 0.0), age=1.0)
-    assert before.rotation.hearing.heard == 0.0
+    assert before.channels[1].detected == 0.0
 
 
 def test_a_force_moves_the_tip_and_a_torque_turns_it_each_by_its_own_threshold():
     law = law_of({**SOFT, "rotation": {**TURNS, "threshold": 0.3}})
     both, signals = gave_way(law, force=(0.5, 0.0, 0.0), torque=(0.0, 0.2, 0.0))
-    assert (both.hearing.heard, both.rotation.hearing.heard) == (1.0, 0.0)
+    assert (both.channels[0].detected, both.channels[1].detected) == (1.0, 0.0)
     assert [*both.force] == pytest.approx([0.5, 0.0, 0.0], abs=1e-9)
     assert signals[0].derivative(1) > 0.0
     assert [q.derivative(1) for q in signals[4:]] == pytest.approx([0.0] * 6, abs=1e-12)
@@ -139,12 +138,12 @@ def test_nothing_is_learned_while_a_torque_is_heard():
     calm, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 9.0})
     late, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 0.4})
     assert [law.par.parts.admittance.rested(m) for m in (loud, late, calm)] == [0.0, 0.0, 1.0]
-    assert [*loud.hearing.bias.torque, *loud.hearing.bias.efforts] == [0.0] * 9
-    assert calm.hearing.bias.torque.y > 0.0
+    assert [*loud.bias.torque, *loud.bias.efforts] == [0.0] * 9
+    assert calm.bias.torque.y > 0.0
     # patience: it stays heard for 0.3 s
-    after, _ = gave_way(law, torque=(0.0, 0.02, 0.0), turned={"heard": 1.0, "quiet": 0.2})
-    over, _ = gave_way(law, torque=(0.0, 0.02, 0.0), turned={"heard": 1.0, "quiet": 0.3})
-    assert (after.rotation.hearing.heard, over.rotation.hearing.heard) == (1.0, 0.0)
+    after, _ = gave_way(law, torque=(0.0, 0.02, 0.0), turned={"detected": 1.0, "quiet": 0.2})
+    over, _ = gave_way(law, torque=(0.0, 0.02, 0.0), turned={"detected": 1.0, "quiet": 0.3})
+    assert (after.channels[1].detected, over.channels[1].detected) == (1.0, 0.0)
 
 
 def test_a_sensor_tells_the_torque_in_the_axes_of_the_tip_without_its_bias():
@@ -152,13 +151,13 @@ def test_a_sensor_tells_the_torque_in_the_axes_of_the_tip_without_its_bias():
     assert senses_torque(law.par)
     assert not senses_torque(law_of().par)
     assert not senses_torque(law_of(SOFT, force_sensor=True).par)
-    memory, _ = gave_way(law, told=(0.0,) * 3, twisted=tuple(told), turned={"felt": Vec3(*bias)})
+    memory, _ = gave_way(law, told=(0.0,) * 3, twisted=tuple(told), turned={"offset": Vec3(*bias)})
     _, at, _ = at_tilt()
     turned = array(at.R @ frame_pose(HEXAROTOR, HEXAROTOR.frame(), BENT).R)
     share = 1.0 - math.exp(-60.0 * 0.005)
-    assert [*memory.rotation.torque] == pytest.approx(turned @ (share * told - bias))
-    assert [*memory.rotation.felt] == pytest.approx(share * told)
-    assert [*memory.rotation.hearing.felt] == [*bias]
+    assert [*memory.channels[1].value] == pytest.approx(turned @ (share * told - bias))
+    assert [*memory.channels[1].sensed] == pytest.approx(share * told)
+    assert [*memory.channels[1].offset] == [*bias]
     assert law.par.parts.admittance.rotation.body.lead == pytest.approx(1.0 / 60.0)
 
 
@@ -274,7 +273,7 @@ def test_a_law_that_turns_is_kept_told_of_and_varied_by_its_numbers():
     varied = with_numbers(scenario, {"controller.parts.admittance.rotation.body.stiffness.1": 0.2})
     assert varied.controller.par.parts.admittance.rotation.body.stiffness == (K, 0.2, K)
     assert law_of(SOFT).par.parts.admittance.rotation is None
-    assert law_of(SOFT).memory.parts.admittance.rotation == ()
+    assert law_of(SOFT).memory.parts.admittance.arm == ()
     tilted = law_of({**SOFT, "normal": [0.0, 0.0, 2.0], "rotation": TURNS}).par.parts.admittance
     assert tilted.rotation.body.axes == tilted.tip.axes
 
@@ -315,13 +314,12 @@ def test_exported_c_turns_by_the_same_numbers(sensor, tmp_path):
     in_c = Loaded(found.text, tmp_path, ("-O0", "-ffp-contract=off"))
     reference = Reference(joints=BENT, **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0,) * 6)).dense()
     still = blank_measurement(6, 6, tip_force=3 * sensor, tip_torque=3 * sensor)
-    hearing = dataclasses.replace(law.memory.parts.admittance.hearing, age=2.0)
-    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, hearing=hearing))
-    in_c.memory.parts_admittance_hearing_age = 2.0
+    memory = with_parts(law.memory, admittance=dataclasses.replace(law.memory.parts.admittance, age=2.0))
+    in_c.memory.parts_admittance_age = 2.0
     for i in range(8):
         told = {"tip_force": (-0.6, 0.0, 0.8), "tip_torque": (0.1, 0.2, 0.0)} if sensor else {}
         # fast enough that an observer alone finds more than the 0.05 N m above which a torque is heard
         seen = dataclasses.replace(still, joints=BENT, joint_rates=(0.0,) * 4 + (-2.0 * i, 0.0), **told)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
-    assert max(abs(each) for each in memory.parts.admittance.rotation.arm.joints) > 1e-6
+    assert max(abs(each) for each in memory.parts.admittance.arm.joints) > 1e-6

@@ -1,4 +1,4 @@
-"""What counts as a force from outside: bias, threshold, patience."""
+"""Detection of an external force: bias, threshold, patience."""
 
 from __future__ import annotations
 
@@ -8,33 +8,37 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.laws.centroidal.outside_force import Hearing, first_hearing, hear
+from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
+from skyarm.control.laws.centroidal.admittance import AdmittanceMemory, Channel, Detection, detect
 
-DT, GAINS, ZERO = 0.005, Hearing(), Vec3(0.0, 0.0, 0.0)
-CALM = dataclasses.replace(first_hearing(1), age=5.0)
+DT, GAINS, ZERO = 0.005, Detection(), Vec3(0.0, 0.0, 0.0)
+FIRST = AdmittanceMemory(age=0.0, bias=no_disturbance(1), channels=(Channel(),))
+CALM = dataclasses.replace(FIRST, age=5.0)
 
 
 def step(memory, told, observed=(0.0, 0.0, 0.0), felt=None, gains=GAINS):
     d = Disturbance(force=Vec3(*observed), torque=Vec3(*observed) * 0.1, efforts=(observed[0],))
-    return hear(gains, memory, d, Vec3(*told), Vec3(*told), DT, felt)
+    (channel,) = memory.channels
+    channel = dataclasses.replace(channel, value=Vec3(*told), sensed=() if felt is None else felt)
+    memory = detect(gains, memory, [channel], [gains.threshold], d, Vec3(*told), DT)
+    return memory, channel.value * memory.channels[0].detected
 
 
 def test_a_force_counts_in_full_above_the_threshold_and_while_patience_lasts():
     quiet, none = step(CALM, (0.0, 0.29, 0.0))
-    assert (quiet.heard, [*none]) == (0.0, [0.0] * 3)
+    assert (quiet.channels[0].detected, [*none]) == (0.0, [0.0] * 3)
     memory, outside = step(CALM, (0.2, 0.0, -0.25))
-    assert (memory.heard, [*outside]) == (1.0, [0.2, 0.0, -0.25])
+    assert (memory.channels[0].detected, [*outside]) == (1.0, [0.2, 0.0, -0.25])
     for _ in range(59):
         memory, outside = step(memory, (0.1, 0.0, 0.0))
     assert [*outside] == [0.1, 0.0, 0.0]
     memory, outside = step(step(memory, (0.1, 0.0, 0.0))[0], (0.1, 0.0, 0.0))
-    assert (memory.heard, [*outside]) == (0.0, [0.0] * 3)
-    assert step(CALM, (0.1, 0.0, 0.0), gains=Hearing(threshold=0.05))[0].heard == 1.0
+    assert (memory.channels[0].detected, [*outside]) == (0.0, [0.0] * 3)
+    assert step(CALM, (0.1, 0.0, 0.0), gains=Detection(threshold=0.05))[0].channels[0].detected == 1.0
 
 
-def test_nothing_is_heard_before_the_bias_has_settled():
-    memory, found = first_hearing(1), []
+def test_nothing_counts_before_the_bias_has_settled():
+    memory, found = FIRST, []
     for _ in range(402):
         memory, outside = step(memory, (1.0, 0.0, 0.0), (1.0, 0.0, -2.0))
         found.append(outside.x)
@@ -55,10 +59,10 @@ def test_the_bias_is_that_of_free_flight_and_wind_beside_a_force():
 
 
 def test_the_bias_of_a_sensor_is_learned_in_its_own_axes_while_nothing_is_heard():
-    memory = dataclasses.replace(CALM, felt=ZERO)
+    memory = dataclasses.replace(CALM, channels=(Channel(offset=ZERO),))
     share = 1.0 - np.exp(-0.5 * DT)
-    assert [*step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].felt] == pytest.approx(
+    assert [*step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].channels[0].offset] == pytest.approx(
         [0.3 * share, 0.0, 0.1 * share]
     )
-    assert [*step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].felt] == [0.0] * 3
-    assert step(CALM, (0.0, 0.0, 0.0))[0].felt == ()
+    assert [*step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].channels[0].offset] == [0.0] * 3
+    assert step(CALM, (0.0, 0.0, 0.0))[0].channels[0].offset == ()

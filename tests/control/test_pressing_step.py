@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, slid, wanted_of
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
-from skyarm.control.laws.centroidal.pressing import press
+from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -35,6 +36,28 @@ GAINS = InteractionGains(touch=0.3, lost=0.1)
 HELD = dataclasses.replace(first_interaction(2), touching=1.0, found=1.0, share=1.0, integral=0.1)
 PUSH = (2.0, 0.1, -1.0, 0.0, 0.0)
 AT = levers(ARM, Mat3.identity(), JOINTS)
+
+
+def press(gains, par, memory, push, signals, observed, sent, state, unknown, tip_force, dt, weight=0.0):
+    """One period of the part: its memory, and the pressing, disturbance and force of the step."""
+    load = SimpleNamespace(mass=weight / par.model.gravity)
+    step = Step(
+        par=par,
+        memory=SimpleNamespace(sent=(sent,), parts=SimpleNamespace(load=load)),
+        measurement=SimpleNamespace(tip_force=tip_force),
+        reference=SimpleNamespace(push=push),
+        dt=dt,
+        signals=signals,
+        observed=observed,
+        told=None,
+        alone=None,
+        unknown=unknown,
+        force=observed.force,
+        free=(),
+    )
+    step.state = state
+    memory = gains.adjust_reference(memory, step)
+    return memory, step.pressing, step.unknown, step.force
 
 
 def asked(memory, load=0.0, force=1.5):

@@ -47,10 +47,10 @@ def given(last):
         ("rotation.body.damping.2", 2.6, r"body\.damping\[2\] = 2\.6: must be at most 50 1/s times the inertia"),
         ("rotation.body.stiffness.0", 1e9, r"stiffness\[0\] = 1000000000\.0: must be at most \(50 rad/s\)\^2 times"),
         ("rotation.body.stiffness.0", math.nan, r"body\.stiffness\[0\] = nan: must be a finite number"),
-        ("tip.mass.0", 0.0, r"admittance\.tip\.mass\[0\] = 0\.0: must be from 0\.01 to 1000"),
-        ("tip.mass.0", 1e-3, r"tip\.mass\[0\] = 0\.001: must be 0 or from 0\.01 to 1000"),
-        ("tip.damping.0", 51.0, r"tip\.damping\[0\] = 51\.0: must be at most 50 1/s times the mass"),
-        ("tip.stiffness.1", 3.0, r"tip\.stiffness\[1\] = 3\.0: must be 0 along an axis of mass 0, which is held"),
+        ("tip.inertia.0", 0.0, r"admittance\.tip\.inertia\[0\] = 0\.0: must be from 0\.01 to 1000"),
+        ("tip.inertia.0", 1e-3, r"tip\.inertia\[0\] = 0\.001: must be 0 or from 0\.01 to 1000"),
+        ("tip.damping.0", 51.0, r"tip\.damping\[0\] = 51\.0: must be at most 50 1/s times the inertia"),
+        ("tip.stiffness.1", 3.0, r"tip\.stiffness\[1\] = 3\.0: must be 0 along an axis of inertia 0, which is held"),
     ],
 )
 def test_numbers_of_a_sweep_that_a_table_refuses_are_refused(path, value, words):

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal.joint_room import ends_of
-from skyarm.control.laws.centroidal.tip_rotation import ArmTurn, RotationGains, turned_reference
-from skyarm.control.laws.centroidal.virtual_body import RotationalCompliance, turned_by
+from skyarm.control.laws.centroidal.tip_rotation import ArmTurn, TurnWeights, turned_reference
+from skyarm.control.laws.centroidal.virtual_body import rotation_series
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.scalars.taylor import Taylor
 from thorough import sampled
@@ -21,11 +21,7 @@ DT = 0.005
 HEXAROTOR = skyarm.load_vehicle("hexarotor_arm6")
 OTHER = skyarm.load_vehicle("hexarotor12_arm5")
 BENT = np.array([0.1, -0.6, -0.97, 0.2, -0.8, 0.3])
-BODY = RotationalCompliance(inertia=(1.0,) * 3, damping=(1.0,) * 3, stiffness=(1.0,) * 3, lead=0.0)
-
-
-def gains(vehicle):
-    return RotationGains(body=BODY, threshold=0.05, ends=ends_of(vehicle))
+WEIGHTS = TurnWeights()
 
 
 def still(n):
@@ -68,8 +64,8 @@ def fly(vehicle, posture, size, moving, seconds=1.6):
     for i in range(int(seconds / DT)):
         t = i * DT
         signals, theta = reference(t, posture, moving), rotation_vector(t, size)
-        E = turned_by(tuple(Vec3(*(float(c) for c in each)) for each in theta))
-        memory, moved = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
+        E = rotation_series(tuple(Vec3(*(float(c) for c in each)) for each in theta))
+        memory, moved = turned_reference(vehicle, WEIGHTS, ends_of(vehicle), memory, E, signals, DT)
         (place, R), (wanted, R_d) = tip_of(vehicle, moved), tip_of(vehicle, signals)
         left = Rotation.from_matrix(R @ (Rotation.from_rotvec(theta[0]).as_matrix() @ R_d).T).as_rotvec()
         rows.append([*(place - wanted), *left])
@@ -125,8 +121,8 @@ def test_no_joint_goes_further_than_a_share_of_its_way_to_a_limit():
     signals = reference(0.0, BENT, moving=False)
     for i in range(400):
         angle = min(0.01 * i, 1.2)
-        E = turned_by((Vec3(0.0, angle, 0.0), Vec3(0.0, 2.0 if angle < 1.2 else 0.0, 0.0), Vec3(0.0, 0.0, 0.0)))
-        memory, moved = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
+        E = rotation_series((Vec3(0.0, angle, 0.0), Vec3(0.0, 2.0 if angle < 1.2 else 0.0, 0.0), Vec3(0.0, 0.0, 0.0)))
+        memory, moved = turned_reference(vehicle, WEIGHTS, ends_of(vehicle), memory, E, signals, DT)
         wrist.append(float(moved[8].derivative(0)))
     assert max(wrist) == pytest.approx(-0.8 + 0.8 * 0.5, abs=0.01)
     place, _ = tip_of(vehicle, moved)
@@ -151,10 +147,10 @@ def swinging(t, size, w=2.0 * np.pi):
 def test_a_moving_reference_that_nothing_turns_is_left_as_it_is_also_at_a_limit(size):
     """In limits of 1.9 rad at 100 Hz: 1.7 rad was cut where the limit's room counted as at rest."""
     vehicle, memory, dt = narrow(1.9), still(6), 0.01
-    none = turned_by((Vec3(0.0, 0.0, 0.0),) * 3)
+    none = rotation_series((Vec3(0.0, 0.0, 0.0),) * 3)
     for i in range(200):
         signals = swinging(i * dt, size)
-        memory, moved = turned_reference(vehicle, gains(vehicle), memory, none, signals, dt)
+        memory, moved = turned_reference(vehicle, WEIGHTS, ends_of(vehicle), memory, none, signals, dt)
         for a, b in zip(moved, signals, strict=True):
             assert [a.derivative(k) for k in range(3)] == pytest.approx([b.derivative(k) for k in range(3)], abs=1e-9)
 
@@ -166,9 +162,9 @@ def test_a_joint_that_is_turned_beside_a_moving_reference_comes_to_its_share_of_
     for i in range(400):
         angle = sign * min(0.005 * i, 1.6)
         rate = sign * 1.0 if abs(angle) < 1.6 else 0.0
-        E = turned_by((Vec3(0.0, angle, 0.0), Vec3(0.0, rate, 0.0), Vec3(0.0, 0.0, 0.0)))
+        E = rotation_series((Vec3(0.0, angle, 0.0), Vec3(0.0, rate, 0.0), Vec3(0.0, 0.0, 0.0)))
         signals = swinging(i * DT, 0.5)
-        memory, _ = turned_reference(vehicle, gains(vehicle), memory, E, signals, DT)
+        memory, _ = turned_reference(vehicle, WEIGHTS, ends_of(vehicle), memory, E, signals, DT)
         told = swinging((i + 1) * DT, 0.5)[8].derivative(0)
         shares.append(float(memory.joints[4]) / (sign - told))
     assert max(shares) < 0.82
@@ -182,8 +178,10 @@ def test_a_batch_equals_a_loop():
     flat = (Vec3(0.3, 0.1, -0.2), Vec3(0.0, 0.5, 0.0))
 
     def one(dq, rate, theta):
-        E = turned_by((Vec3(*theta), *flat))
-        return turned_reference(HEXAROTOR, gains(HEXAROTOR), ArmTurn(joints=dq, joint_rates=rate), E, signals, DT)
+        E = rotation_series((Vec3(*theta), *flat))
+        return turned_reference(
+            HEXAROTOR, WEIGHTS, ends_of(HEXAROTOR), ArmTurn(joints=dq, joint_rates=rate), E, signals, DT
+        )
 
     memory, moved = one(tuple(offsets), tuple(rates), thetas)
     for i in range(4):

@@ -7,16 +7,16 @@ import pytest
 from scipy.linalg import expm
 
 from skyarm.algebra import Vec3
-from skyarm.control.laws.centroidal.virtual_body import AT_REST, Compliance, moved_tip
+from skyarm.control.laws.centroidal.virtual_body import Compliance, VirtualBody, move
 
 DT = 0.005
 
 
 def pushed(gains, forces):
     """Offsets, velocities and accelerations of a sequence of forces, (n, 3, 3)."""
-    memory, rows = AT_REST, []
+    memory, rows = VirtualBody(), []
     for force in forces:
-        memory, offset = moved_tip(gains, memory, Vec3(*force), DT)
+        memory, offset = move(gains, memory, Vec3(*force), DT)
         rows.append([[*each] for each in offset])
     return np.array(rows, dtype=float)
 
@@ -29,7 +29,7 @@ def exact(M, D, K, f, t):
 
 @pytest.mark.parametrize(("M", "D", "K"), [(1.0, 6.0, 9.0), (0.5, 2.0, 40.0), (2.0, 4.0, 0.0), (0.02, 1.0, 50.0)])
 def test_a_force_moves_it_as_mass_damper_and_spring(M, D, K):
-    gains = Compliance(mass=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=0.0)
+    gains = Compliance(inertia=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=0.0)
     found = pushed(gains, [(1.5, 0.0, -0.5)] * 300)
     scale = abs(exact(M, D, K, 1.5, 1.5)[0])
     # from a time constant of the fastest mode on: a rule of second order at 50 1/s
@@ -47,7 +47,7 @@ def test_a_force_moves_it_as_mass_damper_and_spring(M, D, K):
 @pytest.mark.parametrize("K", [0.0, 9.0])
 def test_the_lead_makes_up_for_a_force_that_is_heard_late(K):
     late = 0.06
-    ahead = Compliance(mass=(1.0,) * 3, damping=(6.0,) * 3, stiffness=(K,) * 3, lead=late)
+    ahead = Compliance(inertia=(1.0,) * 3, damping=(6.0,) * 3, stiffness=(K,) * 3, lead=late)
     heard = [(2.0 * (1.0 - np.exp(-(i + 0.5) * DT / late)), 0.0, 0.0) for i in range(200)]
     rows = pushed(ahead, heard)
     found = rows[:, 0, 0]
@@ -59,8 +59,8 @@ def test_the_lead_makes_up_for_a_force_that_is_heard_late(K):
 
 def test_an_axis_without_mass_is_held_and_axes_turn_with_the_normal():
     n, a, b = Vec3(-0.6, 0.8, 0.0), Vec3(0.8, 0.6, 0.0), Vec3(0.0, 0.0, 1.0)
-    gains = Compliance(mass=(1.0, 0, 2.0), damping=(6.0, 0, 1.0), stiffness=(9.0, 0, 3.0), lead=0.02, axes=(n, a, b))
-    plain = Compliance(mass=(1.0, 0, 2.0), damping=(6.0, 0, 1.0), stiffness=(9.0, 0, 3.0), lead=0.02)
+    gains = Compliance(inertia=(1.0, 0, 2.0), damping=(6.0, 0, 1.0), stiffness=(9.0, 0, 3.0), lead=0.02, axes=(n, a, b))
+    plain = Compliance(inertia=(1.0, 0, 2.0), damping=(6.0, 0, 1.0), stiffness=(9.0, 0, 3.0), lead=0.02)
     forces = np.random.default_rng(0).normal(size=(50, 3))
     axes = np.array([[*each] for each in (n, a, b)])
     found, along = pushed(gains, forces), pushed(plain, forces @ axes.T)
@@ -72,7 +72,7 @@ def test_an_axis_without_mass_is_held_and_axes_turn_with_the_normal():
 def test_it_gives_back_no_more_energy_than_it_was_given():
     """The rule is that of a passive body: work by the mean velocity is kinetic, elastic and lost energy."""
     M, D, K = 0.5, 1.0, 30.0
-    gains = Compliance(mass=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=0.0)
+    gains = Compliance(inertia=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=0.0)
     forces = np.zeros((400, 3))
     forces[:200] = np.random.default_rng(1).normal(size=(200, 3)).cumsum(axis=0) * 0.1
     found = pushed(gains, forces)
@@ -89,7 +89,7 @@ def test_it_gives_back_no_more_energy_than_it_was_given():
 def test_a_light_body_starts_no_faster_than_it_can_go_however_late_the_force_is_heard(M, D, K):
     """A body that damper or spring stop within the lag has not gathered all of the impulse, one of 1 kg has."""
     late, force = 0.06, -1.5
-    gains = Compliance(mass=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=late)
+    gains = Compliance(inertia=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=late)
     first = pushed(gains, [(force, 0.0, 0.0)])[0, 1, 0]
     terminal = [abs(force) / D] if D else []
     swing = [abs(force) / (K * M) ** 0.5] if K else []

@@ -10,28 +10,27 @@ from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal.virtual_body import (
-    NOT_TURNED,
     SMALL,
-    RotationalCompliance,
-    VirtualTurn,
-    moved_turn,
-    pulled,
-    turned_by,
+    Compliance,
+    VirtualBody,
+    generalised_torque,
+    rotate,
+    rotation_series,
 )
 
-DT = 0.005
+DT, REST = 0.005, VirtualBody()
 J, D, K = (0.05, 0.02, 0.08), (0.1, 0.05, 0.0), (0.9, 0.4, 0.3)
 
 
 def body(J=J, D=D, K=K, lead=0.0, **more):
-    return RotationalCompliance(inertia=J, damping=D, stiffness=K, lead=lead, **more)
+    return Compliance(inertia=J, damping=D, stiffness=K, lead=lead, **more)
 
 
-def turned(gains, torques, dt=DT, memory=NOT_TURNED):
+def turned(gains, torques, dt=DT, memory=REST):
     """Rotation vectors with two derivatives, (n, 3, 3)."""
     rows = []
     for torque in torques:
-        memory, vector = moved_turn(gains, memory, Vec3(*torque), dt)
+        memory, vector = rotate(gains, memory, Vec3(*torque), dt)
         rows.append([[*each] for each in vector])
     return np.array(rows, dtype=float)
 
@@ -64,7 +63,7 @@ def free_decay(theta, rate, t, D=D):
 def test_a_torque_pulls_by_the_transpose_of_the_left_jacobian(angle):
     theta = angle * np.array([0.6, -0.48, 0.64])
     torque = np.array([0.3, 1.2, -0.7])
-    found = [*pulled(Vec3(*theta), Vec3(*torque))]
+    found = [*generalised_torque(Vec3(*theta), Vec3(*torque))]
     assert found == pytest.approx(left_jacobian(theta).T @ torque, abs=1e-10)
 
 
@@ -73,7 +72,7 @@ def test_the_work_of_the_torque_is_that_of_its_rotation():
     theta, rate, torque, h = np.array([1.1, -0.4, 0.8]), np.array([0.3, 0.9, -0.5]), np.array([0.2, -0.1, 0.4]), 1e-6
     ahead, behind = (Rotation.from_rotvec(theta + s * h * rate) for s in (1, -1))
     w = (ahead * behind.inv()).as_rotvec() / (2.0 * h)
-    assert np.dot([*pulled(Vec3(*theta), Vec3(*torque))], rate) == pytest.approx(torque @ w, rel=1e-8)
+    assert np.dot([*generalised_torque(Vec3(*theta), Vec3(*torque))], rate) == pytest.approx(torque @ w, rel=1e-8)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5 * SMALL, 0.7, 2.8])
@@ -88,7 +87,7 @@ def test_the_rotation_is_scipys_with_its_derivatives(angle):
     def at(t):
         return Rotation.from_rotvec(start + rate * t + 0.5 * bend * t * t).as_matrix()
 
-    E = turned_by((Vec3(*start), Vec3(*rate), Vec3(*bend)))
+    E = rotation_series((Vec3(*start), Vec3(*rate), Vec3(*bend)))
     value, first, second = (np.array([[c.derivative(k) for c in row] for row in E.rows]) for k in range(3))
     assert value == pytest.approx(at(0.0), abs=1e-12)
     assert first == pytest.approx((at(h) - at(-h)) / (2.0 * h), abs=1e-8)
@@ -110,7 +109,7 @@ def test_a_constant_torque_turns_it_by_torque_over_stiffness_in_its_direction(ax
 
 def test_free_decay_is_that_of_the_equation_of_its_energy():
     theta, rate = np.array([1.2, -0.7, 0.9]), np.array([0.5, 2.0, -1.0])
-    memory = VirtualTurn(angle=tuple(theta.tolist()), rate=tuple(rate.tolist()))
+    memory = VirtualBody(offset=tuple(theta.tolist()), rate=tuple(rate.tolist()))
     found = turned(body(), [(0.0, 0.0, 0.0)] * 2000, dt=5e-4, memory=memory)
     for n in (200, 1000, 2000):
         assert found[n - 1, 0] == pytest.approx(free_decay(theta, rate, n * 5e-4), abs=2e-4)
@@ -143,9 +142,9 @@ def test_a_batch_equals_a_loop():
     rng = np.random.default_rng(3)
     angles, rates, torques = rng.normal(size=(3, 3, 7))
     gains = body()
-    memory, vector = moved_turn(gains, VirtualTurn(angle=tuple(angles), rate=tuple(rates)), Vec3(*torques), DT)
+    memory, vector = rotate(gains, VirtualBody(offset=tuple(angles), rate=tuple(rates)), Vec3(*torques), DT)
     for i in range(7):
-        one = VirtualTurn(angle=tuple(angles[:, i].tolist()), rate=tuple(rates[:, i].tolist()))
-        alone, own = moved_turn(gains, one, Vec3(*torques[:, i].tolist()), DT)
-        assert [each[i] for each in (*memory.angle, *memory.rate)] == [*alone.angle, *alone.rate]
+        one = VirtualBody(offset=tuple(angles[:, i].tolist()), rate=tuple(rates[:, i].tolist()))
+        alone, own = rotate(gains, one, Vec3(*torques[:, i].tolist()), DT)
+        assert [each[i] for each in (*memory.offset, *memory.rate)] == [*alone.offset, *alone.rate]
         assert [each[i] for v in vector for each in v] == [each for v in own for each in v]

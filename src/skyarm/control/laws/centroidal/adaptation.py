@@ -22,10 +22,11 @@ gradient, projection).
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra import Mat3
 from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
@@ -33,6 +34,7 @@ from skyarm.control.blocks.series_kinematics import derivative, posture
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub
@@ -129,6 +131,24 @@ class AdaptationGains(Part):
         return adapt(
             self, step.par, memory, step.demand.planned, observed.joint_rates, observed.efforts, step.free, step.dt
         )
+
+
+def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
+    """Rates and bounds of the adaptation; None where nothing is adapted. A load that is learned is not adapted too."""
+    load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
+    friction = gains["friction_adaptation"] if vehicle.n else 0.0
+    if not load and not friction:
+        return None
+    # damping is learned back to none, and up to a share of the joint's inertia at rest
+    M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    joints = [link.joint for link in vehicle.links]
+    return AdaptationGains(
+        load=load or None,
+        mass_limit=limit,
+        friction=friction or None,
+        damping_limits=tuple((-float(q.damping), STICKIEST * float(M[6 + i][6 + i])) for i, q in enumerate(joints)),
+        slow=tuple(SLOW[q.kind] for q in joints),
+    )
 
 
 def first_learned(joints: int) -> Learned:

@@ -19,7 +19,7 @@ from skyarm.control.laws.centroidal.gust_shift import SlowForce, shift_accelerat
 from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
+from skyarm.control.laws.centroidal.path_shift import AT_REST, PathShift, moved_path, with_shift
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
@@ -60,6 +60,17 @@ class Following:
     arm: ArmMotion | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
     path: PathShift | tuple[()] = ()
+
+
+def first_following(par: CentroidalParameters) -> Following:
+    """Memory before the first step: everything rests."""
+    zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
+    return Following(
+        shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
+        arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=zero),
+        pace=() if moves is None or moves.swing_rate is None else SwingPace(rate=0.0, acceleration=0.0),
+        path=() if moves is None or moves.path_rate is None else (AT_REST, AT_REST),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -47,13 +47,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
+from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, tip_force
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
 from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST, out_of_axis
@@ -106,7 +110,7 @@ def interact(
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.asked
-    force = tip_force(vehicle, gains.errors, at, observed - memory.bias)
+    force, _ = tip_wrench(vehicle, gains.errors, at, (), observed - memory.bias)
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
@@ -320,7 +324,7 @@ SENSING = 60.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class InteractionGains:
+class InteractionGains(Part):
     """Constants of pressing; touch and lost are the law's option, the others are in no unit of the vehicle's size."""
 
     touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
@@ -354,26 +358,87 @@ class InteractionGains:
 
     @property
     def senses(self) -> bool:
-        """Whether a force sensor tells the force along the normal: structure."""
+        """Whether a force sensor measures the force along the normal: structure."""
         return self.sensing is not None
+
+    def start(self, joints: int) -> InteractionMemory:
+        """Memory of free flight."""
+        return first_interaction(joints, self.senses)
+
+    def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+        """Exchange the observed force for the wanted one; a surface is no load, no friction and no lag."""
+        if not step.reference.push:
+            return memory
+        observed, state, dt, vehicle = step.observed, step.state, step.dt, step.par.model.vehicle
+        then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
+        now = levers(vehicle, state.quaternion.rotation(), state.joints)
+        planned = wanted_of(step.reference.push).about_the_pivot(state.position + now.R.apply(now.tip))
+        wanted = dataclasses.replace(planned, normal=leaning(planned.normal, memory.lean))
+        moving = state.rate.cross(now.tip)
+        for column, rate in zip(now.columns, state.joint_rates, strict=True):
+            moving = moving + column * rate
+        velocity = state.velocity + now.R.apply(moving)
+        course = Vec3(*(signal.derivative(1) for signal in step.signals[:3]))
+        across = course - wanted.normal * wanted.normal.dot(course)
+        slides: Any = across.dot(across) > SLIDES * SLIDES
+        effort = where(slides, 0.0, _effort(vehicle, step.memory.sent[-1]))
+        felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
+        if isinstance(memory.felt, Vec3) and reading:
+            # the sensor measures the weight of a load too, which the surface does not carry
+            weight = mul(load.mass, step.par.model.gravity) if load else 0
+            turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
+            pushed = turned.apply(Vec3(*reading)) + Vec3(0, 0, weight)
+            felt = memory.felt + (pushed - memory.felt) * low_pass_share(self.sensing, dt)
+        into = -wanted.normal.dot(velocity)
+        memory, pressing = interact(self, memory, wanted, vehicle, disturbance(observed), then, into, effort, dt, felt)
+        slides = logical_and(slides, memory.share > 1.0 - 1e-9)
+        lean = slid(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
+        given = pressing.exchanged(step.unknown, then, now)
+        step.force = observed.force + given.force - step.unknown.force
+        step.pressing, step.unknown = pressing, given
+        step.signals, step.external = pressing.shifted(step.signals), pressing.engaged
+        step.isolate(rested(self, memory))
+        return dataclasses.replace(memory, lean=vector_data(lean))
+
+    def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+        """Take the tip's distance from its reference along the normal."""
+        if step.pressing is None or step.demand is None:
+            return memory
+        return dataclasses.replace(memory, gap=step.demand.gap)
+
+
+SLIDES = 0.01
+"""m/s along the surface, from which on friction is at its cone and cannot be let go."""
+
+
+def _effort(vehicle: Vehicle, sent: Command) -> Any:
+    """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
+    most: Any = 0.0
+    for link, effort in zip(vehicle.links, sent.efforts, strict=True):
+        limit = link.joint.effort_limit  # 0 is none
+        most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
+    for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
+        share = divide(speed, rotor.max_speed)
+        most = maximum(most, share * share)
+    return most
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionMemory:
     """Memory of pressing."""
 
-    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")]
-    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")]
-    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
-    integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
-    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")]
-    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
-    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
-    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")]
-    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
+    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
+    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
+    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")] = 0.0
+    integral: Annotated[Scalar, Unit("N", "beside the wanted force")] = 0.0
+    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")] = 0.0
+    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0
+    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")] = 0.0
+    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")] = 0.0
+    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
     bias: Disturbance
-    force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
-    lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
+    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
+    lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = Vec3(0.0, 0.0, 0.0)
     felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
 
 
@@ -445,22 +510,7 @@ def interaction_gains(
 
 def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     """Free flight, nothing known."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    return InteractionMemory(
-        touching=0.0,
-        losing=0.0,
-        share=0.0,
-        integral=0.0,
-        found=0.0,
-        shift=0.0,
-        shift_rate=0.0,
-        free=0.0,
-        gap=0.0,
-        bias=no_disturbance(joints),
-        force=zero,
-        lean=zero,
-        felt=zero if sensor else (),
-    )
+    return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
 
 
 def wanted_of(push: Sequence[Any]) -> Wanted:

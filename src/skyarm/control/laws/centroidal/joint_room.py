@@ -59,19 +59,18 @@ def within_limits(
         accelerations: wanted.
     """
     found = []
-    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+    for i, (kept, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
         share = WITH_STOP if joint.has_stops else SHARE
-        pole = maximum(mul(0.5, gains.damping[i]), sqrt(gains.stiffness[i]))
-        square, twice = mul(pole, pole), mul(2.0, pole)
-        gone = add(mul(square, state.joints[i]), mul(twice, state.joint_rates[i]))
-        kept = wanted
+        pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
+        square = pole * pole
+        gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]
         if high:
             end = towards(joint.upper, references[i], share, pole)
-            kept = minimum(kept, sub(minimum(end, mul(square, joint.upper)), gone))
+            kept = minimum(kept, minimum(end, square * joint.upper) - gone)
         if low:
             end = towards(joint.lower, references[i], share, pole)
-            kept = maximum(kept, sub(maximum(end, mul(square, joint.lower)), gone))
+            kept = maximum(kept, maximum(end, square * joint.lower) - gone)
         found.append(kept)
     return tuple(found)
 

@@ -42,7 +42,7 @@ from skyarm.control.laws.centroidal.load_inertia import (
 )
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, NormalEquations
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, LeastSquares
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.files import shown
@@ -99,18 +99,17 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Any], gravity: Any) -> Hang
     )
 
 
-def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> list[Any]:
+def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Any, ...]:
     """Mass (kg) and horizontal torque about the tip (N m, world x and y) in ``rest``: weighted least squares."""
-    A: list[list[Any]] = [[0.0 for _ in range(3)] for _ in range(3)]
-    squares = NormalEquations(A, [0.0, 0.0, 0.0])
-    squares.require((at.lift, 0, 0), rest.force.z, 1.0)
+    squares, errors = LeastSquares(3), gains.errors
+    squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
-        squares.require(turned, torque, gains.errors.base)
+        squares.require(turned, torque, divide(1.0, errors.base * errors.base))
     for link, row, effort in zip(vehicle.links, at.efforts, rest.efforts, strict=True):
-        squares.require(row, effort, gains.errors.turning if link.joint.kind == "revolute" else gains.errors.sliding)
-    A[0][0] = add(A[0][0], 1.0 / VAGUE**2)
-    for k in (1, 2):
-        A[k][k] = add(A[k][k], divide(1.0, gains.twist * gains.twist))
+        squares.require(row, effort, errors.weight_of(link))
+    twist = divide(1.0, gains.twist * gains.twist)
+    for k, weight in enumerate((1.0 / VAGUE**2, twist, twist)):
+        squares.prefer([0], weight, k)
     return squares.solve()
 
 

@@ -32,14 +32,17 @@ from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import posture
+from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
 from skyarm.control.laws.centroidal.tip_rotation import tip_rotation, turning, values_of
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, where
+from skyarm.scalars import Scalar, clip, divide, exp, maximum, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
+
+ORIGIN = Vec3(0.0, 0.0, 0.0)
 
 TINY = 1e-9
 """kg m^2, of what is not surprising of a load without mass."""
@@ -71,8 +74,8 @@ class InertiaGains:
 class JointMeans:
     """Slow means of a joint's observed effort, and of the torques of 1 kg m^2 about each axis of the tip in it."""
 
-    effort: Annotated[Scalar, Unit("N m or N", "mean")]
-    unit: Annotated[tuple[Scalar, ...], Unit("1/s^2", "means, of 1 kg m^2 about each axis of the tip")]
+    effort: Annotated[Scalar, Unit("N m or N", "mean")] = 0.0
+    unit: Annotated[tuple[Scalar, ...], Unit("1/s^2", "means, of 1 kg m^2 about each axis of the tip")] = (0.0,) * 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,12 +87,12 @@ class InertiaMemory:
         A, b: normal equations, lower triangle row by row. moments: about the centre of mass, axes of the tip.
     """
 
-    once: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")]
-    twice: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")]
+    once: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")] = (ORIGIN,) * 3
+    twice: Annotated[tuple[Vec3, ...], Unit("1/s^2", "world axes")] = (ORIGIN,) * 3
     means: tuple[JointMeans, ...]
-    A: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)^2", "information")]
-    b: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)", "information times moments")]
-    moments: Annotated[Vec3, Unit("kg m^2", "about the centre of mass, axes of the tip")]
+    A: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)^2", "information")] = (0.0,) * 6
+    b: Annotated[tuple[Scalar, ...], Unit("1/(kg m^2)", "information times moments")] = (0.0,) * 3
+    moments: Annotated[Vec3, Unit("kg m^2", "about the centre of mass, axes of the tip")] = ORIGIN
 
 
 def unit_torques(vehicle: Vehicle, signals: Sequence[Taylor]) -> tuple[Vec3, Vec3, Vec3]:
@@ -152,39 +155,28 @@ def learn_inertia(
     columns = [column.angular for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
     torques = [R.apply_T(each) for each in twice]
     step = where(holds, low_pass_share(gains.mean_rate, dt), 0.0) * learns
-    weight = divide(mul(where(holds, dt, 0.0), learns), mul(mul(gains.noise, gains.noise), gains.colour))
-    A: list[Any] = [0.0] * 6
-    b: list[Any] = [0.0] * 3
-    means, told = [], 0.0
+    weight = divide(where(holds, dt, 0.0) * learns, gains.noise * gains.noise * gains.colour)
+    squares, means, excited = LeastSquares(3), [], 0.0
     for column, effort, mean in zip(columns, efforts, memory.means, strict=True):
         phi = [-column.dot(torque) for torque in torques]
-        rest = [sub(p, m) for p, m in zip(phi, mean.unit, strict=True)]
-        total: Any = sub(effort, mean.effort)
+        rest = [p - m for p, m in zip(phi, mean.unit, strict=True)]
+        total = effort - mean.effort
         for p, moment in zip(rest, memory.moments, strict=True):
-            total = add(total, mul(p, moment))
-        for i in range(3):
-            b[i] = add(b[i], mul(weight, mul(rest[i], total)))
-            told = add(told, mul(rest[i], rest[i]))
-            for j in range(i + 1):
-                A[i * (i + 1) // 2 + j] = add(A[i * (i + 1) // 2 + j], mul(weight, mul(rest[i], rest[j])))
-        means.append(
-            JointMeans(
-                effort=where(holds, add(mean.effort, mul(step, sub(effort, mean.effort))), 0.0),
-                unit=tuple(
-                    where(holds, add(m, mul(step, sub(p, m))), 0.0) for p, m in zip(phi, mean.unit, strict=True)
-                ),
-            )
-        )
+            total = total + p * moment
+            excited = excited + p * p
+        squares.require(rest, total, weight)
+        unit_means = (where(holds, m + step * (p - m), 0.0) for p, m in zip(phi, mean.unit, strict=True))
+        effort_mean = where(holds, mean.effort + step * (effort - mean.effort), 0.0)
+        means.append(JointMeans(effort=effort_mean, unit=tuple(unit_means)))
     # what was observed fades as fast as the hand is turned anew, and not at all while it rests
-    new = divide(told, add(told, mul(gains.turned, gains.turned)))
-    kept = where(holds, 1.0 - mul(mul(low_pass_share(gains.forgetting, dt), learns), new), 0.0)
-    A = [add(mul(old, kept), each) for old, each in zip(memory.A, A, strict=True)]
-    b = [add(mul(old, kept), each) for old, each in zip(memory.b, b, strict=True)]
+    new = divide(excited, excited + gains.turned * gains.turned)
+    kept = where(holds, 1.0 - low_pass_share(gains.forgetting, dt) * learns * new, 0.0)
+    A = [old * kept + each for old, each in zip(memory.A, (squares.A[i][j] for i, j in LOWER), strict=True)]
+    b = [old * kept + each for old, each in zip(memory.b, squares.b, strict=True)]
     solved, known = _solved(gains, mass, size, A, b)
     found = consistent(gains, mass, size, solved, known)
-    moments = consistent(
-        gains, mass, size, memory.moments + (found - memory.moments) * low_pass_share(gains.pace, dt), known
-    )
+    pace = low_pass_share(gains.pace, dt)
+    moments = consistent(gains, mass, size, memory.moments + (found - memory.moments) * pace, known)
     return InertiaMemory(
         once=once,
         twice=twice,
@@ -195,18 +187,23 @@ def learn_inertia(
     )
 
 
+LOWER = [(i, j) for i in range(3) for j in range(i + 1)]
+"""Rows and columns of the lower triangle, row by row."""
+
+
 def _solved(
     gains: InertiaGains, mass: Any, size: Any, A: Sequence[Any], b: Sequence[Any]
 ) -> tuple[Vec3, tuple[Any, ...]]:
     """The moments of the least squares, kg m^2, and the information of each."""
-    spread = maximum(mul(mass, mul(gains.spread, gains.spread)), TINY)
-    prior = divide(1.0, mul(spread, spread))
-    believed = mul(mass, mul(size, size))
-    rows = [[A[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(3)] for i in range(3)]
-    for i in range(3):
-        rows[i][i] = add(rows[i][i], prior)
-    found = ldl_solve([list(row) for row in rows], [add(each, mul(prior, believed)) for each in b])
-    return Vec3(*found), tuple(rows[i][i] for i in range(3))
+    spread = maximum(mass * (gains.spread * gains.spread), TINY)
+    prior = divide(1.0, spread * spread)
+    squares = LeastSquares(3)
+    for (i, j), each in zip(LOWER, A, strict=True):
+        squares.A[i][j] = each
+    squares.b = list(b)
+    squares.prefer((mass * (size * size),) * 3, prior)
+    known = tuple(squares.A[i][i] for i in range(3))
+    return Vec3(*squares.solve()), known
 
 
 def consistent(gains: InertiaGains, mass: Any, size: Any, moments: Vec3, known: Sequence[Any] = (1, 1, 1)) -> Vec3:
@@ -222,17 +219,16 @@ def consistent(gains: InertiaGains, mass: Any, size: Any, moments: Vec3, known: 
         moments: kg m^2, of any value.
         known: information of each.
     """
-    least, most = mul(mass, mul(size, size)), mul(2.0, mul(mass, mul(gains.furthest, gains.furthest)))
+    least, most = mass * (size * size), 2.0 * (mass * (gains.furthest * gains.furthest))
     held = [clip(each, least, most) for each in moments]
     free = [divide(axis, info) for axis, info in zip(gains.stout, known, strict=True)]
     found = list(held)
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         # s_k is to be half of the least moment at least; of three moments above 0 one at most lacks it
-        lacks = maximum(sub(add(held[k], least), add(held[i], held[j])), 0.0)
-        part = divide(free[i], add(free[i], free[j]))
-        found[i] = add(found[i], mul(lacks, part))
-        found[j] = add(found[j], mul(lacks, sub(1.0, part)))
+        lacks = maximum(held[k] + least - (held[i] + held[j]), 0.0)
+        part = divide(free[i], free[i] + free[j])
+        found[i], found[j] = found[i] + lacks * part, found[j] + lacks * (1.0 - part)
     return Vec3(*found)
 
 
@@ -249,6 +245,4 @@ def stout(vehicle: Vehicle) -> tuple[float, ...]:
 
 def first_inertia(joints: int) -> InertiaMemory:
     """Nothing is known of the moments."""
-    zero, none = Vec3(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    means = (JointMeans(effort=0.0, unit=none),) * joints
-    return InertiaMemory(once=(zero,) * 3, twice=(zero,) * 3, means=means, A=(0.0,) * 6, b=none, moments=zero)
+    return InertiaMemory(means=(JointMeans(),) * joints)

@@ -16,14 +16,13 @@ from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
-from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, AdaptationGains
-from skyarm.control.laws.centroidal.admittance import AdmittanceGains, admittance_gains
-from skyarm.control.laws.centroidal.com_tracking import ArmMotion
-from skyarm.control.laws.centroidal.demands import Following, pushes_across
+from skyarm.control.laws.centroidal.adaptation import adaptation_gains
+from skyarm.control.laws.centroidal.admittance import admittance_gains
+from skyarm.control.laws.centroidal.demands import first_following, pushes_across
 from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction import interaction_gains
-from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
+from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.load import load_gains
@@ -40,7 +39,6 @@ from skyarm.control.laws.centroidal.parameters import (
     TipGains,
     at_shares,
 )
-from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.presets import (
     ENTRIES,
     PERIODS,
@@ -53,9 +51,6 @@ from skyarm.control.laws.centroidal.presets import (
     one_of,
     periods_of,
 )
-from skyarm.control.laws.centroidal.pressing import PressingGains
-from skyarm.control.laws.centroidal.swing_shift import SwingPace
-from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.files import shown
@@ -103,29 +98,26 @@ def make_centroidal(
     one_of("mode", mode, MODES)
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
-    must_act(changes, gains)
-    if changes.get("gust_shift") and mode != "tip":
-        raise ControllerError(f"controller.gust_shift = {shown(changes['gust_shift'])}: must be 0 in mode {mode!r}")
-    periods = periods_of(delay, control_period)
-    if gains["sideways"] > 0.0 and model.vehicle.tilts:
+    must_act(changes, gains, mode)
+    periods, vehicle, sideways = periods_of(delay, control_period), model.vehicle, gains["sideways"] > 0.0
+    if sideways and vehicle.tilts:
         known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
-        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
-        known |= {"admittance": admittance}
+        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit, "admittance": admittance}
         return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
-    vehicle = model.vehicle
     if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector and "damping" not in changes:
         gains["damping"] *= damping_share(vehicle)
-    if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
+    if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     (stiffness, damping), sensor = gains["arm"], gains["force_sensor"]
     (force, velocity), late = gains["accelerometer"], gains["lag"]
-    moves = gains["shift_bandwidth"] > 0.0 and mode == "tip"
-    swings = moves and vehicle.n > 0
+    # the observer finds a force late by its two poles and the known delay
+    lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
+    others = {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0}
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"], "yaw_slack" in changes),
+        mixer=_mixer(vehicle, sideways, gains["yaw_slack"], "yaw_slack" in changes),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -140,20 +132,24 @@ def make_centroidal(
             approach=gains["approach"] or None,
             arm_turn=(gains["arm_turn"] or None) if vehicle.n else None,
             low_thrust=gains["low_thrust"] or None,
-            sideways=_sideways(gains["sideways"], gains["attitude"]),
+            sideways=SidewaysGains(
+                share=gains["sideways"], attitude=gains["attitude"] if any(gains["attitude"]) else None
+            )
+            if sideways
+            else None,
         ),
         joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
-        joint_ends=_ends(vehicle, gains["joint_limits"]),
+        joint_ends=ends_of(vehicle) if gains["joint_limits"] and any(map(any, ends_of(vehicle))) else (),
         tip=TipGains(
             **dict(zip(("position", "velocity"), gains["tip"], strict=True)),
             **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate", "shift_limit")},
             shift=ShiftGains(
                 bandwidth=gains["shift_bandwidth"],
-                swing_rate=(gains["swing_rate"] or None) if swings else None,
-                path_rate=(gains["path_rate"] or None) if swings else None,
+                swing_rate=(gains["swing_rate"] or None) if vehicle.n else None,
+                path_rate=(gains["path_rate"] or None) if vehicle.n else None,
                 gust=gust_gains(gains["gust_shift"], vehicle, model.gravity) if gains["gust_shift"] else None,
             )
-            if moves
+            if gains["shift_bandwidth"] > 0.0 and mode == "tip"
             else None,
         ),
         observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
@@ -168,7 +164,7 @@ def make_centroidal(
             lag_inversion=gains["lag_inversion"],
             trim_rate=gains["trim_rate"],
             leads_thrust=gains["thrust_lead"],
-            pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+            pushes_across=pushes_across(vehicle) and not sideways,
         ),
         delay_periods=periods,
         reference_period=bounded("reference_period", reference_period, *PERIODS),
@@ -177,11 +173,11 @@ def make_centroidal(
             lag=LagGains(base=late[0], joints=late[1], stride=stride_of(control_period))
             if _both("lag", late, "lengths")
             else None,
-            interaction=_pressing(gains["interaction"], mode, vehicle, sensor and admittance is None),
-            admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
+            interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
+            admittance=admittance_gains(admittance, mode, vehicle, sensor, lead, others),
             load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
-            adaptation=_adaptation(vehicle, gains, bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
+            adaptation=adaptation_gains(vehicle, gains, bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
     )
     if gains["bandwidth"] != 1.0:
@@ -190,91 +186,40 @@ def make_centroidal(
     return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _adaptation(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Rates and bounds of the adaptation; None where nothing is adapted. A load that is learned is not adapted too."""
-    load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
-    friction = gains["friction_adaptation"] if vehicle.n else 0.0
-    if not load and not friction:
-        return None
-    # damping is learned back to none, and up to a share of the joint's inertia at rest
-    M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
-    return AdaptationGains(
-        load=load or None,
-        mass_limit=limit,
-        friction=friction or None,
-        damping_limits=tuple(
-            (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
-        ),
-        slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
-    )
-
-
-def _ends(vehicle: Vehicle, kept: bool) -> Ends:
-    """Limits that the joints are kept off; none where no joint has one."""
-    ends = ends_of(vehicle) if kept else ()
-    return ends if any(low or high for low, high in ends) else ()
-
-
-def _pressing(thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool) -> PressingGains | None:
-    """Constants of pressing; None where it is left out."""
-    found = interaction_gains(thresholds, mode, vehicle, sensor)
-    return None if found is None else PressingGains(touch=found.touch, lost=found.lost, sensing=found.sensing)
-
-
-def _sideways(share: float, attitude: tuple[float, float]) -> SidewaysGains | None:
-    """Force across the thrust axis, and an attitude other than level that it holds."""
-    if any(attitude) and not share:
-        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
-    return SidewaysGains(share=share, attitude=attitude if any(attitude) else None) if share else None
-
-
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
     """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
 
     A preset flies rotors that allow no priorities without them; a slack that was ``asked`` for is refused there.
     """
-    policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
-    inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
-    slack = yaw_slack * float(inertia)
-    if sideways:
-        try:
-            return make_mixer(vehicle, policy, sideways, slack)
-        except AllocationError as error:
-            raise ControllerError(f"controller.sideways: {error}") from None
+    policy, slack = "priority", 0.0
+    if yaw_slack:
+        policy, M = "thrust_before_yaw", dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+        slack = yaw_slack * float(M[5][5])
     try:
-        return make_mixer(vehicle, policy, yaw_slack=slack)
+        return make_mixer(vehicle, policy, sideways, slack)
     except AllocationError as error:
-        if asked and yaw_slack > 0.0:
+        if sideways:
+            raise ControllerError(f"controller.sideways: {error}") from None
+        if asked and yaw_slack:
             raise ControllerError(f"controller.yaw_slack = {shown(yaw_slack)}: must be 0 here: {error}") from None
         return make_mixer(vehicle)
 
 
-def _both(name: str, pair: tuple[float, float], what: str) -> bool:
+def _both(name: str, pair: tuple[float, float], unit: str) -> bool:
     """Whether an option of two numbers is used: both are above 0."""
     first, second = pair
     if (first > 0.0) != (second > 0.0):
-        raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {what} above 0, or twice 0")
+        raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {unit} above 0, or twice 0")
     return first > 0.0
 
 
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:
-    """What is believed of the air; None for still air and no hull."""
+    """Model of the air; None for still air and no hull."""
     if hull and not any(vehicle.drag.area):
         raise ControllerError(
             f"controller.hull_drag = true: model.vehicle = {vehicle.name!r} must have a drag.area, which it has not"
         )
-    if not hull and not any(wind):
-        return None
-    return BelievedAir(wind=Vec3(*wind) if any(wind) else ZERO3, hull=hull)
-
-
-def _admittance(
-    table: Any, mode: str, vehicle: Vehicle, gains: Mapping[str, Any], delay: float
-) -> AdmittanceGains | None:
-    """How the tip gives way; the observer tells a force late by its two poles and the known delay."""
-    lead = delay + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
-    others = {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0}
-    return admittance_gains(table, mode, vehicle, gains["force_sensor"], lead, others)
+    return BelievedAir(wind=Vec3(*wind) if any(wind) else ZERO3, hull=hull) if hull or any(wind) else None
 
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
@@ -295,11 +240,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         slow_force=zero,
         gust=() if moves is None or moves.gust is None else GustMemory(rate=zero),
         trim=(0.0,) * len(speeds),
-        following=Following(
-            shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
-            arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=zero),
-            pace=() if moves is None or moves.swing_rate is None else SwingPace(rate=0.0, acceleration=0.0),
-            path=() if moves is None or moves.path_rate is None else (AT_REST, AT_REST),
-        ),
+        following=first_following(par),
         parts=PartMemories(**{name: part.start(vehicle.n) for name, part in par.parts.present()}),
     )

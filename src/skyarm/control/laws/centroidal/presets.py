@@ -216,11 +216,17 @@ def checked(name: str, value: Any) -> Any:
     return tuple(bounded(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
-def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any]) -> None:
-    """Refuse what is asked for beside options without which it does nothing."""
+def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str) -> None:
+    """Refuse options that need others, without which they do nothing."""
     for name in ("gust_shift", "swing_rate", "path_rate"):
-        if changes.get(name) and not gains["shift_bandwidth"] > 0.0:
-            raise ControllerError(f"controller.{name} = {shown(changes[name])}: must be 0 without shift_bandwidth")
+        allowed = "" if gains["shift_bandwidth"] > 0.0 else "0 without shift_bandwidth"
+        if name == "gust_shift" and mode != "tip":
+            allowed = allowed or f"0 in mode {mode!r}"
+        if changes.get(name) and allowed:
+            raise ControllerError(f"controller.{name} = {shown(changes[name])}: must be {allowed}")
+    if any(gains["attitude"]) and not gains["sideways"]:
+        at = f"controller.attitude = {shown(gains['attitude'])}"
+        raise ControllerError(f"{at}: must be level without the option sideways")
 
 
 def periods_of(delay: Any, control_period: Any) -> int:

@@ -9,19 +9,15 @@ since little else pushes there, so f is the weighted least squares
 with lengths l that say by what torque a force is wrong by as much as one of the base of 1 N: no vehicle's weight is in
 them. An arm of two joints in a plane tells two of the three directions; the base tells the third.
 
-Force and torque at the tip in what the disturbance observer holds.
-
-A force f and a torque t at the tip (base axes) appear in the observed disturbance as J_v^T f + J_w^T t at the joints,
-r x f + t on the base's turning and f on its motion. Weighted as in :mod:`skyarm.control.laws.centroidal.tip_force`,
+With a torque: a force f and a torque t at the tip (base axes) appear in the observed disturbance as J_v^T f + J_w^T t at the joints,
+r x f + t on the base's turning and f on its motion. Weighted alike,
 six numbers in n + 6 of the disturbance: an arm of six joints tells all of them by its joints alone, any other needs the
 base's torque, too, of which wrong rotors are a part.
-
-Weighted least squares: normal equations A x = b to which one row after the other is added.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -30,6 +26,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, mul
+from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
@@ -46,6 +43,11 @@ class ForceErrors:
     turning: Annotated[Scalar, Unit("N m", "of a revolute joint, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a prismatic joint, as much as 1 N of the base's force")] = 0.02
     base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
+
+    def weight_of(self, link: Link) -> Any:
+        """Weight of a joint's effort against the base's force."""
+        error = self.turning if link.joint.kind == "revolute" else self.sliding
+        return divide(1.0, error * error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +76,6 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
     return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
 
 
-def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
-    """The tip's force (N, world axes) in ``rest``, the observed disturbance without its bias: least squares."""
-    return tip_wrench(vehicle, errors, at, (), rest)[0]
-
-
 def tip_wrench(
     vehicle: Vehicle, errors: ForceErrors, at: TipLevers, turns: Sequence[Vec3], rest: Disturbance
 ) -> tuple[Vec3, Vec3]:
@@ -91,38 +88,42 @@ def tip_wrench(
         turns: angular columns of the tip's Jacobian, base axes; empty without a torque.
         rest: the observed disturbance without its bias.
     """
-    n = 6 if turns else 3
-    A = [[1 if i == j and i < 3 else 0 for j in range(n)] for i in range(n)]
-    squares = NormalEquations(A, [*at.R.apply_T(rest.force), *((0,) * (n - 3))])
+    squares = LeastSquares(6 if turns else 3)
+    squares.prefer(at.R.apply_T(rest.force), 1)
     for i, (link, column, effort) in enumerate(zip(vehicle.links, at.columns, rest.efforts, strict=True)):
-        error = errors.turning if link.joint.kind == "revolute" else errors.sliding
-        squares.require((*column, *(turns[i] if turns else ())), effort, error)
+        squares.require((*column, *(turns[i] if turns else ())), effort, errors.weight_of(link))
     levers = [tuple(at.tip.cross(axis)) for axis in AXES]
     for k, torque in enumerate(rest.torque):
-        squares.require([*(each[k] for each in levers), *(AXES[k] if turns else ())], torque, errors.base)
+        row = [*(each[k] for each in levers), *(AXES[k] if turns else ())]
+        squares.require(row, torque, divide(1.0, errors.base * errors.base))
     found = squares.solve()
     return at.R.apply(Vec3(*found[:3])), at.R.apply(Vec3(*found[3:])) if turns else ZERO3
 
 
-@dataclass(frozen=True, slots=True)
-class NormalEquations:
-    """Least squares of |row . x - wanted|^2 / error^2 over all rows, beside what is known beforehand.
+class LeastSquares:
+    """Normal equations A x = b of weighted least squares, of which the lower triangle of A counts."""
 
-    Attributes:
-        A: symmetric, of which the lower triangle counts, as lists. b: the right-hand side.
-    """
+    def __init__(self, n: int) -> None:
+        self.A: list[list[Any]] = [[0] * n for _ in range(n)]
+        self.b: list[Any] = [0] * n
 
-    A: list[list[Any]]
-    b: list[Any]
+    def require(self, columns: Sequence[Any], wanted: Any, weight: Any) -> None:
+        """Add weight |columns x - wanted|^2, of numbers or of vectors."""
+        for i, c in enumerate(columns):
+            self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
+            for j, d in enumerate(columns[: i + 1]):
+                self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 
-    def require(self, row: Sequence[Any], wanted: Any, error: Any) -> None:
-        """One row, its right-hand side, and the error that weighs as 1."""
-        weight = divide(1.0, error * error)
-        for i in range(len(self.b)):
-            self.b[i] = add(self.b[i], mul(weight, mul(row[i], wanted)))
-            for j in range(i + 1):
-                self.A[i][j] = add(self.A[i][j], mul(weight, mul(row[i], row[j])))
+    def prefer(self, values: Iterable[Any], weight: Any, first: int = 0) -> None:
+        """Add weight |x - values|^2, of the unknowns from ``first`` on."""
+        for i, value in enumerate(values, first):
+            self.A[i][i] = add(self.A[i][i], weight)
+            self.b[i] = add(self.b[i], mul(weight, value))
 
-    def solve(self) -> list[Any]:
-        """The x of the least sum."""
-        return ldl_solve(self.A, self.b)
+    def solve(self) -> tuple[Any, ...]:
+        """The least-squares solution."""
+        return tuple(ldl_solve(self.A, self.b))
+
+
+def _product(a: Any, b: Any) -> Any:
+    return a.dot(b) if isinstance(a, Vec3) else mul(a, b)

@@ -18,32 +18,23 @@ Wampler 1986 (damping).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import data
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.compliance_table import require_moderate
 from skyarm.control.laws.centroidal.joint_room import Ends, towards
-from skyarm.control.laws.centroidal.outside_force import Hearing, HearingMemory, TorqueHearing, hear_torque
+from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
-from skyarm.control.laws.centroidal.tip_tasks import Squares, orientation_error
-from skyarm.control.laws.centroidal.virtual_body import (
-    NOT_TURNED,
-    RotationalCompliance,
-    VirtualTurn,
-    moved_turn,
-    turned_by,
-)
+from skyarm.control.laws.centroidal.tip_tasks import orientation_error
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sub
+from skyarm.scalars import Scalar, divide, maximum, minimum, sub
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -62,7 +53,7 @@ Far above rounding (1e-15), below the arms and sines of a vehicle whose joints d
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmTurn:
-    """Memory: the offset of the joints."""
+    """Memory of the turned arm: the offset of its joints."""
 
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "offset of the joints from their reference")]
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of the offset")]
@@ -85,73 +76,6 @@ class TurnWeights:
     ] = 0.02
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RotationGains:
-    """Constants of giving way to a torque; ``ends`` says which joints have limits."""
-
-    body: RotationalCompliance
-    threshold: Annotated[Scalar, Unit("N m", "about the tip, above which a torque is heard", low=0.0)]
-    arm: TurnWeights = TurnWeights()
-    ends: Ends = ()
-
-    def __post_init__(self) -> None:
-        require_moderate("controller.parts.admittance.rotation.body", "inertia", self.body)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RotationMemory:
-    """Memory of giving way to a torque."""
-
-    body: VirtualTurn
-    arm: ArmTurn
-    hearing: TorqueHearing
-    torque: Annotated[Vec3, Unit("N m", "about the tip, believed, world axes")]
-    felt: Annotated[Vec3 | tuple[()], Unit("N m", "by a sensor at the tip, filtered, axes of the tip")] = ()
-
-
-def listen(
-    gains: RotationGains,
-    memory: RotationMemory,
-    hearing: tuple[Hearing, HearingMemory],
-    torque: Vec3,
-    force: Vec3,
-    felt: Vec3 | None,
-    dt: Any,
-) -> tuple[RotationMemory, Vec3]:
-    """The memory with what is heard of a torque, and the torque from outside (N m, world axes).
-
-    Args:
-        gains: constants.
-        memory: one period earlier.
-        hearing: constants and memory, one period earlier, of the force.
-        torque: that counts, N m, world axes.
-        force: that counts, N, world axes.
-        felt: N m, of a sensor, filtered, axes of the tip; None without one.
-        dt: control period, s.
-    """
-    heard, outside = hear_torque(*hearing, memory.hearing, gains.threshold, torque, force, dt, felt)
-    kept = memory.felt if felt is None else vector_data(felt)
-    return dataclasses.replace(memory, hearing=heard, torque=vector_data(torque), felt=kept), outside
-
-
-def turn(
-    gains: RotationGains, memory: RotationMemory, vehicle: Vehicle, outside: Vec3, signals: Sequence[Taylor], dt: Any
-) -> tuple[RotationMemory, list[Taylor]]:
-    """The memory one period later, and the reference's signals with the tip turned.
-
-    Args:
-        gains: constants.
-        memory: that has listened.
-        vehicle: model.
-        outside: torque about the tip, N m, world axes.
-        signals: of the reference, series in time.
-        dt: control period, s.
-    """
-    body, vector = moved_turn(gains.body, memory.body, outside, dt)
-    arm, moved = turned_reference(vehicle, gains, memory.arm, turned_by(vector), signals, dt)
-    return dataclasses.replace(memory, body=body, arm=arm), moved
-
-
 PACE = 0.2
 """k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing.
 
@@ -166,29 +90,39 @@ Chosen, not measured: the rest is left for the errors of the loop that follows.
 
 
 def turned_reference(
-    vehicle: Vehicle, gains: RotationGains, memory: ArmTurn, E: Mat3, signals: Sequence[Taylor], dt: Any
+    vehicle: Vehicle, weights: TurnWeights, ends: Ends, memory: ArmTurn, E: Mat3, signals: Sequence[Taylor], dt: Any
 ) -> tuple[ArmTurn, list[Taylor]]:
     """One period: the memory, and the reference's signals with joints and base moved.
 
     Args:
         vehicle: model.
-        gains: constants.
+        weights: of the arm's motion.
+        ends: which limits the joints have.
         memory: one period earlier.
         E: by which the tip is turned against its reference, world axes, series to second derivative.
         signals: of the reference: x, y, z, yaw, joints.
         dt: control period, s.
     """
-    yaw, told = signals[3].truncated(2), [q.truncated(2) for q in signals[4:]]
-    wanted = posture(vehicle, told, 2)
-    values = [add(q.derivative(0), dq) for q, dq in zip(told, memory.joints, strict=True)]
-    rates = [add(q.derivative(1), dq) for q, dq in zip(told, memory.joint_rates, strict=True)]
+    yaw, planned = signals[3].truncated(2), [q.truncated(2) for q in signals[4:]]
+    wanted = posture(vehicle, planned, 2)
+    values = [q.derivative(0) + dq for q, dq in zip(planned, memory.joints, strict=True)]
+    rates = [q.derivative(1) + dq for q, dq in zip(planned, memory.joint_rates, strict=True)]
     now = posture(vehicle, moving(values, rates, (0,) * vehicle.n), 2)
-    asked = _accelerations(vehicle, gains.arm, memory, _in_heading(E, yaw), wanted, now, told, values, dt)
-    accelerations = _within(vehicle, gains.ends, told, values, rates, asked, dt)
+    k = divide(PACE, dt)
+    asked = _accelerations(vehicle, weights, memory, _in_heading(E, yaw), wanted, now, planned, values, k)
     moved: list[tuple[Any, ...]] = []
-    for q, dq, slope, bend in zip(told, memory.joints, memory.joint_rates, accelerations, strict=True):
-        more = sub(bend, q.derivative(2))
-        moved.append((add(dq, mul(dt, add(slope, mul(0.5, mul(dt, more))))), add(slope, mul(dt, more)), more))
+    rows = zip(vehicle.links, ends, planned, values, rates, memory.joints, memory.joint_rates, asked, strict=True)
+    for link, (low, high), q, value, rate, dq, slope, bend in rows:
+        # towards a limit no further than a share of the way from the reference, which is followed where it is nearer
+        gone = k * k * value + 2.0 * k * rate
+        if high:
+            upper = link.joint.upper
+            bend = minimum(bend, maximum(towards(upper, q, ROOM, k), towards(upper, q, 0, k)) - gone)
+        if low:
+            lower = link.joint.lower
+            bend = maximum(bend, minimum(towards(lower, q, ROOM, k), towards(lower, q, 0, k)) - gone)
+        more = bend - q.derivative(2)
+        moved.append((dq + dt * (slope + 0.5 * (dt * more)), slope + dt * more, more))
     joints = [signal + _series(row) for signal, row in zip(signals[4:], moved, strict=True)]
     there = posture(vehicle, [q.truncated(2) for q in joints], 2)
     offset = turn_by_yaw(yaw, wanted.tip - there.tip)
@@ -204,13 +138,12 @@ def _accelerations(
     E: Mat3,
     wanted: Posture,
     now: Posture,
-    told: Sequence[Taylor],
+    planned: Sequence[Taylor],
     values: Sequence[Any],
-    dt: Any,
+    k: Any,
 ) -> tuple[Any, ...]:
     """Joint accelerations that turn the tip by E (base axes of a level base) and keep it where it is."""
-    k = divide(PACE, dt)
-    kp, kd = mul(k, k), mul(2.0, k)
+    kp, kd = k * k, 2.0 * k
     target, present = E @ tip_rotation(vehicle, wanted), tip_rotation(vehicle, now)
     w_d, alpha_d = turning(target)
     w, bias = turning(present)
@@ -219,43 +152,15 @@ def _accelerations(
     gap = wanted.tip - now.tip
     shift = derivative(gap, 2) + derivative(gap, 1) * kd + derivative(gap, 0) * kp
     columns = jacobian_columns(vehicle, vehicle.frame(), values)
-    problem = Squares(vehicle.n)
+    problem = LeastSquares(vehicle.n)
     problem.require([each.angular for each in columns], turn, 1)
-    problem.require([each.linear for each in columns], shift, divide(1.0, mul(weights.length, weights.length)))
+    problem.require([each.linear for each in columns], shift, divide(1.0, weights.length * weights.length))
     rest = [
-        sub(q.derivative(2), add(mul(kd, slope), mul(kp, dq)))
-        for q, dq, slope in zip(told, memory.joints, memory.joint_rates, strict=True)
+        sub(q.derivative(2), kd * slope + kp * dq)
+        for q, dq, slope in zip(planned, memory.joints, memory.joint_rates, strict=True)
     ]
-    problem.prefer(rest, mul(weights.idle, weights.idle))
+    problem.prefer(rest, weights.idle * weights.idle)
     return problem.solve()
-
-
-def _within(
-    vehicle: Vehicle,
-    ends: Ends,
-    told: Sequence[Taylor],
-    values: Sequence[Any],
-    rates: Sequence[Any],
-    accelerations: Sequence[Any],
-    dt: Any,
-) -> list[Any]:
-    """Joint accelerations that bring no joint further than a share of the way from its reference to a limit.
-
-    The bound of :mod:`skyarm.control.laws.centroidal.joint_room`. A reference that comes nearer to a limit, or nears it
-    faster, is followed as it is: what the law does with it is the same as without turning.
-    """
-    k, found = divide(PACE, dt), []
-    for link, (low, high), q, value, rate, wanted in zip(
-        vehicle.links, ends, told, values, rates, accelerations, strict=True
-    ):
-        kept, (lower, upper) = wanted, (link.joint.lower, link.joint.upper)
-        gone = add(mul(mul(k, k), value), mul(mul(2.0, k), rate))
-        if high:
-            kept = minimum(kept, sub(maximum(towards(upper, q, ROOM, k), towards(upper, q, 0, k)), gone))
-        if low:
-            kept = maximum(kept, sub(minimum(towards(lower, q, ROOM, k), towards(lower, q, 0, k)), gone))
-        found.append(kept)
-    return found
 
 
 def _in_heading(E: Mat3, yaw: Taylor) -> Mat3:
@@ -293,19 +198,6 @@ def _series(derivatives: Sequence[Any]) -> Taylor:
     return Taylor.of_derivatives((*derivatives, 0, 0))
 
 
-def first_rotation(joints: int, sensor: bool) -> RotationMemory:
-    """At rest on the reference, nothing known."""
-    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    felt: Vec3 | tuple[()] = zero if sensor else ()
-    return RotationMemory(
-        body=NOT_TURNED,
-        arm=ArmTurn(joints=still, joint_rates=still),
-        hearing=TorqueHearing(heard=0.0, quiet=0.0, felt=felt),
-        torque=zero,
-        felt=felt,
-    )
-
-
 def require_turning(vehicle: Vehicle, at: str, table: Any, sensor: bool) -> None:
     """Refuse an arm that does not turn its tip about every axis, or that cannot tell a torque there from a force.
 
@@ -323,14 +215,14 @@ def require_turning(vehicle: Vehicle, at: str, table: Any, sensor: bool) -> None
 
 
 def _independent(vectors: list[list[Any]]) -> int:
-    """How many of some vectors point where those before do not: Gram, Schmidt."""
+    """Number of linearly independent vectors, nearly parallel ones counted once: Gram, Schmidt."""
     found: list[list[float]] = []
     for vector in vectors:
         left = [float(c) for c in vector]
         for unit in found:
             along = sum(a * b for a, b in zip(left, unit, strict=True))
             left = [a - along * b for a, b in zip(left, unit, strict=True)]
-        length = math.sqrt(sum(c * c for c in left))
+        length = math.hypot(*left)
         if length > ALONG:
             found.append([c / length for c in left])
     return len(found)

@@ -14,10 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.parameters import TipGains
+from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.scalars import add, divide, mul
@@ -71,35 +72,6 @@ def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
     return total * 0.5
 
 
-class Squares:
-    """Normal equations of a weighted least-squares problem in the joint accelerations."""
-
-    def __init__(self, n: int) -> None:
-        self.A: list[list[Any]] = [[0] * n for _ in range(n)]
-        self.b: list[Any] = [0] * n
-
-    def require(self, columns: Sequence[Vec3], wanted: Vec3, weight: Any) -> None:
-        """Add weight |columns x - wanted|^2."""
-        for i, c in enumerate(columns):
-            self.b[i] = add(self.b[i], mul(weight, c.dot(wanted)))
-            for j, d in enumerate(columns[: i + 1]):
-                self.A[i][j] = add(self.A[i][j], mul(weight, c.dot(d)))
-
-    def prefer(self, values: Sequence[Any], weight: Any) -> None:
-        """Add weight |x - values|^2."""
-        for i, value in enumerate(values):
-            self.prefer_one(i, value, weight)
-
-    def prefer_one(self, i: int, value: Any, weight: Any) -> None:
-        """Add weight (x_i - value)^2."""
-        self.A[i][i] = add(self.A[i][i], weight)
-        self.b[i] = add(self.b[i], mul(weight, value))
-
-    def solve(self) -> tuple[Any, ...]:
-        """The least-squares solution."""
-        return tuple(ldl_solve(self.A, self.b))
-
-
 def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
     """Angular velocity of link ``i`` in base axes per unit of each joint rate."""
     carriers = chain(vehicle, i)
@@ -112,7 +84,7 @@ def joints_of_turns(
     vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Any]
 ) -> tuple[Any, ...]:
     """Motion of the joints that turns each link by its own vector (base axes), the rest as preferred: least squares."""
-    problem = Squares(vehicle.n)
+    problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
         problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
     problem.prefer(preferred, gains.posture * gains.posture)
@@ -223,7 +195,7 @@ def joint_accelerations(
     """Joint accelerations of the two tasks; ``preferred`` are those of the joints' own references."""
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints)
-    problem = Squares(vehicle.n)
+    problem = LeastSquares(vehicle.n)
     pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (wanted.tip[0] - now.tip) * gains.position
     arm = now.posture.tip - now.posture.com
     rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
@@ -248,5 +220,5 @@ def joint_accelerations(
     for i, link in enumerate(vehicle.links):
         if link.joint.kind == "prismatic":
             # turns no link, so that task 2 does not damp it
-            problem.prefer_one(i, preferred[i], slides * slides)
+            problem.prefer([preferred[i]], slides * slides, i)
     return problem.solve()
