@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from law_parts import step_of
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.compare import envelope_axes as motions
@@ -167,7 +168,7 @@ def test_the_plan_in_drag_is_differentiated_in_full():
         path = [Taylor(c).c for c in x.T.tolist()]
         shifted = [np.polynomial.Polynomial(c)(np.polynomial.Polynomial([t, 1.0])).coef for c in path]
         signals = [Taylor(c.tolist()) for c in shifted] + [Taylor((v, 0.0, 0.0, 0.0, 0.0)) for v in (0.4, 0.2, -0.3)]
-        found = demands(par, par.model, state, signals, none, ZERO3, ZERO3, blank, DT).planned
+        found = demands(step_of(par, state, signals, DT, unknown=none, following=blank)).planned
         return np.array([list(row) for row in found.R.rows]), np.array(list(found.rate)), np.array(list(found.alpha))
 
     h = 1e-4

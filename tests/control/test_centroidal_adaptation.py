@@ -9,12 +9,12 @@ import pytest
 from centroidal_flights import fly, planned
 
 import skyarm
-from law_parts import with_parts
+from law_parts import step_of, with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, adapt, first_learned, unit_load
-from skyarm.control.laws.centroidal.demands import Following, Planned, demands
+from skyarm.control.laws.centroidal.demands import Planned, demands
 from skyarm.control.model import Model
 from skyarm.reference import Sine
 from skyarm.scalars.taylor import Taylor
@@ -181,7 +181,7 @@ def planned_at(scenario, time):
     state = dataclasses.replace(state, rotor_speeds=(0.0,) * len(state.rotor_speeds))
     nothing = Disturbance(force=Vec3(0.4, -0.3, 0.2), torque=ZERO, efforts=(0.0, 0.0))
     signals = [Taylor.of_derivatives(each) for each in derivatives(reference, time)]
-    return demands(par, par.model, state, signals, nothing, nothing.force, ZERO, Following(), 0.005).planned
+    return demands(step_of(par, state, signals, unknown=nothing, steady=nothing.force)).planned
 
 
 def derivatives(trajectory, time):

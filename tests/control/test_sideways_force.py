@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from flown import cases, vec
+from law_parts import step_of
 from sideways_program import array, largest, lopsided
 from skyarm.actuation import make_mixer
 from skyarm.actuation.rotor import speed_after
@@ -21,7 +22,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.sideways_force import (
     applied,
     gauge,
@@ -222,14 +223,14 @@ def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_dist
     found = []
     for speeds in ((480.0,) * 6, (300.0, 520.0, 480.0, 610.0, 350.0, 600.0)):
         state = dataclasses.replace(RESTING, rotor_speeds=speeds)
-        wind, steady = Vec3(0.0, 9.0, 0.0), Vec3(0.0, 0.0, 0.0)
-        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, wind, steady, Following(), 0.005)
+        wind = Vec3(0.0, 9.0, 0.0)
+        demand = demands(step_of(flown.par, state, signals, unknown=NOTHING, steady=wind))
         found.append(demand.planned.R)
     tilted = math.degrees(math.acos(float(found[0].column(2).z)))
     assert tilted > 5.0
     assert leaves(found[1]) == pytest.approx(leaves(found[0]), abs=1e-12)
     flown = make_centroidal(Model(vehicle=ARM), mode="tip", sideways=0.9, attitude=(0.05, -0.1))
-    demand = demands(flown.par, flown.par.model, RESTING_ROTORS, signals, NOTHING, steady, steady, Following(), 0.005)
+    demand = demands(step_of(flown.par, RESTING_ROTORS, signals, unknown=NOTHING))
     expected = Rotation.from_euler("ZYX", [0.0, -0.1, 0.05]).as_matrix()[:, 2]
     np.testing.assert_allclose(array(demand.planned.R.column(2)), expected, atol=1e-4)
 

@@ -12,7 +12,7 @@ from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference.feasibility import _tilted, feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
+from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, peaks, sample_derivatives, through
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
 TWO, SIX = (Setting(vehicle=v, duration=4.0, thrust_to_weight=2.5) for v in (ARM2, ARM6))
@@ -178,7 +178,7 @@ def test_the_tilt_is_the_least_rotation_of_the_vertical():
 def test_the_body_rate_is_that_at_which_the_thrust_turns():
     points, times = [(0.0, 0.0, 1.0), (1.0, 0.5, 1.2), (2.0, 0.0, 1.0)], (0.0, 1.5, 3.0)
     motion, h = through(points, times), 1e-5
-    found = demand(motion, times, 9.81)
+    found = peaks(sample_derivatives(motion, times), 9.81)
 
     def up(t):
         force = np.add([*motion.at(t).acceleration], [0.0, 0.0, 9.81])
@@ -194,7 +194,7 @@ def test_the_fastest_motion_meets_a_limit_and_no_faster_one_does():
     points = [(0.0, 0.0, 1.0), (1.0, 0.5, 1.2), (2.0, 0.0, 1.0), (2.0, 2.0, 1.5)]
     for limits in (FlightLimits(), FlightLimits(speed=9.0, acceleration=9.0, spin=90.0), FlightLimits(speed=0.5)):
         times = allocate(points, limits, 9.81)
-        found = demand(through(points, times), times, 9.81)
+        found = peaks(sample_derivatives(through(points, times), times), 9.81)
         assert found.within(limits)
         assert any(getattr(found, name) > 0.999 * getattr(limits, name) for name in LIMITS)
     # the pieces' shares make the snap less than shares by length do

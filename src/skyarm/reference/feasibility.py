@@ -16,6 +16,7 @@ from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -46,7 +47,7 @@ class Feasibility:
         carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
         joint_speeds: (joint, largest speed), rad/s or m/s.
-        speed: m/s, of the base. tilt: rad. rate: rad/s. thrust: over the weight; of a point mass that moves so.
+        peaks: of the base's motion, thrust and tilt those of a point mass.
         highest_thrust: over the weight.
         weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over the joints that carry it, where it
             is smallest. weakest_at: s, when. arm_length: m.
@@ -56,10 +57,7 @@ class Feasibility:
     carried_off: float
     at_limits: tuple[tuple[str, float], ...]
     joint_speeds: tuple[tuple[str, float], ...]
-    speed: float
-    tilt: float
-    rate: float
-    thrust: float
+    peaks: FlightLimits
     highest_thrust: float
     weakest: float
     weakest_at: float
@@ -76,11 +74,11 @@ class Feasibility:
                 f"reference.tip: the arm is nearly singular at {self.weakest_at:.3g} s; in one direction it moves the "
                 f"tip by {1e3 * self.weakest:.2g} mm per rad, and a law that keeps the tip may lose it; other posture?"
             )
-        if self.thrust > self.highest_thrust:
+        if self.peaks.thrust > self.highest_thrust:
             most = f"the rotors give {self.highest_thrust:.3g}"
-            yield f"reference.tip: asks for {self.thrust:.3g} times the weight, {most}; slower?"
-        if self.tilt > 1.0:
-            yield f"reference.tip: asks for a tilt of {self.tilt:.3g} rad; slower?"
+            yield f"reference.tip: asks for {self.peaks.thrust:.3g} times the weight, {most}; slower?"
+        if self.peaks.tilt > 1.0:
+            yield f"reference.tip: asks for a tilt of {self.peaks.tilt:.3g} rad; slower?"
 
 
 def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
@@ -108,10 +106,9 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
 
     arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.reached(_constants(reference)))
     base, wanted, yaw = table(reference.position), table(reference.tip), table((reference.yaw,))[0]
-    acceleration, jerk = table(reference.acceleration), table(reference.jerk)
-    force = acceleration + np.array([[0.0], [0.0], [setting.gravity]])
+    derivatives = [table(getattr(reference, name)) for name in ("velocity", "acceleration", "jerk", "snap")]
+    force = derivatives[1] + np.array([[0.0], [0.0], [setting.gravity]])
     size = np.maximum(np.linalg.norm(force, axis=0), 1e-9)
-    across = jerk - force * ((force * jerk).sum(axis=0) / size**2)
     level = _level(yaw, arm)
     q, rates = table(reference.joints), table(reference.joint_rates)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
@@ -122,10 +119,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
         joint_speeds=tuple(
             (link.joint.name, float(np.abs(rate).max())) for link, rate in zip(vehicle.links, rates, strict=True)
         ),
-        speed=float(np.linalg.norm(table(reference.velocity), axis=0).max()),
-        tilt=float(np.arctan2(np.hypot(force[0], force[1]), force[2]).max()),
-        rate=float((np.linalg.norm(across, axis=0) / size).max()),
-        thrust=float(size.max() / max(setting.gravity, 1e-9)),
+        peaks=peaks(derivatives, setting.gravity),
         highest_thrust=setting.thrust_to_weight,
         weakest=weakest,
         weakest_at=weakest_at,

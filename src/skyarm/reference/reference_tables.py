@@ -237,33 +237,24 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    if isinstance(table, dict) and "push" in table:
-        push = push_from(table["push"], f"{where}.push", setting.duration)
-        rest = {name: value for name, value in table.items() if name != "push"}
-        found = reference_from(rest, n_joints, where, setting)
-        if setting.pushes:
-            raise ValueError(f"{where}.push: must be left out beside phases that press")
-        return dataclasses.replace(found, push=push)
-    if isinstance(table, dict) and "load" in table:
-        load = signal_from(table["load"], f"{where}.load")
-        rest = {name: value for name, value in table.items() if name != "load"}
-        return dataclasses.replace(reference_from(rest, n_joints, where, setting), load=load)
-    if not isinstance(table, dict) or "tip" not in table:
-        found = _pushing(trajectory_from(table, n_joints, where, setting), setting)
-        return with_joint_moves(found, setting.joint_moves, setting.vehicle)
+    own = {name: table[name] for name in ("push", "load") if name in table} if isinstance(table, dict) else {}
+    rest = {name: value for name, value in table.items() if name not in own} if own else table
+    push = push_from(own["push"], f"{where}.push", setting.duration) if "push" in own else None
+    load = signal_from(own["load"], f"{where}.load") if "load" in own else None
+    if isinstance(rest, dict) and "tip" in rest:
+        found = _of_tip(rest, n_joints, where, setting)
+    else:
+        found = with_joint_moves(trajectory_from(rest, n_joints, where, setting), setting.joint_moves, setting.vehicle)
+    if setting.pushes and push is not None:
+        raise ValueError(f"{where}.push: must be left out beside phases that press")
+    push = setting.pushes[0] if setting.pushes else push
+    return dataclasses.replace(found, push=push, load=load)
+
+
+def _of_tip(table: dict[str, Any], n_joints: int, where: str, setting: Setting) -> Trajectory:
+    """The trajectory of a reference with a tip, from its heading and the motion of its base."""
     rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
     base = trajectory_from(rest, n_joints, where, setting)
-    found = _pushing(_of_tip(table, base, where, setting), setting)
-    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
-
-
-def _pushing(trajectory: Trajectory, setting: Setting) -> Trajectory:
-    """The trajectory with the push that phases request."""
-    return dataclasses.replace(trajectory, push=setting.pushes[0]) if setting.pushes else trajectory
-
-
-def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:
-    """The trajectory of a reference with a tip, from its heading and the motion of its base."""
     fields = Fields(table["tip"], f"{where}.tip")
     vehicle = _vehicle(setting, fields.where)
     if "joints" in table:
@@ -278,7 +269,8 @@ def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Settin
         found = with_tip(base, vehicle, path, choices, setting.duration, relative=relative)
     except ValueError as error:
         raise ValueError(f"{fields.where}.{error}") from None
-    return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
+    found = with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
+    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:

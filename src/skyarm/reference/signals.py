@@ -9,13 +9,15 @@ Signals compose: windows, shifts, sums, products, pulses, sequences of ramps and
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
 from skyarm.scalars.taylor import Taylor
@@ -23,6 +25,8 @@ from skyarm.scalars.taylor import Taylor
 Derivatives = tuple[Any, Any, Any, Any, Any]
 
 SHAPES = ("linear", "quintic")
+
+Record = TypeVar("Record")
 
 
 class Signal(ABC):
@@ -40,9 +44,27 @@ class Signal(ABC):
 
     def __add__(self, other: Signal) -> Signal:
         """Sum."""
-        from skyarm.reference.signals import Sum
-
         return Sum((self, other))
+
+
+def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
+    """The record with each of its signals changed, at any depth."""
+    if isinstance(record, Signal):
+        return change(record)  # type: ignore[return-value]
+    if isinstance(record, tuple):
+        found = tuple(with_signals(each, change) for each in record)
+        same = all(new is old for new, old in zip(found, record, strict=True))
+        return record if same else found  # type: ignore[return-value]
+    moved = {name: with_signals(each, change) for name, each in parts(record).items()}
+    moved = {name: each for name, each in moved.items() if each is not getattr(record, name)}
+    return dataclasses.replace(record, **moved) if moved else record  # type: ignore[type-var]
+
+
+def switch_times(record: Any) -> tuple[float, ...]:
+    """Times (s), in order and each once, at which a signal of a record or one of its derivatives may jump."""
+    found: list[Signal] = []
+    with_signals(record, lambda signal: found.append(signal) or signal)  # type: ignore[func-returns-value]
+    return tuple(sorted({s for signal in found for s in signal.switch_times()}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +243,7 @@ class Sum(Signal):
 
     def switch_times(self) -> tuple[float, ...]:
         """All of them, each once."""
-        return tuple(sorted({s for signal in self.signals for s in signal.switch_times()}))
+        return switch_times(self.signals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +270,7 @@ class Product(Signal):
 
     def switch_times(self) -> tuple[float, ...]:
         """List those of both, each once."""
-        return tuple(sorted({*self.signal.switch_times(), *self.factor.switch_times()}))
+        return switch_times((self.signal, self.factor))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -15,8 +15,7 @@ With a ``pivot`` the normal is the direction from an axis through it to the tip:
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -197,16 +196,6 @@ class TipPush:
             return found
         found = (*found, self.grip.derivatives(t)[0])
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
-
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        """Signals among its fields."""
-        return (self.force,) if self.grip is None else (self.force, self.grip)
-
-    def with_signals(self, change: Callable[[Signal], Signal]) -> TipPush:
-        """The same contact with each signal changed."""
-        grip = None if self.grip is None else change(self.grip)
-        return dataclasses.replace(self, force=change(self.force), grip=grip)
 
     def across(self, away: Vec3, t: Any, tip: Vec3) -> Vec3:
         """Counted part of an error of the tip (m, world axes) at time t (s): see :func:`counted_error`."""

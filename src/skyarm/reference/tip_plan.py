@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, ldl_solve
-from skyarm.dynamics.kinematics import Pose, frame_pose, link_poses
+from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import reach
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.splines import interpolating_points, uniform_curve
@@ -140,9 +140,8 @@ def _errors(
     task: ArmTask, q: Sequence[float], position: Vec3 | None, orientation: Mat3 | None
 ) -> tuple[list[list[float]], list[float]]:
     """Rows of the Jacobian and what is missing, m."""
-    poses = link_poses(task.vehicle, q)
-    pose = poses[task.frame.link] @ Pose(task.frame.rotation, task.frame.position)
-    columns = _columns(task, poses, pose.p)
+    pose = frame_pose(task.vehicle, task.frame, q)
+    columns = jacobian_columns(task.vehicle, task.frame, q)
     rows: list[list[float]] = []
     errors: list[float] = []
     if position is not None:
@@ -153,16 +152,6 @@ def _errors(
         errors += [task.length * float(c) for c in turn]
         rows += [[task.length * float(tuple(column.angular)[axis]) for column in columns] for axis in range(3)]
     return rows, errors
-
-
-def _columns(task: ArmTask, poses: Sequence[Pose], tip: Vec3) -> list[Motion]:
-    """Angular and linear velocity of the tip per unit of each joint rate, base axes."""
-    found = [Motion(ZERO3, ZERO3)] * len(task.posture)
-    for i in task.carriers:
-        joint = task.vehicle.links[i].joint
-        axis = poses[i].R.apply(joint.axis)
-        found[i] = Motion(axis, axis.cross(tip - poses[i].p)) if joint.kind == "revolute" else Motion(ZERO3, axis)
-    return found
 
 
 def _step(

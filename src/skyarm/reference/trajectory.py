@@ -20,7 +20,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windowed
+from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush
 from skyarm.scalars import Scalar
@@ -148,10 +148,7 @@ class Trajectory:
 
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which a signal or one of its derivatives may jump."""
-        tip = () if self.tip is None else (self.tip.x, self.tip.y, self.tip.z)
-        push = () if self.push is None else self.push.signals
-        load = () if self.load is None else (self.load,)
-        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip, *push, *load)).switch_times()
+        return switch_times(self)
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Return the same base motion with these joint signals (a number is held)."""
@@ -159,20 +156,12 @@ class Trajectory:
 
     def shifted(self, delay: Any) -> Trajectory:
         """Return the same motion ``delay`` seconds later, and its guards with it."""
-        x, y, z, yaw, *joints = (Shifted(k, delay) for k in (self.x, self.y, self.z, self.yaw, *self.joints))
-        tip = self.tip
-        if tip is not None:
-            a, b, c = (Shifted(k, delay) for k in (tip.x, tip.y, tip.z))
-            tip = dataclasses.replace(tip, x=a, y=b, z=c)
-        push = self.push
-        if push is not None:
-            push = push.with_signals(lambda signal: Shifted(signal, delay))
-        load = None if self.load is None else Shifted(self.load, delay)
-        later = float(delay) if self.guards else 0.0
+        moved = with_signals(self, lambda signal: Shifted(signal, delay))
+        if not self.guards:
+            return moved
+        later = float(delay)
         guards = tuple(replace(each, at=each.at + later, begin=each.begin + later) for each in self.guards)
-        phases = tuple(each.later(later) for each in self.phases)
-        moved = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, load=load)
-        return replace(moved, guards=guards, phases=phases) if guards else moved
+        return replace(moved, guards=guards, phases=tuple(each.later(later) for each in self.phases))
 
     @property
     def returns(self) -> tuple[tuple[float, float], ...]:
@@ -183,19 +172,17 @@ class Trajectory:
         """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
-        if self.joints and other.joints:
-            joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=True))
-        else:
-            joints = self.joints or other.joints
+        joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints
         for name in ("tip", "push", "load"):
             if getattr(self, name) is not None and getattr(other, name) is not None:
                 raise ValueError(f"two trajectories that each have a {name} do not add")
-        x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
-        guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
-        phases = tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end))
-        tip, push, load = self.tip or other.tip, self.push or other.push, self.load or other.load
-        both = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, load=load)
-        return replace(both, guards=guards, phases=phases)
+        return Trajectory(
+            **{name: getattr(self, name) + getattr(other, name) for name in ("x", "y", "z", "yaw")},
+            **{name: getattr(self, name) or getattr(other, name) for name in ("tip", "push", "load")},
+            joints=joints,
+            guards=tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at)),
+            phases=tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end)),
+        )
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
@@ -300,18 +287,11 @@ def phase_numbers(trajectory: Trajectory, path_time: Any) -> Array:
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
     """Failure message of a phase: "phase 2 'press': no contact of 0.5 N within 5 s"."""
-    asked = []
-    if guard.force is not None:
-        asked.append(f"no contact of {float(guard.force):g} N")
-    if guard.force_below is not None:
-        asked.append(f"force not below {float(guard.force_below):g} N")
-    if guard.closed:
-        asked.append(f"switch '{guard.closed}' not closed")
-    if guard.open:
-        asked.append(f"switch '{guard.open}' not open")
-    if guard.distance is not None:
-        asked.append(f"not moved by {float(guard.distance):g} m")
-    if guard.error is not None:
-        asked.append(f"error not below {float(guard.error):g} m")
+    words = {
+        "force": "no contact of {:g} N", "force_below": "force not below {:g} N", "closed": "switch '{}' not closed",
+        "open": "switch '{}' not open", "distance": "not moved by {:g} m", "error": "error not below {:g} m",
+    }  # fmt: skip
+    values = {name: getattr(guard, name) for name in words}
+    asked = [words[name].format(value) for name, value in values.items() if value not in (None, "")]
     named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
     return f"phase {guard.phase} '{named}': {' or '.join(asked)} within {float(guard.timeout):g} s"

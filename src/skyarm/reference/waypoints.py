@@ -57,7 +57,7 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightLimits:
-    """Limits of a motion on the vehicle.
+    """Limits of a motion on the vehicle, or the peaks of one.
 
     Attributes:
         speed: m/s. acceleration: m/s^2. tilt: rad. rate: rad/s, of roll and pitch. spin: rad/s^2, of roll and pitch.
@@ -71,20 +71,8 @@ class FlightLimits:
     spin: float = 5.0
     thrust: float = 1.5
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Demand:
-    """Peak demands of a motion, in the units of :class:`FlightLimits`."""
-
-    speed: float
-    acceleration: float
-    tilt: float
-    rate: float
-    spin: float
-    thrust: float
-
     def within(self, limits: FlightLimits) -> bool:
-        """Whether all limits are met."""
+        """Whether no peak is above its limit."""
         return all(getattr(self, name) <= getattr(limits, name) for name in LIMITS)
 
 
@@ -105,10 +93,10 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
     spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in itertools.pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
     unit = _times(shares)
-    derivatives = _looks(through(points, unit), unit)
+    derivatives = sample_derivatives(through(points, unit), unit)
 
     def meets(stretch: float) -> bool:
-        return _demand(derivatives, gravity, stretch).within(limits)
+        return peaks([d / stretch ** (k + 1) for k, d in enumerate(derivatives)], gravity).within(limits)
 
     high = 1.0
     while not meets(high) and high < SLOWEST:
@@ -120,11 +108,6 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
         middle = 0.5 * (low + high)
         low, high = (low, middle) if meets(middle) else (middle, high)
     return tuple(high * t for t in unit)
-
-
-def demand(motion: Trajectory, times: Sequence[float], gravity: float) -> Demand:
-    """Peak demands of a motion, at instants between each two of the times."""
-    return _demand(_looks(motion, times), gravity, 1.0)
 
 
 def _shares(points: Points, shares: list[float]) -> list[float]:
@@ -162,7 +145,7 @@ def _times(spans: Sequence[float]) -> tuple[float, ...]:
     return tuple(times)
 
 
-def _looks(motion: Trajectory, times: Sequence[float]) -> list[Array]:
+def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
     """Velocity, acceleration, jerk and snap (3, N) of a motion."""
     at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
@@ -171,8 +154,9 @@ def _looks(motion: Trajectory, times: Sequence[float]) -> list[Array]:
     ]
 
 
-def _demand(derivatives: Sequence[Array], gravity: float, stretch: float) -> Demand:
-    velocity, acceleration, jerk, snap = (d / stretch ** (k + 1) for k, d in enumerate(derivatives))
+def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:
+    """Peak demands of a motion: velocity, acceleration, jerk and snap, (3, N) each."""
+    velocity, acceleration, jerk, snap = derivatives
     force = acceleration + np.array([[0.0], [0.0], [gravity]])
     size = np.maximum(_length(force), 1e-9)
 
@@ -181,7 +165,7 @@ def _demand(derivatives: Sequence[Array], gravity: float, stretch: float) -> Dem
         along = (force * vectors).sum(axis=0) / size
         return float((_length(vectors - force * (along / size)) / size).max())
 
-    return Demand(
+    return FlightLimits(
         speed=float(_length(velocity).max()),
         acceleration=float(_length(acceleration).max()),
         tilt=float(np.arctan2(np.sqrt(force[0] ** 2 + force[1] ** 2), force[2]).max()),

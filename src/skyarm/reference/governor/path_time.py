@@ -9,6 +9,7 @@ so that points which do not fall make a time that never runs backwards.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -63,12 +64,12 @@ class PathTime:
         piece = np.minimum(u.astype(int), len(points) - FEWEST)
         left = u - piece
         window = [points[piece + i] for i in range(FEWEST)]
-        rows = [_row(weights, window) for weights in CARDINAL]
+        rows = [np.asarray(sum(w * p for w, p in zip(row, window, strict=True)) / 120.0) for row in CARDINAL]
         found = []
         for order in range(ORDERS):
             total: Any = 0.0
             for power in range(len(rows) - 1, order - 1, -1):
-                total = total * left + rows[power] * float(_falling(power, order))
+                total = total * left + rows[power] * float(math.perm(power, order))
             found.append(total / step**order)
         d0, d1, d2, d3, d4 = found
         return d0, d1, d2, d3, d4
@@ -85,21 +86,6 @@ class PathTime:
             else:
                 high = middle
         return high
-
-
-def _row(weights: tuple[int, ...], window: list[Array]) -> Array:
-    total: Any = 0.0
-    for weight, point in zip(weights, window, strict=True):
-        total = total + weight * point
-    return np.asarray(total / 120.0)
-
-
-def _falling(power: int, order: int) -> int:
-    """power (power - 1) ... (power - order + 1)."""
-    found = 1
-    for k in range(order):
-        found *= power - k
-    return found
 
 
 def governed(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
@@ -123,23 +109,18 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     yaw_rate, yaw_acceleration, _, _ = _chained((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
     joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
     moved = tuple(zip(*(_chained(d, s) for d in joints), strict=True)) or ((),) * 4
-    return Reference(
-        position=r.position,
+    return dataclasses.replace(
+        r,
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,
         snap=snap,
-        yaw=r.yaw,
         yaw_rate=yaw_rate,
         yaw_acceleration=yaw_acceleration,
-        joints=r.joints,
         joint_rates=moved[0],
         joint_accelerations=moved[1],
         joint_jerks=moved[2],
         joint_snaps=moved[3],
-        tip=r.tip,
-        push=r.push,
-        load=r.load,
     )
 
 

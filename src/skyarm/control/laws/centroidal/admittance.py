@@ -191,8 +191,8 @@ def shift_reference(
     columns = () if rotation is None else jacobian_columns(vehicle, vehicle.frame(), observed.joints)
     wrench = tip_wrench(vehicle, gains.errors, at, [column.angular for column in columns], d - memory.bias)
     channels = []
-    for channel, value, reading in zip(memory.channels, wrench, sensor, strict=False):
-        sensed = channel.sensed
+    for channel, estimate, reading in zip(memory.channels, wrench, sensor, strict=False):
+        sensed, value = channel.sensed, estimate
         if isinstance(sensed, Vec3) and isinstance(channel.offset, Vec3) and reading:
             sensed = sensed + (Vec3(*reading) - sensed) * low_pass_share(gains.sensing, dt)
             turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
@@ -327,7 +327,8 @@ def require_moderate(at: str, name: str, limits: tuple[float, float], body: Comp
 
     Args:
         at: name of the record.
-        name: of its inertias in messages. limits: of them.
+        name: of its inertias in messages.
+        limits: of its inertias.
         body: checked. An axis whose inertia is a structural 0 is held.
 
     Raises:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,16 +10,15 @@ from typing import Any
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag_along
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
-from skyarm.control.laws.centroidal.gust_shift import SlowForce, shift_acceleration
-from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.centroidal.gust_shift import shift_acceleration
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.path_shift import AT_REST, PathShift, moved_path, with_shift
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
@@ -95,66 +95,40 @@ class Demand:
     gap: Any = 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Course:
     """Where the vehicle shall be now.
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
-        goal: of the tip mode, else None. reach: of sideways force, if it is used.
-        shift, pace, path: of the shift's motion, one period later.
+        following: of the shift's motion, one period later.
         changes: of the disturbance, as far as they are known, N/s and N/s^2, world axes.
+        reach: of sideways force, if it is used. goal: of the tip mode, else None.
     """
 
     base: list[Vec3]
     still: Attitude
     level: Posture
     turned: tuple[Taylor, ...]
+    following: Following
+    changes: tuple[Vec3, Vec3]
+    reach: Reach | None
     goal: tip_reference.Goal | None = None
-    shift: ShiftMotion | tuple[()] = ()
-    pace: SwingPace | tuple[()] = ()
-    path: PathShift | tuple[()] = ()
-    changes: tuple[Vec3, Vec3] = (ZERO3, ZERO3)
-    reach: Reach | None = None
 
 
-def demands(
-    par: CentroidalParameters,
-    model: Model,
-    state: State,
-    signals: Sequence[Taylor],
-    unknown: Disturbance,
-    steady: Vec3,
-    force_rate: Vec3,
-    before: Following,
-    dt: Any,
-    pressing: Pressing | None = None,
-    slow: SlowForce | None = None,
-) -> Demand:
-    """Return the demand at this state.
-
-    Args:
-        par: constants.
-        model: belief.
-        state: now.
-        signals: x, y, z, yaw and the joints, series in time.
-        unknown: disturbance.
-        steady: its force without the rotors' own drag, which the posture follows.
-        force_rate: how the force changes, as far as that is believed, N/s, world axes.
-        before: of the period before.
-        dt: control period, s.
-        pressing: on a surface; None where no reference asks for it.
-        slow: derivatives of ``steady`` as the shift's filter knows them; None where it does not.
-    """
+def demands(step: Step) -> Demand:
+    """The demand at this step, whose steady force, trend and pressing are known."""
+    par, state, before = step.par, step.state, step.memory.following
+    model, pressing = par.model, step.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
-    yaw, joints = signals[3], tuple(signals[4:])
+    yaw, joints = step.signals[3], tuple(step.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(par, model, state, signals, steady, force_rate, before, dt, slow)
+    course = _course(step)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
-        arm = center_of_mass.followed(arm, course.level.com, model.gravity, dt)
+        arm = center_of_mass.followed(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.made_good(arm, par.center.arm_turn, h)
     wanted = center_of_mass.goal(course.base, h, course.still, par.tip.shift is not None)
     push = center_of_mass.thrust(
@@ -165,7 +139,7 @@ def demands(
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
-        disturbance=unknown.force,
+        disturbance=step.unknown.force,
         force_rate=course.changes[0],
         force_bend=course.changes[1],
         reach=course.reach,
@@ -200,47 +174,38 @@ def demands(
         R=course.still.R,
         rate=course.still.rate,
         alpha=course.still.acceleration,
-        proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
+        proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm, pace=course.pace, path=course.path)
     ahead = par.rotors.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
         alpha=alpha,
         joints=preferred,
         planned=plan,
-        following=following,
+        following=dataclasses.replace(course.following, arm=arm),
         across=push.across,
         force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity) if ahead else None,
         gap=gap,
     )
 
 
-def _course(
-    par: CentroidalParameters,
-    model: Model,
-    state: State,
-    signals: Sequence[Taylor],
-    steady: Vec3,
-    force_rate: Vec3,
-    before: Following,
-    dt: Any,
-    slow: SlowForce | None = None,
-) -> Course:
+def _course(step: Step) -> Course:
     """The references, and in tip mode what they become under the quasi-static attitude.
 
     Attitude and drag along the path are those of the base as it shifts: its velocity, its acceleration and so on.
     """
+    par, signals, before, dt = step.par, step.signals, step.memory.following, step.dt
+    model, force_rate, steady, slow = par.model, step.rate, step.steady, step.slow
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
     moves, sideways = par.tip.shift, par.center.sideways is not None
-    answered = with_shift(before.path, base, level, par.model.gravity)
+    answered = with_shift(before.path, base, level, model.gravity)
     drag = reference_drag(
         model,
-        state,
+        step.state,
         answered[:4],
         sideways=sideways,
         moving=moves is not None,
@@ -255,7 +220,8 @@ def _course(
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if sideways else None
     still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
-        return Course(base=base, still=still, level=level, turned=joints, reach=reach, changes=changes)
+        following = Following()
+        return Course(base, still, level, joints, following, changes, reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
@@ -264,18 +230,8 @@ def _course(
     own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
     shift, pace, offset = moved_shift(moves, model.gravity, before.shift, before.pace, offset, upright_posture, dt, own)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(
-        base=base,
-        still=still,
-        level=level,
-        turned=turned,
-        goal=goal,
-        shift=shift,
-        pace=pace,
-        path=path,
-        reach=reach,
-        changes=changes,
-    )
+    following = Following(shift=shift, pace=pace, path=path)
+    return Course(base, still, level, turned, following, changes, reach, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

@@ -59,12 +59,13 @@ def within_limits(
         accelerations: wanted.
     """
     found = []
-    for i, (kept, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
         share = WITH_STOP if joint.has_stops else SHARE
         pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
         square = pole * pole
         gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]
+        kept = wanted
         if high:
             end = towards(joint.upper, references[i], share, pole)
             kept = minimum(kept, minimum(end, square * joint.upper) - gone)

@@ -92,22 +92,9 @@ def centroidal(
     for name, part in parts:
         memories[name] = part.adjust_reference(memories[name], step)
     slow = slow_force(par, memory.slow_force, memory.gust, step.force, dt)
-    steady, shifting = steady_force(par, step, slow, adapted.force)
-    demand = demands(
-        par,
-        par.model,
-        step.state,
-        step.signals,
-        step.unknown,
-        steady,
-        step.rate,
-        memory.following,
-        dt,
-        step.pressing,
-        shifting,
-    )
-    done = actuate(par, par.model, step.state, demand, step.unknown, memory.trim, memory.applied[0], dt)
-    step.demand = demand
+    step.steady, step.slow = steady_force(par, step, slow, adapted.force)
+    step.demand = demands(step)
+    done = actuate(step, step.demand)
     for name, part in parts:
         memories[name] = part.learn(memories[name], step)
     following = CentroidalMemory(
@@ -121,7 +108,7 @@ def centroidal(
         slow_force=slow.force,
         gust=slow.memory,
         trim=done.trim,
-        following=demand.following,
+        following=step.demand.following,
         parts=PartMemories(**memories),
     )
     return following, done.command

@@ -21,6 +21,7 @@ from skyarm.sensors.measurement import Measurement
 
 if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand
+    from skyarm.control.laws.centroidal.gust_shift import SlowForce
     from skyarm.control.laws.centroidal.interaction import Pressing
     from skyarm.control.laws.centroidal.memory import CentroidalMemory
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -41,6 +42,7 @@ class Step:
         external: 1 while a force on the tip is part of what is observed.
         pressing: contact; None without one.
         rate: N/s, world axes, of the observed force as far as it is trusted.
+        steady: force that the attitude balances, N, world axes. slow: of the filter that the shift follows.
         trend: level of the tracked force (N, world axes) and the share of it that is trusted; None without one.
         demand: of the step, once it is known.
     """
@@ -63,6 +65,8 @@ class Step:
     pressing: Pressing | None = None
     rate: Vec3 = ZERO3
     trend: tuple[Vec3, Any] | None = None
+    steady: Vec3 = ZERO3
+    slow: SlowForce | None = None
     demand: Demand | None = None
 
     def isolate(self, share: Any) -> None:

@@ -9,10 +9,9 @@ since little else pushes there, so f is the weighted least squares
 with lengths l that say by what torque a force is wrong by as much as one of the base of 1 N: no vehicle's weight is in
 them. An arm of two joints in a plane tells two of the three directions; the base tells the third.
 
-With a torque: a force f and a torque t at the tip (base axes) appear in the observed disturbance as J_v^T f + J_w^T t at the joints,
-r x f + t on the base's turning and f on its motion. Weighted alike,
-six numbers in n + 6 of the disturbance: an arm of six joints tells all of them by its joints alone, any other needs the
-base's torque, too, of which wrong rotors are a part.
+With a torque t at the tip as well they are J_v^T f + J_w^T t, r x f + t and f. Weighted alike, six numbers in n + 6 of
+the disturbance: an arm of six joints tells all of them by its joints alone, any other needs the base's torque, too, of
+which wrong rotors are a part.
 """
 
 from __future__ import annotations

@@ -112,9 +112,9 @@ def turned_reference(
     asked = _accelerations(vehicle, weights, memory, _in_heading(E, yaw), wanted, now, planned, values, k)
     moved: list[tuple[Any, ...]] = []
     rows = zip(vehicle.links, ends, planned, values, rates, memory.joints, memory.joint_rates, asked, strict=True)
-    for link, (low, high), q, value, rate, dq, slope, bend in rows:
+    for link, (low, high), q, value, rate, dq, slope, wanted_bend in rows:
         # towards a limit no further than a share of the way from the reference, which is followed where it is nearer
-        gone = k * k * value + 2.0 * k * rate
+        bend, gone = wanted_bend, k * k * value + 2.0 * k * rate
         if high:
             upper = link.joint.upper
             bend = minimum(bend, maximum(towards(upper, q, ROOM, k), towards(upper, q, 0, k)) - gone)

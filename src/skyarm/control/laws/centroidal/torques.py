@@ -15,7 +15,7 @@ from skyarm.control.blocks.prediction import motor_speeds
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.laws.centroidal.demands import Demand
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
@@ -105,26 +105,19 @@ class Done:
     trim: tuple[Any, ...]
 
 
-def actuate(
-    par: CentroidalParameters,
-    model: Model,
-    state: State,
-    demand: Demand,
-    unknown: Disturbance,
-    trim: tuple[Any, ...],
-    applied: Any,
-    dt: Any,
-) -> Done:
+def actuate(step: Step, demand: Demand) -> Done:
     """Return the command for a demand.
 
     Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
     model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds, but not
-    while others change the rotors' commands (``applied`` is 0), which would wind it up.
+    while others change the rotors' commands (``applied`` of the memory is 0), which would wind it up.
 
     Joints whose torques are cut accelerate more slowly and push the base less: that part of the body torque falls away,
     so that its angular acceleration stays what was desired.
     """
-    torque, efforts = needed(model, state, demand, unknown)
+    par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
+    model = par.model
+    torque, efforts = needed(model, state, demand, step.unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
     held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
@@ -145,7 +138,7 @@ def actuate(
     )
     command = Command(rotor_speeds=speeds, efforts=held)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
-    step = where(logical_and(inside, applied > 0.5), par.rotors.trim_rate * dt, 0.0)
+    rate = where(logical_and(inside, step.memory.applied[0] > 0.5), par.rotors.trim_rate * dt, 0.0)
     return Done(
         command=command,
         free=(
@@ -153,7 +146,7 @@ def actuate(
             *(where(absolute(e) < limit, 1.0, 0.0) for e, limit in zip(efforts, limits, strict=True)),
         ),
         trim=tuple(
-            clip(t + step * (w * w - r * r), -TRIM * highest, TRIM * highest)
+            clip(t + rate * (w * w - r * r), -TRIM * highest, TRIM * highest)
             for t, w, r, highest in zip(trim, wanted, reached, par.mixer.highest, strict=True)
         ),
     )

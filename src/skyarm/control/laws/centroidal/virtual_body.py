@@ -29,7 +29,7 @@ IEEE Trans. Robotics and Automation 15(2), (13)-(15) for coordinates of orientat
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -81,10 +81,8 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Any) -> tuple[
         The memory, and the offset with two derivatives (m, m/s, m/s^2, world axes).
     """
     along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
-    axes: Iterable[tuple[Any, ...]] = zip(
-        gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True
-    )
-    rates, motions = zip(*(_axis_step(*axis, gains.lead, dt) for axis in axes), strict=True)
+    axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
+    rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
     offset = tuple(along_world(gains.axes, each) for each in zip(*motions, strict=True))
     held = [
         data(x) if type(M) is int else row[0] for M, x, row in zip(gains.inertia, memory.offset, motions, strict=True)
@@ -92,8 +90,9 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Any) -> tuple[
     return VirtualBody(offset=tuple(held), rate=rates), offset
 
 
-def _axis_step(M: Any, D: Any, K: Any, x: Any, w: Any, f: Any, lead: Any, dt: Any) -> tuple[Any, tuple[Any, Any, Any]]:
-    """Rate of one axis one period later; offset, velocity and acceleration then, structural zeros of one that is held."""
+def _axis_step(axis: Sequence[Any], lead: Any, dt: Any) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Rate of one axis one period later; offset, velocity, acceleration then, structural zeros where it is held."""
+    M, D, K, x, w, f = axis
     if type(M) is int:
         return data(w), (0, 0, 0)
     per = divide(1.0, M)
