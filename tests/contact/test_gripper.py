@@ -36,7 +36,7 @@ def gripping(kind="magnet", **numbers):
 
 def taken(contact, state=START):
     """The memory once the gripper has taken hold."""
-    return contact.act(contact.start(0.005, ()), 0.0, PointMotion(ARM, state))
+    return contact.act(contact.start(0.005, ()), 0.0, 0.005, PointMotion(ARM, state))
 
 
 def moved(memory, way=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
@@ -51,7 +51,7 @@ def moved(memory, way=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), velocity=(0.0, 0.0,
 
 def after(contact, memory, t=0.1, state=START):
     """The grip after the next control instant."""
-    return contact.act(memory, t, PointMotion(ARM, state)).grips[0]
+    return contact.act(memory, t, 0.005, PointMotion(ARM, state)).grips[0]
 
 
 def test_it_takes_hold_within_its_reach_of_the_skin_and_not_beyond():
@@ -191,7 +191,7 @@ def test_where_a_grasp_gives_way(kind, force, torque, gives_way):
 def test_what_gave_way_is_taken_again_only_after_the_gripper_was_opened():
     contact = gripping(closed=Command(Ramp(start=0.0, duration=1.0, height=1.0)))
     assert float(after(contact, contact.start(0.005, ()), t=0.4).taken) == 0.0, "open until one half"
-    memory = contact.act(contact.start(0.005, ()), 0.6, PointMotion(ARM, START))
+    memory = contact.act(contact.start(0.005, ()), 0.6, 0.005, PointMotion(ARM, START))
     assert float(memory.grips[0].taken) == 1.0
     pulled = moved(memory, (0.0, 0.0, -0.0021))
     lost = after(contact, pulled, t=0.7)
@@ -205,7 +205,7 @@ def test_what_gave_way_is_taken_again_only_after_the_gripper_was_opened():
 
 def test_a_command_lets_go_and_that_is_no_loss():
     contact = gripping(closed=Command(Ramp(start=0.0, duration=1.0, height=1.0)))
-    memory = contact.act(contact.start(0.005, ()), 0.6, PointMotion(ARM, START))
+    memory = contact.act(contact.start(0.005, ()), 0.6, 0.005, PointMotion(ARM, START))
     grip = after(contact, memory, t=0.3)
     assert (float(grip.taken), float(grip.lost), float(grip.ready)) == (0.0, 0.0, 1.0)
     # also of what would have given way at that instant
@@ -269,7 +269,7 @@ def test_every_engine_gives_what_floats_give(engine, tolerance, kind):
         motion = PointMotion(ARM, state, gravity=9.8)
         wrenches = contact.wrenches(memory, 0.0, motion, ())
         found = [c for w in wrenches for c in (*w.force_W, *w.torque_W)]
-        later = leaves(contact.act(memory, 0.0, motion))
+        later = leaves(contact.act(memory, 0.0, 0.005, motion))
         return [*found, *leaves(contact.slope(memory, 0.0, motion, ())), *later, *contact.logged(memory, motion)]
 
     expected = evaluate("floats", everything, given)

@@ -155,7 +155,7 @@ def test_a_gripper_on_a_handle_moves_the_mechanism_and_is_moved_by_it(kind):
         mechanisms=(handled,), grippers=(Gripper(name="ball", kind="ball", stiffness=4000.0, force=99.0),)
     )
     motion = PointMotion(bird, start)
-    memory = contact.act(contact.start(0.005, ()), 0.0, motion)
+    memory = contact.act(contact.start(0.005, ()), 0.0, 0.005, motion)
     assert float(memory.grips[0].taken) == 1.0
     around = Surroundings(components=(contact,), memories=(memory,))
     rows = fall(bird, start, around, 0.3, gravity=0.0)

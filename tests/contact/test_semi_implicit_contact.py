@@ -99,7 +99,7 @@ def test_a_body_that_is_held_far_from_its_skin_is_stable(away):
     box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, position=Vec3(at.x, at.y, at.z - away))
     hand = Gripper(name="hand", reach=away, force=1e9, torque=1e9)
     contact = Contact(objects=(box,), grippers=(hand,))
-    memory = contact.act(contact.start(0.005, ()), 0.0, motion)
+    memory = contact.act(contact.start(0.005, ()), 0.0, 0.005, motion)
     assert float(memory.grips[0].taken) == 1.0
 
     def there(x):

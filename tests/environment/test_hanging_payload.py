@@ -3,14 +3,33 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.environment import Grasp, HangingPayload, Reach, TimedPayload
+from skyarm.environment import HangingPayload, Reach, TimedPayload
 
 DT = 0.005
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Motion of a vehicle of which only the frame that holds the load counts."""
+
+    place: Vec3
+    speed: Vec3
+    gravity: float
+
+    def frame(self, _name):
+        return Vec3(0.0, 0.0, 0.0), 0
+
+    def position(self, *_at):
+        return self.place
+
+    def velocity(self, *_at):
+        return self.speed
 
 
 def swing(payload, seconds, holder, *, start=None, gravity=9.81):
@@ -18,7 +37,7 @@ def swing(payload, seconds, holder, *, start=None, gravity=9.81):
     memory, rows = payload.start(DT, ()), []
     for k in range(round(seconds / DT)):
         place, velocity = holder(k * DT)
-        memory = payload.follow(memory, k * DT, Grasp(position=place, velocity=velocity, period=DT, gravity=gravity))
+        memory = payload.act(memory, k * DT, DT, Holder(place, velocity, gravity))
         if k == 0 and start is not None:
             from dataclasses import replace
 

@@ -260,7 +260,7 @@ def test_a_grasp_is_ours_and_pulls_both_with_one_force():
     )  # fmt: skip
     ours = Contact(objects=(held,), grippers=(Gripper(name="magnet", frame="tip"),))
     theirs = plant_contact(ours)
-    grips = ours.act(ours.start(0.005, ()), 0.0, motion).grips
+    grips = ours.act(ours.start(0.005, ()), 0.0, 0.005, motion).grips
     assert grips[0].taken == 1.0
     slope = ours.slope(dataclasses.replace(ours.start(0.005, ()), grips=grips), 0.0, motion, ())
     memory = dataclasses.replace(theirs.start(0.005, ()), grips=grips)

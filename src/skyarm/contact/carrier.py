@@ -14,7 +14,7 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.contact.surface import Surface
-from skyarm.environment.component import moved_by
+from skyarm.environment.component import Column, moved_by
 from skyarm.scalars import divide
 
 Spot = tuple[Vec3, Any]
@@ -152,6 +152,9 @@ class Carrier:
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
         """Its points or balls that touch a surface; ``toward`` is that surface's outward normal at a place (m)."""
         return ()
+
+    columns: tuple[Column, ...] = ()
+    """As :attr:`skyarm.environment.component.Component.columns`."""
 
     def logged(self, memory: Any) -> tuple[Any, ...]:
         """Numbers of the instant that a log keeps."""

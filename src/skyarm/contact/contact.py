@@ -21,7 +21,7 @@ from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import Surface
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment.component import Force, Wrench, moved_by
+from skyarm.environment.component import Column, Force, Wrench, moved_by
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
@@ -391,7 +391,7 @@ class Contact(Force):
             pushes.append((force, torque))
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
-    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
         """Grippers take hold, let go and slip."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
@@ -420,6 +420,15 @@ class Contact(Force):
             bristles=tuple(bristle * left for bristle in memory.bristles),
             carried=tuple(untouched_after(each, held, seconds / rounds, rounds, gravity) for each, held in bodies),
         )
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Force, friction and penetration of each pair of a surface and a point; then of each carrier and gripper."""
+        surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
+        labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
+        found = [(f"contact_{what}", label, "") for label in labels for what in ("force", "friction", "depth")]
+        found += [column for carrier in self.carriers for column in carrier.columns]
+        return (*found, *(column for gripper in self.grippers for column in gripper.columns))
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, then the carriers' and grippers' numbers."""

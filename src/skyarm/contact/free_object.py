@@ -15,6 +15,7 @@ from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
 from skyarm.contact.carrier import CarriedFrame, Carrier, Spot
 from skyarm.contact.material import Material
 from skyarm.contact.surface import SHAPES, Surface
+from skyarm.environment.component import Column
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
@@ -220,6 +221,12 @@ class FreeObject(Carrier):
         return tuple(
             (frame.position + half * end + down * cosine + across * sine, 0) for end in (-1, 1) for cosine, sine in RIM
         )
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Pose and velocities."""
+        arrays = {"position": "xyz", "quaternion": "wxyz", "velocity": "xyz", "rate": "xyz"}
+        return tuple((f"object_{name}", f"{self.name}/{axis}", "") for name, axes in arrays.items() for axis in axes)
 
     def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
         """Position of the shape's middle, attitude, its velocity (world axes), angular velocity (own axes)."""

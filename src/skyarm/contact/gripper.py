@@ -26,7 +26,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.contact.carrier import CarriedFrame, Carrier, both
 from skyarm.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment.component import Wrench
+from skyarm.environment.component import Column, Wrench
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
@@ -123,6 +123,12 @@ class Gripper:
             raise RecordError(f"gripper.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
         if self.kind == "hook" and self.closed != Command():
             raise RecordError("gripper.closed: must be left out of a hook, which has no command")
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Number of what is held, force, how often it slipped, and the pull on what is held."""
+        found = tuple((f"gripper_{name}", self.name, "") for name in ("taken", "force", "lost"))
+        return found + tuple(("gripper_pull", f"{self.name}/{axis}", "") for axis in "xyz")
 
     def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Any:
         """Longest integration step (s) of a grasp.

@@ -15,6 +15,7 @@ from skyarm.algebra.matrix import axis_rotation
 from skyarm.contact.carrier import CarriedFrame, Carrier
 from skyarm.contact.material import BRISTLE_STEP, LONGEST, Material, euler_step_of
 from skyarm.contact.surface import Surface, rotation_of
+from skyarm.environment.component import Column
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
@@ -228,6 +229,12 @@ class Mechanism(Carrier):
     def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
         """The coordinate."""
         return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Coordinate and rate."""
+        unit = "rad" if self.turns else "m"
+        return ("mechanism_position", self.name, unit), ("mechanism_rate", self.name, f"{unit}/s")
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
         """Coordinate and rate."""

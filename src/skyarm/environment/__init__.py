@@ -12,7 +12,7 @@ from skyarm.environment.gust import Gust
 from skyarm.environment.hanging_payload import HangingPayload
 from skyarm.environment.payload import Payload
 from skyarm.environment.signal_vector import ColouredNoise, SignalVector
-from skyarm.environment.timed_payload import Grasp, PayloadMemory, Reach, TimedPayload
+from skyarm.environment.timed_payload import PayloadMemory, Reach, TimedPayload
 from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 
 __all__ = [
@@ -28,7 +28,6 @@ __all__ = [
     "Fault",
     "Force",
     "ForceWind",
-    "Grasp",
     "GroundEffect",
     "Gust",
     "HangingPayload",

@@ -67,10 +67,17 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
         raise ValueError(f"frame = {frame!r}: {error}") from None
 
 
+Column = tuple[str, str, str]
+"""Array of a log, label of one of its columns, and its unit where it is not that of the array."""
+
+
 class Component:
     """Base of what surrounds a vehicle. A subclass is a frozen dataclass and overrides what it needs."""
 
     __slots__ = ()
+
+    rigid: bool = False
+    """Whether it is a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
 
     @property
     def uniforms(self) -> int:
@@ -117,10 +124,14 @@ class Component:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
-    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
-        """A coupled component's memory after what it does at the control instant: take hold, let go.
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """The memory after the discrete events of a control instant, after ``advance``: take hold, let go.
 
-        ``t`` (s) is that of the reference where its phases wait for the flight.
+        Args:
+            memory: of the period.
+            t: s; of a reference whose phases wait for the flight its own time.
+            dt: control period, s.
+            motion: of the vehicle at the instant.
         """
         return memory
 
@@ -182,6 +193,9 @@ class Component:
             gravity: m/s^2, along -z.
         """
         return memory
+
+    columns: tuple[Column, ...] = ()
+    """Columns of a log, one for each number of ``logged``; may be a property."""
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

@@ -19,7 +19,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile.tracing.repeat import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.component import Wrench, require_frame
-from skyarm.environment.timed_payload import Grasp, TimedPayload
+from skyarm.environment.timed_payload import TimedPayload
 from skyarm.files import shown
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
@@ -84,7 +84,7 @@ class HangingPayload(TimedPayload):
                 raise ValueError(f"{name} = {shown(given)}: must be left out of a hanging payload, a point mass")
 
     @property
-    def rigid(self) -> bool:
+    def rigid(self) -> bool:  # type: ignore[override]
         """No: it has a motion of its own."""
         return False
 
@@ -106,37 +106,40 @@ class HangingPayload(TimedPayload):
             pull=still,
         )  # fmt: skip
 
-    def follow(self, memory: Any, t: Any, tip: Grasp) -> Any:
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
         """Memory for the period that begins at ``t`` (s): the load at its end, and the mean pull on the frame in it."""
-        held, caught, gone, place = self.passed(memory, t, tip.position)
-        below = tip.position + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
+        at = motion.frame(self.frame or None)
+        holder, speed = motion.position(*at), motion.velocity(*at)
+        held, caught, gone, place = self.passed(memory, t, holder)
+        below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
         first = Vec3(*(where(caught > 0.5, b, p) for b, p in zip(below, memory.position, strict=True)))
-        speed = Vec3(*(where(caught > 0.5, 0.0, v) for v in memory.velocity))
-        swing = Swing(position=first, velocity=speed, holder=tip.position, pull=Vec3(0.0, 0.0, 0.0))
-        dt = tip.period / SUBSTEPS
-        swing = repeat(SUBSTEPS, lambda now: self._moved(now, tip, dt), swing)
+        still = Vec3(*(where(caught > 0.5, 0.0, v) for v in memory.velocity))
+        swing = Swing(position=first, velocity=still, holder=holder, pull=Vec3(0.0, 0.0, 0.0))
+        step = dt / SUBSTEPS
+        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
 
-        def kept(new: Vec3, old: Vec3) -> Vec3:
+        def where_held(new: Vec3, old: Vec3) -> Vec3:
             return Vec3(*(where(held > 0.5, a, b) for a, b in zip(new, old, strict=True)))
 
         return HangingMemory(
             held=held, caught=caught, gone=gone, place=place,
-            position=kept(swing.position, memory.position), velocity=kept(swing.velocity, memory.velocity),
-            pull=kept(swing.pull * (1.0 / SUBSTEPS), Vec3(0.0, 0.0, 0.0)),
+            position=where_held(swing.position, memory.position),
+            velocity=where_held(swing.velocity, memory.velocity),
+            pull=where_held(swing.pull * (1.0 / SUBSTEPS), Vec3(0.0, 0.0, 0.0)),
         )  # fmt: skip
 
-    def _moved(self, now: Swing, tip: Grasp, dt: Any) -> Swing:
+    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Any, dt: Any) -> Swing:
         """One substep: tension by mass and gravity's units, so that a massless load swings, too."""
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
-        square = tip.gravity / (self.stretch * self.cord)  # k / m
+        square = gravity / (self.stretch * self.cord)  # k / m
         damping = 2.0 * self.damping_ratio * sqrt(square)
-        tension = square * (length - self.cord) + damping * along.dot(tip.velocity - now.velocity)
+        tension = square * (length - self.cord) + damping * along.dot(speed - now.velocity)
         tension = where(length > self.cord, maximum(tension, 0.0), 0.0)
-        velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * tip.gravity) * dt
+        velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * gravity) * dt
         return Swing(
-            position=now.position + velocity * dt, velocity=velocity, holder=now.holder + tip.velocity * dt,
+            position=now.position + velocity * dt, velocity=velocity, holder=now.holder + speed * dt,
             pull=now.pull - along * mul(tension, self.mass),
         )  # fmt: skip
 

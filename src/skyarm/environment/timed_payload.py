@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
-from skyarm.environment.component import Component, require_frame
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment.component import Column, Component, require_frame
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -58,20 +59,6 @@ class PayloadMemory:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Grasp:
-    """What holds a payload at the beginning of a period.
-
-    Attributes:
-        position, velocity: of the frame, m and m/s, world axes. period: its length, s. gravity: m/s^2.
-    """
-
-    position: Vec3
-    velocity: Vec3
-    period: float
-    gravity: Scalar
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class TimedPayload(Component):
     """A timed payload is a rigid load that is held from ``pick`` to ``drop``.
 
@@ -97,7 +84,7 @@ class TimedPayload(Component):
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
     @property
-    def rigid(self) -> bool:
+    def rigid(self) -> bool:  # type: ignore[override]
         """Whether it is a part of the body that holds it."""
         return True
 
@@ -121,10 +108,19 @@ class TimedPayload(Component):
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
-    def follow(self, memory: Any, t: Any, tip: Grasp) -> Any:
-        """Memory for the period that begins at ``t`` (s); ``tip`` is the frame that holds it, as it is then."""
-        held, caught, gone, place = self.passed(memory, t, tip.position)
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """Grasp and release at the beginning of a control period."""
+        held, caught, gone, place = self.passed(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Mass that is held."""
+        return (("payload_mass", self.name, ""),)
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Mass that is held, kg."""
+        return (mul(self.mass, memory.held),)
 
     def passed(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
         """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""

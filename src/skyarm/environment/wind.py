@@ -30,16 +30,14 @@ class WindSample(Component):
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
         effectiveness: what faults leave of the actuators (:mod:`skyarm.environment.faults`); None for whole ones.
-        held: kg, mass that is held of each payload with a time; for logs.
-        contacts: normal force (N), friction (N) and penetration (m) of each pair of surface and point; for logs.
+        numbers: of all components for the log, in the order of their ``columns``.
     """
 
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
     effectiveness: Effectiveness | None = None
-    held: tuple[Scalar, ...] = ()
-    contacts: tuple[Scalar, ...] = ()
+    numbers: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The same everywhere and always."""

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
-from skyarm.log.flown_scenario import written_part
-from skyarm.log.log_columns import COLUMNS, layout
+from skyarm.log.log_columns import COLUMNS, LABELS, layout
 from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
@@ -143,23 +142,10 @@ def _require_description(info: dict[str, Any]) -> None:
         fields = Fields(wait, f"info.waits[{k}]")
         for name in ("phase", "at", "timeout"):
             fields.number(name)
-
-    contact = written_part(info, "environment", "world")
-    if contact is not None:
-        _require_world(Fields(contact, "info.scenario_record.contact"))
-
-
-def _require_world(world: Fields) -> None:
-    """Check the names of a world's parts, of which columns and periods of contact are named."""
-    for of in ("points", "surfaces", "objects", "mechanisms", "grippers", "parts"):
-        rows = world.take(of, None) or []
-        if not isinstance(rows, list):
-            raise ValueError(f"{world.at(of)} = {shown(rows)}: must be a list")
-        for k, row in enumerate(rows):
-            part = Fields(row, f"{world.at(of)}[{k}]")
-            if not isinstance(part.take("name"), str):
-                raise ValueError(f"{part.at('name')} = {shown(row['name'])}: must be a text")
-            _require_world(part)
+    labels = info.get(LABELS) or {}
+    pairs = [each for row in labels.values() for each in row] if isinstance(labels, dict) else [None]
+    if not all(isinstance(pair, list) and [*map(type, pair)] == [str, str] for pair in pairs):
+        raise ValueError(f"info.{LABELS} = {shown(labels)}: must be tables of pairs of texts")
 
 
 def columns_in(info: Any) -> list[str]:

@@ -8,7 +8,7 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation.drive import TorqueDrive
-from skyarm.contact.mechanism import KINDS
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.sensor_data import sources_of
@@ -38,20 +37,6 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "tilts": ("rotor_tilt", "tilting"),
     "tilt_commands": ("rotor_tilt_command", "tilting"),
     "lag_found": ("lag_found", "loops"),
-    "payload_mass": ("payload_mass", "payloads"),
-    "contact_force": ("contact_force", "contacts"),
-    "contact_friction": ("contact_friction", "contacts"),
-    "contact_depth": ("contact_depth", "contacts"),
-    "object_position": ("object_position", "objects"),
-    "object_quaternion": ("object_quaternion", "objects"),
-    "object_velocity": ("object_velocity", "objects"),
-    "object_rate": ("object_rate", "objects"),
-    "mechanism_position": ("mechanism_position", "mechanisms"),
-    "mechanism_rate": ("mechanism_rate", "mechanisms"),
-    "gripper_taken": ("gripper_taken", "grippers"),
-    "gripper_force": ("gripper_force", "grippers"),
-    "gripper_lost": ("gripper_lost", "grippers"),
-    "gripper_pull": ("gripper_pull", "grippers"),
     "tool": ("tip", ""),
     "tool_held": ("tip_held", ""),
     "tool_reference": ("tip_reference", ""),
@@ -64,17 +49,11 @@ KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
 SETPOINT = "joint_setpoint"
 """Beginning of the commands to joints whose drives take no torque."""
 
-CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
-"""Arrays of a number for each surface of the world with each point of the vehicle."""
+LABELS = "labels"
+"""Key of a log's description under which the columns of its components stand."""
 
-OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity": 3, "object_rate": 3}
-"""Arrays of free objects, in the order in which a contact logs them, and how many numbers each object has in them."""
-
-MECHANISM_ARRAYS = ("mechanism_position", "mechanism_rate")
-"""Arrays of a number for each mechanism, in the order in which a contact logs them, behind the objects."""
-
-GRIPPER_ARRAYS = {"gripper_taken": 1, "gripper_force": 1, "gripper_lost": 1, "gripper_pull": 3}
-"""Arrays of grippers, in the order in which a contact logs them, and how many numbers each gripper has in them."""
+Labels = dict[str, list[list[str]]]
+"""Array -> label and unit of each of its columns; the unit is empty where it is that of the array."""
 
 AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
@@ -105,9 +84,7 @@ class Names:
     """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
-    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
-    its free bodies, ``mechanisms`` those with one degree of freedom (kinds as those of joints), ``grippers`` those of
-    the vehicle.
+    are the rotors that tilt.
     """
 
     joints: tuple[str, ...]
@@ -115,13 +92,7 @@ class Names:
     rotors: tuple[str, ...]
     setpoints: tuple[str | None, ...]
     tilting: tuple[str, ...] = ()
-    contacts: tuple[str, ...] = ()
-    objects: tuple[str, ...] = ()
-    mechanisms: tuple[str, ...] = ()
-    grippers: tuple[str, ...] = ()
-    mechanism_kinds: tuple[str, ...] = ()
     loops: tuple[str, ...] = ("rotors", "joints")
-    payloads: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -144,35 +115,25 @@ def names_of(log: Log) -> Names:
             for each, kind in zip(found, kinds, strict=True)
         ),
         tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
-        *_contacts(log),
     )
 
 
-def _contacts(log: Log) -> tuple[tuple[str, ...], ...]:
-    """Pairs of a surface and a point; objects and mechanisms, whose skins are surfaces, too; grippers."""
-    world = _table(written_part(log.info, "environment", "world"))
-    points, objects, mechanisms, grippers = (
-        tuple(word(str(_table(each).get("name"))) for each in world.get(of) or [])
-        for of in ("points", "objects", "mechanisms", "grippers")
-    )
-    surfaces = map(word, touched_surfaces(world))
-    pairs = tuple(f"{surface}_{point}" for surface in surfaces for point in points)
-    return pairs, objects, mechanisms, grippers, tuple(_joint_kind(each) for each in world.get("mechanisms") or [])
-
-
-def _joint_kind(mechanism: Any) -> str:
-    """The kind of joint that a mechanism is."""
-    kind = KINDS.get(str(_table(mechanism).get("kind")))
-    return "" if kind is None else "revolute" if kind.turns else "prismatic"
-
-
-def touched_surfaces(world: Mapping[str, Any]) -> list[str]:
-    """Names of all that the vehicle's points may touch, as plain data of a contact tell them, in a log's order."""
-    found = [str(_table(each).get("name")) for of in ("surfaces", "objects") for each in world.get(of) or []]
-    for each in map(_table, world.get("mechanisms") or []):
-        found += [str(each.get("name"))] * bool(each.get("size"))
-        found += [str(_table(part).get("name")) for part in each.get("parts") or []]
+def labels_of_components(components: Iterable[Any]) -> Labels:
+    """The columns that components declare, by array, as plain data for a log's description."""
+    found: dict[str, list[list[str]]] = {}
+    for array, label, unit in (column for each in components for column in each.columns):
+        found.setdefault(array, []).append([label, unit])
     return found
+
+
+def labels_of(log: Log) -> Labels:
+    """Labels and units of the columns of a log's components, by array; those of its scenario in logs without them."""
+    if LABELS in log.info or not any(map(len, (log.contact_force.T, log.object_position.T, log.mechanism_position.T))):
+        return dict(log.info.get(LABELS, {}))
+    try:
+        return labels_of_components(log.scenario.components)
+    except (ValueError, AttributeError):  # plugins that are not loaded, or a damaged record
+        return {}
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -187,11 +148,15 @@ def _table(data: Any) -> Mapping[str, Any]:
 
 def columns(log: Log) -> tuple[Column, ...]:
     """Columns of a log, in the order of its arrays."""
-    names, found = names_of(log), []
+    names, labels, found = names_of(log), labels_of(log), []
     for array, unit in units(Log).items():
         width = getattr(log, array).shape[1:]
-        group = COLUMNS.get(array, ("", ""))[1]
-        kinds = {"joints": names.kinds, "mechanisms": names.mechanism_kinds}.get(group, ())
+        if array in labels and width == (len(labels[array]),):
+            for index, (label, own) in enumerate(labels[array]):
+                name = f"{array}_{word(label) if label else index}"
+                found.append(Column(name, own or unit.unit, unit.meaning, array, index))
+            continue
+        kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
         for index, name in enumerate(_endings(array, width[0] if width else None, names)):
             told = names.setpoints[index] if array == "efforts" else None
             own = unit_of_kind(unit, kinds[index] if index < len(kinds) else "") if told is None else told

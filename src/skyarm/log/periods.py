@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.log.flown_scenario import written_part
-from skyarm.log.log_columns import touched_surfaces
+from skyarm.log.log_columns import labels_of
 from skyarm.reference.task_records import Guard
 
 if TYPE_CHECKING:
@@ -70,17 +69,17 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
 
 def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
     """Surface and point of each column of ``contact_force``."""
-    world = _world(log)
-    return tuple((surface, point) for surface in touched_surfaces(world) for point in _names(world, "points"))
+    pairs = (label.partition("/") for label, _ in labels_of(log).get("contact_force", ()))
+    return tuple((surface, point) for surface, _, point in pairs)
 
 
 def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
     """All grasps in a log, by their beginnings; empty of a flight without grippers."""
-    world = _world(log)
-    bodies, found = _names(world, "objects"), list[GraspPeriod]()
-    for gripper, *columns in zip(
-        _names(world, "grippers"), log.gripper_taken.T, log.gripper_lost.T, log.gripper_force.T, strict=False
-    ):
+    labels, found = labels_of(log), list[GraspPeriod]()
+    bodies = [label.partition("/")[0] for label, _ in labels.get("object_position", ())[::3]]
+    bodies += [label for label, _ in labels.get("mechanism_position", ())]
+    grippers = [label for label, _ in labels.get("gripper_taken", ())]
+    for gripper, *columns in zip(grippers, log.gripper_taken.T, log.gripper_lost.T, log.gripper_force.T, strict=False):
         taken, lost, force = columns
         for number in np.unique(taken[taken > 0.0]):
             for begin, end in _runs(taken == number):
@@ -123,12 +122,3 @@ def _runs(true: Any) -> list[tuple[int, int]]:
 
 def _time(log: Log, instant: int) -> float | None:
     return float(log.time[instant]) if instant < log.time.size else None
-
-
-def _world(log: Log) -> Mapping[str, Any]:
-    """Plain data of the scenario's contact."""
-    return written_part(log.info, "environment", "world") or {}
-
-
-def _names(world: Mapping[str, Any], of: str) -> list[str]:
-    return [str(each["name"]) for each in world.get(of) or ()]

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.environment import PayloadMemory, TimedPayload
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import add, mul
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -16,12 +15,12 @@ LOCKED = 1e12
 rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
 
 
-def payloads_of(around: Around) -> list[tuple[TimedPayload, PayloadMemory]]:
+def payloads_of(around: Around) -> list[tuple[Any, Any]]:
     """Rigid payloads with a time, and what has become of each."""
     if not isinstance(around, Surroundings):
         return []
     pairs = zip(around.components, around.memories, strict=True)
-    return [(each, memory) for each, memory in pairs if isinstance(each, TimedPayload) and each.rigid]
+    return [(each, memory) for each, memory in pairs if each.rigid]
 
 
 def stuck_of(around: Around) -> Sequence[Any]:

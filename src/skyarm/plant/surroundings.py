@@ -11,10 +11,10 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Component, Effectiveness, TimedPayload, WindSample, Wrench
+from skyarm.environment import Component, Effectiveness, WindSample, Wrench
 from skyarm.environment.component import moved_by
 from skyarm.plant.interface import Truth
-from skyarm.scalars import Scalar, data, logical_and, mul
+from skyarm.scalars import Scalar, data, logical_and
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -124,10 +124,8 @@ def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
     pairs = zip(around.components, around.memories, strict=True)
-    held = tuple(data(mul(each.mass, memory.held)) for each, memory in pairs if isinstance(each, TimedPayload))
-    pairs = zip(around.components, around.memories, strict=True)
     own = tuple(data(number) for each, memory in pairs for number in each.logged(memory, motion))
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held, contacts=own)
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
 
 
 Memories = tuple[Any, ...]

@@ -10,10 +10,10 @@ import numpy as np
 
 from skyarm.compile import leaves
 from skyarm.control.found_by_law import found_by_law
-from skyarm.environment import WindSample
+from skyarm.environment import Component, WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
-from skyarm.log.log_columns import CONTACT_ARRAYS, GRIPPER_ARRAYS, MECHANISM_ARRAYS, OBJECT_ARRAYS
+from skyarm.log.log_columns import LABELS, labels_of_components
 from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
@@ -30,26 +30,11 @@ from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
 
 
-def logged_in_contact(scenario: Scenario, numbers: Sequence[Any]) -> dict[str, list[Any]]:
-    """Array of a log -> its columns, of numbers as :meth:`skyarm.contact.contact.Contact.logged` gives them."""
+def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
+    """Array of a log -> what belongs to its columns, of a value for each column that the components declare."""
     found: dict[str, list[Any]] = {}
-    for contact in scenario.worlds:
-        pairs, wide = contact.logged_pairs, len(CONTACT_ARRAYS)
-        touching, behind = numbers[: wide * pairs], list(numbers[wide * pairs :])
-        if pairs:
-            found |= {name: list(touching[i::wide]) for i, name in enumerate(CONTACT_ARRAYS)}
-        for _ in contact.objects:
-            for name, width in OBJECT_ARRAYS.items():
-                found.setdefault(name, []).extend(behind[:width])
-                behind = behind[width:]
-        for _ in contact.mechanisms:
-            for name, number in zip(MECHANISM_ARRAYS, behind, strict=False):
-                found.setdefault(name, []).append(number)
-            behind = behind[len(MECHANISM_ARRAYS) :]
-        for _ in contact.grippers:
-            for name, width in GRIPPER_ARRAYS.items():
-                found.setdefault(name, []).extend(behind[:width])
-                behind = behind[width:]
+    for (array, _, _), number in zip((column for each in components for column in each.columns), numbers, strict=True):
+        found.setdefault(array, []).append(number)
     return found
 
 
@@ -163,9 +148,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
     if vehicle.tilts:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
-    if wind.held:
-        tables["payload_mass"] = table(wind.held)
-    for name, columns in logged_in_contact(scenario, wind.contacts).items():
+    for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[name] = table(columns)
     begin = 0
     for name, numbers in found_by_law(scenario.controller.memory).items():
@@ -231,6 +214,7 @@ def _references(
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """What a log says about itself."""
+    labels = labels_of_components(scenario.components)
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,
@@ -257,6 +241,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "code": files,
         **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
         **({"waits": waits_of(scenario.reference.guards)} if scenario.reference.guards else {}),
+        **({LABELS: labels} if labels else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

@@ -19,7 +19,7 @@ from skyarm.scalars import logical_and, where
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.assemble_log import logged_in_contact
+from skyarm.simulate.assemble_log import by_array
 from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.first_state import component_groups
 from skyarm.simulate.inputs import episode_inputs
@@ -84,7 +84,7 @@ def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[A
     """What metrics see of a contact; nothing of a scenario without a world."""
     if not scenario.worlds:
         return {}
-    arrays = logged_in_contact(scenario, sample.wind.contacts)
+    arrays = by_array(scenario.components, sample.wind.numbers)
     contact, taken = scenario.worlds[0], arrays.get("gripper_taken", [])
     push, places = scenario.reference.push, arrays.get("object_position", [])
     time = row.time if isinstance(row.path_time, tuple) else row.path_time

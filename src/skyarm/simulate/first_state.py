@@ -92,5 +92,5 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
     """How many components stand in each group of two scenarios: wind, air, forces, payloads, contact, battery."""
-    names = ("air", "forces", "payloads", "contacts", "power")
+    names = ("air", "forces", "payloads", "worlds", "power")
     return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

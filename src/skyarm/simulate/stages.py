@@ -20,7 +20,7 @@ from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
+from skyarm.environment import Component, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.loaded_vehicle import payloads_of
 from skyarm.plant.surroundings import Memories, Surroundings, felt
@@ -70,6 +70,7 @@ class Stages:
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
+        self.eventful = tuple(i for i, each in enumerate(self.components) if type(each).act is not Component.act)
         self.waits, self.paces = Waits(scenario), Paces(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
@@ -131,28 +132,19 @@ class Stages:
         path_time: Any = (),
     ) -> Any:  # fmt: skip
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
-        going = tuple(
-            component.follow(
-                memory, path_time if component.name in self.waits.loads else time, self._grasp(component, state)
-            )
-            if isinstance(component, TimedPayload)
-            else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
+        going = [
+            component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
-        )
-        told = path_time if self.waits.guards else time  # of a reference that waits, its own time
-        for i in self.coupled:
-            acted = self.components[i].act(going[i], told, PointMotion(self.scenario.plant.vehicle, state))
-            going = (*going[:i], acted, *going[i + 1 :])
-        return going, self.surroundings(going, drives, time)
-
-    def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
-        """The frame that holds a payload."""
-        world = self.scenario.plant
-        motion = PointMotion(world.vehicle, state)
-        at = motion.frame(payload.frame or None)
-        return Grasp(
-            position=motion.position(*at), velocity=motion.velocity(*at), period=self.period, gravity=world.gravity
-        )
+        ]
+        if self.eventful:
+            motion = PointMotion(self.scenario.plant.vehicle, state, gravity=self.scenario.plant.gravity)
+            waiting = path_time if self.waits.guards else time  # of a reference that waits, its own time
+            for i in self.eventful:
+                component = self.components[i]
+                loads = getattr(component, "name", None) in self.waits.loads
+                t = waiting if component.coupled or loads else time
+                going[i] = component.act(going[i], t, self.period, motion)
+        return tuple(going), self.surroundings(tuple(going), drives, time)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
         """What sensors of force feel, in their order; () without any."""
