@@ -280,7 +280,7 @@ def test_a_plate_stands_on_the_corners_of_a_smaller_box():
      ({"mass": -1.0}, r"world.objects\[0\].mass = -1.0: must be above 0"),
      ({"mass": float("nan")}, r"world.objects\[0\]"),
      ({"colour": "red"}, r"world.objects\[0\].colour = 'red': unknown field"),
-     ({"mass": 1e-12}, r"world.objects\[0\].mass = 1e-12: asks for .* or more$"),
+     ({"mass": 1e-12}, "world: the mass of 'box' asks for integration steps of"),
      ({"mass": 1e3}, r"world.objects\[0\].mass = 1000.0: must be about 47 kg or less"),
      ({"name": "table"}, "world.objects: name = 'table': must be of one only"),
      ({"size": 0.06}, r"world.objects\[0\].size = 0.06")],
@@ -299,7 +299,7 @@ def test_objects_that_cannot_be_are_refused_in_one_line(numbers, words):
      ({"closed": {"kind": "wave"}}, r"world.grippers\[0\].closed.kind = 'wave'"),
      ({"reach": -1.0}, r"grippers\[0\].reach = -1.0: must be above 0"),
      ({"name": "box"}, "world.grippers: name = 'box': must be of one only"),
-     ({"stiffness": 1e15}, r"world.grippers\[0\].stiffness = 1.*: asks for .* or less$")],
+     ({"stiffness": 1e15}, "world: gripper 'magnet' asks for integration steps of")],
 )  # fmt: skip
 def test_grippers_that_cannot_be_are_refused_in_one_line(numbers, words):
     found = resting()
