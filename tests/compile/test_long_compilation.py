@@ -11,7 +11,7 @@ from skyarm.compile.machine_code import LongCompilationWarning
 
 
 @pytest.mark.parametrize(
-    ("size", "effort", "words"), [(237e6, 0, "237 MB of .* about 4 min"), (22e6, 2, "22 .* 2 min")]
+    ("size", "effort", "words"), [(340e6, 0, "340 MB of .* about 4 min"), (34e6, 1, "34 .* 2 min")]
 )
 def test_minutes_of_compiling_are_announced_before_it_begins(size, effort, words, monkeypatch):
     built = []
