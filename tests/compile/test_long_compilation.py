@@ -15,6 +15,7 @@ from skyarm.compile.machine_code import LongCompilationWarning
 )
 def test_minutes_of_compiling_are_announced_before_it_begins(size, effort, words, monkeypatch):
     built = []
+    monkeypatch.setenv("SKYARM_EFFORT", "2")
     monkeypatch.setattr(kernel.object_cache, "load", lambda _: None)
     monkeypatch.setattr(kernel, "build", lambda *given: built.append(given))
     with warnings.catch_warnings():
