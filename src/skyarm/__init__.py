@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
     from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
     from skyarm.view.figures.flight_plot import plot
-    from skyarm.view.figures.metric_figure import plot_sweep
+    from skyarm.view.figures.study_figures import plot_sweep
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
 _ROOMS = {
@@ -109,7 +109,7 @@ _ROOMS = {
     ),
     "skyarm.estimate.estimator": ("Estimator",),
     "skyarm.view.figures.flight_plot": ("plot",),
-    "skyarm.view.figures.metric_figure": ("plot_sweep",),
+    "skyarm.view.figures.study_figures": ("plot_sweep",),
     "skyarm.view.figures.vehicle_drawing": ("vehicle_drawing",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),

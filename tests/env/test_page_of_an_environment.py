@@ -16,7 +16,7 @@ import skyarm.env  # noqa: F401 - registers the environments
 from skyarm.env import rendering
 from skyarm.env.rendering import PageOptions, options_of_modes
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.view.studio.watched_episode import LONGEST_WAIT
+from skyarm.view.studio.page import LONGEST_WAIT
 
 QUIET = {"browser": False, "plain": True, "speed": math.inf}
 

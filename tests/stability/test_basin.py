@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate import run
 from skyarm.stability.along import hovering
 from skyarm.stability.basin import PATHS, Basin, at_rest, basin, initial_states
-from skyarm.view.figures.share_maps import basin_figure
+from skyarm.view.figures.study_figures import basin_figure
 
 ROOM = importlib.import_module("skyarm.stability.basin")  # the room's own name is the function's, too
 SCENARIO = skyarm.load_scenario("case3")

@@ -14,8 +14,7 @@ from skyarm.sweep.banded_curves import FEWEST_OF_BAND, MOST, drawn_metrics, metr
 from skyarm.sweep.maps import robustness_maps
 from skyarm.sweep.stats import Rows, statistics
 from skyarm.sweep.store import read_manifest
-from skyarm.view.figures.metric_figure import curves_figure
-from skyarm.view.figures.share_maps import robustness_figure
+from skyarm.view.figures.study_figures import curves_figure, robustness_figure
 from sweeps import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")

@@ -14,7 +14,7 @@ from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
 from skyarm.sweep.stats import Rows, parse_limits, statistics
 from skyarm.sweep.study_page import Pictures, page
-from skyarm.view.figures.share_maps import robustness_figure
+from skyarm.view.figures.study_figures import robustness_figure
 from skyarm.view.figures.style import image_bytes
 from sweeps import MASS, WIND, read, small_study
 

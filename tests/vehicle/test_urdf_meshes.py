@@ -17,7 +17,7 @@ from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.meshes import mesh_of
+from skyarm.view.scene.shapes import mesh_of
 from skyarm.view.scene.vehicle_shapes import vehicle_shapes
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'

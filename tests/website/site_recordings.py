@@ -52,7 +52,7 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
     import skyarm
 
     try:
-        from skyarm.view.film.film_settings import FilmSettings
+        from skyarm.view.film.make_film import FilmSettings
         from skyarm.view.film.recording import import_viser, record, save_recording
 
         import_viser()

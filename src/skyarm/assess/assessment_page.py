@@ -15,7 +15,7 @@ from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.thrust import roll_pitch_boundary
 from skyarm.files import write_atomically
 from skyarm.pages import details, image, page, section, table
-from skyarm.view.figures.stability_figures import attainable_torque_figure
+from skyarm.view.figures.study_figures import attainable_torque_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 

@@ -15,8 +15,7 @@ from skyarm.files import output_file, require_writable, taken_back
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
-from skyarm.view.film.film_settings import FilmSettings, size_of
-from skyarm.view.film.make_film import make_film
+from skyarm.view.film.make_film import FilmSettings, make_film, size_of
 from skyarm.view.film.recording import SUFFIXES, import_viser, record, save_recording
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 

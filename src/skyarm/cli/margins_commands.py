@@ -124,7 +124,7 @@ def basin(
     """Map what initial attitudes and rates are caught."""
     from skyarm.stability.basin import CAUGHT
     from skyarm.stability.basin import basin as fly
-    from skyarm.view.figures.share_maps import basin_figure
+    from skyarm.view.figures.study_figures import basin_figure
     from skyarm.view.figures.style import image_bytes
 
     require_within("--seed", seed, 0)
@@ -313,7 +313,7 @@ def margins_page(found: Any, loci: Any) -> str:
         loci: of :func:`skyarm.stability.along.hover_loci`.
     """
     from skyarm.pages import image, page, section, table
-    from skyarm.view.figures.stability_figures import nyquist_figure
+    from skyarm.view.figures.study_figures import nyquist_figure
     from skyarm.view.figures.style import image_bytes
 
     body = ""

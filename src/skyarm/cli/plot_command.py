@@ -69,7 +69,7 @@ def plot(
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     else:
         from skyarm.sweep.banded_curves import BAND
-        from skyarm.view.figures.metric_figure import plot_sweep
+        from skyarm.view.figures.study_figures import plot_sweep
 
         target, middle = picture_file(file, "--out"), "median" if center is None else center
         plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style, dark=dark)

@@ -123,8 +123,7 @@ def _drawn(rows: Any, maps: Any, at: Any) -> Any:
     """Draw robustness maps, and curves of metrics over each varied number; ``at`` is called with the present step."""
     from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
     from skyarm.sweep.study_page import Pictures, metric_label
-    from skyarm.view.figures.metric_figure import curves_figure
-    from skyarm.view.figures.share_maps import robustness_figure
+    from skyarm.view.figures.study_figures import curves_figure, robustness_figure
     from skyarm.view.figures.style import image_bytes
 
     at("pictures of maps")

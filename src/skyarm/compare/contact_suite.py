@@ -28,8 +28,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run
 from skyarm.view.figures.path_views import task_figure
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.make_film import make_film
+from skyarm.view.film.make_film import FilmSettings, make_film
 from skyarm.view.film.offscreen import offscreen
 
 Array = npt.NDArray[Any]

@@ -17,8 +17,8 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop_state import LoopState
+from skyarm.view.studio.page import EpisodePage
 from skyarm.view.studio.server import StudioError, has_viser
-from skyarm.view.studio.watched_episode import EpisodePage
 
 RENDER_MODES = ("rgb_array",)
 

@@ -23,7 +23,7 @@ from skyarm.sweep.banded_curves import (
     variable,
 )
 from skyarm.sweep.stats import Rows
-from skyarm.view.figures.metric_figure import metric_figure, plot_sweep
+from skyarm.view.figures.study_figures import metric_figure, plot_sweep
 from skyarm.view.figures.style import PAPER
 from sweeps import MASS, WIND, flown, read
 

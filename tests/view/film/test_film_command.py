@@ -18,8 +18,7 @@ from film_flights import flight, needs_display, why_no_pictures
 from skyarm.cli.commands import perform
 from skyarm.compare.suite import PAPER_CASES
 from skyarm.view.film import offscreen, recording, video_files
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.make_film import make_film
+from skyarm.view.film.make_film import FilmSettings, make_film
 
 SMALL = ("--size", "160x120", "--fps", "10")
 

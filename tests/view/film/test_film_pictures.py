@@ -11,10 +11,8 @@ from PIL import Image
 
 from film_flights import flight, needs_display
 from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
-from skyarm.view.film.make_film import film_frames, make_film
-from skyarm.view.film.marks import ghost_solids, vehicle_solids
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, vehicle_solids
+from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
 from skyarm.view.film.stage import Panel, open_stage
 from skyarm.view.scene.shapes import Solid
 

@@ -12,15 +12,16 @@ from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
 from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW
 from skyarm.view.film.captions import frame_layout
-from skyarm.view.film.film_settings import CAMERA_NAMES, FilmSettings, size_of
-from skyarm.view.film.filmed_flight import COLORS, film_flight, film_flights, flight_labels, frame_times
-from skyarm.view.film.make_film import film_panels
-from skyarm.view.film.marks import (
+from skyarm.view.film.filmed_flight import (
+    COLORS,
     GHOST,
     GHOST_OPACITY,
     TRAIL,
     WIND,
     desired_path,
+    film_flight,
+    film_flights,
+    flight_labels,
     ghost_solids,
     marks_of,
     one_wind,
@@ -28,6 +29,7 @@ from skyarm.view.film.marks import (
     wind_arrow,
     wind_words,
 )
+from skyarm.view.film.make_film import CAMERA_NAMES, FilmSettings, film_panels, frame_times, size_of
 
 
 def test_frames_are_the_instants_that_speed_and_rate_say() -> None:

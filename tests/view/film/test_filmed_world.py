@@ -18,10 +18,17 @@ from skyarm.view.figures.flight_plot import plot
 from skyarm.view.film import camera_paths
 from skyarm.view.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, looking_towards
 from skyarm.view.film.captions import frame_layout, state_words
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.filmed_flight import COLORS, FilmedFlight, film_flight
-from skyarm.view.film.make_film import film_frames, film_panels
-from skyarm.view.film.marks import LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks, vehicle_solids
+from skyarm.view.film.filmed_flight import (
+    COLORS,
+    LONGEST_TOUCH,
+    TOUCH,
+    TOUCH_PER_NEWTON,
+    FilmedFlight,
+    film_flight,
+    touch_marks,
+    vehicle_solids,
+)
+from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
 from skyarm.view.scene.shapes import OBJECT, SURFACE, Solid
 from world_flights import WALL_ANGLE, touching
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from film_flights import needs_display
 from skyarm.cli.commands import perform, program
-from skyarm.view.film.film_settings import CAMERA_NAMES, LAYOUTS
+from skyarm.view.film.make_film import CAMERA_NAMES, LAYOUTS
 from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
 

@@ -15,7 +15,7 @@ from film_flights import flight
 pytest.importorskip("viser", reason="no extra 'studio'")
 import skyarm
 from recorded_scenes import place_at, unpacked
-from skyarm.view.film.film_settings import FilmSettings
+from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.film.recording import (
     RECORDING_NAME,
     Recording,

@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.log.tip_positions import tip
-from skyarm.view.scene.meshes import blade_mesh, mesh_of
-from skyarm.view.scene.poses import body_poses, place, quaternions_of
-from skyarm.view.scene.shapes import Shape, turn_onto
+from skyarm.view.scene.shapes import Shape, blade_mesh, mesh_of, turn_onto
+from skyarm.view.scene.vehicle_shapes import body_poses, place, quaternions_of
 
 RNG = np.random.default_rng(7)
 

@@ -20,8 +20,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.scenario.scenario_tables import with_meshes
 from skyarm.view.figures.projection import surface as outline_points
-from skyarm.view.scene.meshes import mesh_of
-from skyarm.view.scene.shapes import Shape, Solid
+from skyarm.view.scene.shapes import Shape, Solid, mesh_of
 from skyarm.view.scene.world_shapes import surface_shape, world_shapes
 from world_flights import DOCUMENT
 

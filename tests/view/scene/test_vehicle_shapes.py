@@ -15,9 +15,8 @@ from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.view.scene.poses import body_poses
 from skyarm.view.scene.shapes import ROLES, Shape, between, turn_onto
-from skyarm.view.scene.vehicle_shapes import PAYLOAD_DENSITY, payload_shape, rotor_radius, vehicle_shapes
+from skyarm.view.scene.vehicle_shapes import PAYLOAD_DENSITY, body_poses, payload_shape, rotor_radius, vehicle_shapes
 
 NAMES = list_vehicles()
 

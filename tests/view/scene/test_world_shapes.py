@@ -19,9 +19,8 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.signal_vector import SignalVector
 from skyarm.reference.signals import Constant, Sine
 from skyarm.view.figures.projection import surface as outline_points
-from skyarm.view.scene.meshes import AROUND, mesh_of
-from skyarm.view.scene.poses import body_poses, disc_name, rotor_turns, turned_shape
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.view.scene.shapes import AROUND, mesh_of
+from skyarm.view.scene.vehicle_shapes import body_poses, disc_name, rotor_turns, turned_shape, vehicle_shapes
 from skyarm.view.scene.world_shapes import (
     PATCH,
     ground_height,

@@ -11,8 +11,16 @@ import pytest
 import skyarm
 from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.view.studio.documents import LONGEST, prepare, read_document
-from skyarm.view.studio.fleet import Fleet, Flight, load_fleet, make_flight, saved_document
+from skyarm.view.studio.fleet import (
+    LONGEST,
+    Fleet,
+    Flight,
+    load_fleet,
+    make_flight,
+    prepare,
+    read_document,
+    saved_document,
+)
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.view.studio.sights import Watched
 from thorough import sampled

@@ -14,8 +14,7 @@ from skyarm.environment import Wrench
 from skyarm.records.units import Unit
 from skyarm.registry import registrations
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
-from skyarm.view.studio.documents import prepare, read_document, under_law
-from skyarm.view.studio.fleet import law_names
+from skyarm.view.studio.fleet import law_names, prepare, read_document, under_law
 from skyarm.view.studio.knobs import GROUPS, Knob, knobs_of
 
 LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"

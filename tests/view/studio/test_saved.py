@@ -7,8 +7,16 @@ import pytest
 import skyarm
 from skyarm.files import read_toml
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.view.studio.documents import flown_document, prepare, read_document
-from skyarm.view.studio.fleet import Fleet, load_fleet, make_flight, save_flights, saved_document
+from skyarm.view.studio.fleet import (
+    Fleet,
+    flown_document,
+    load_fleet,
+    make_flight,
+    prepare,
+    read_document,
+    save_flights,
+    saved_document,
+)
 
 BITS = (
     "position",

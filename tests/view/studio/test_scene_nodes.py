@@ -11,7 +11,7 @@ import skyarm
 from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
-from skyarm.view.scene.poses import place
+from skyarm.view.scene.vehicle_shapes import place
 from skyarm.view.studio.picture import FlightNodes, toned
 from skyarm.view.studio.scene_nodes import STILL, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Load

@@ -17,9 +17,9 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.view.scene.poses import place, rotor_turns
+from skyarm.view.scene.vehicle_shapes import place, rotor_turns
 from skyarm.view.scene.world_shapes import held_poses, world_shapes
-from skyarm.view.studio.charts import Chart, charts
+from skyarm.view.studio.controls import Chart, charts
 from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, toned, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Watched, sight

@@ -18,8 +18,8 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.view.figures.projection import View, across, arc
 from skyarm.view.figures.style import PictureStyle
-from skyarm.view.scene.poses import body_poses
 from skyarm.view.scene.shapes import Shape
+from skyarm.view.scene.vehicle_shapes import body_poses
 
 Array = npt.NDArray[np.float64]
 

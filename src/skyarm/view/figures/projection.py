@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.view.scene.meshes import mesh_of
-from skyarm.view.scene.shapes import Shape
+from skyarm.view.scene.shapes import Shape, mesh_of
 
 Array = npt.NDArray[np.float64]
 

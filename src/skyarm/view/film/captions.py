@@ -14,8 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
-from skyarm.view.film.filmed_flight import FilmedFlight
-from skyarm.view.film.marks import one_wind, wind_words
+from skyarm.view.film.filmed_flight import FilmedFlight, one_wind, wind_words
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]

@@ -22,9 +22,21 @@ from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath, free_azimuth
 from skyarm.view.film.captions import DESIGNED
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.filmed_flight import COLORS, FilmedFlight, carried_at, film_flight, patch_about
-from skyarm.view.film.marks import THIN, Mark, desired_path, ghost_solids, touch_marks, vehicle_solids, wind_arrow
+from skyarm.view.film.filmed_flight import (
+    COLORS,
+    THIN,
+    FilmedFlight,
+    Mark,
+    carried_at,
+    desired_path,
+    film_flight,
+    ghost_solids,
+    patch_about,
+    touch_marks,
+    vehicle_solids,
+    wind_arrow,
+)
+from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.film.stage import Panel, Stage, open_stage
 from skyarm.view.scene.vehicle_shapes import longest_boom
 from skyarm.view.scene.world_shapes import world_shapes

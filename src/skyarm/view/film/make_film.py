@@ -1,21 +1,21 @@
-"""A film of one flight or of several: what moves, drawn frame by frame, written into one file."""
+"""A film of one flight or of several: settings, frames, file."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.files import must_be_one_of, number, shown
 from skyarm.log.flight_log import Log
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, frame_times
-from skyarm.view.film.marks import ghost_solids, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import FilmedFlight, end_of, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import Panel, open_stage
 from skyarm.view.film.video_files import require_film_format
 from skyarm.view.scene.shapes import Solid
@@ -59,6 +59,23 @@ def make_film(
     filmed = film_flights(logs, times, labels)
     frames = film_frames(filmed, times, _titled(chosen, logs), progress)
     return write(path, frames, (chosen.width, chosen.height), chosen.fps, len(times))
+
+
+def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
+    """Instants of the frames, s of flight, up to the end of the longest flight.
+
+    Raises:
+        ValueError: a log has no instants, or none is left of them all.
+    """
+    for log in logs:
+        if not log.time.size:
+            raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
+    longest = max(map(end_of, logs))
+    stop = longest if settings.stop is None else min(settings.stop, longest)
+    count = round((stop - settings.start) * settings.fps / settings.speed)
+    if count < 1:
+        raise ValueError(f"start = {settings.start:g}: must leave at least one frame before the end, {stop:g} s")
+    return np.asarray(settings.start + np.arange(count) * (settings.speed / settings.fps), dtype=float)
 
 
 def film_frames(
@@ -117,3 +134,73 @@ def _titled(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
         return settings
     scenarios = dict.fromkeys(str(log.scenario.title or log.info["scenario"]) for log in logs)
     return replace(settings, title=", ".join(scenarios))
+
+
+LAYOUTS = ("side", "over")
+"""A panel for each flight, side by side; or one panel with all flights in it."""
+
+CAMERA_NAMES = ("follow", "fixed", "orbit", "tip")
+
+LEAST_SIDE, MOST_SIDE = 64, 4096
+"""Pixels."""
+
+MOST_FPS, SLOWEST, FASTEST, MOST_FRAMES = 120, 0.01, 100.0, 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilmSettings:
+    """How a film is made.
+
+    Attributes:
+        layout: "side" (a panel for each flight) or "over" (all flights in one).
+        camera: "follow" (goes with the desired position), "fixed" (stands still and sees all of the flight), "orbit"
+            (the same, going round) or "tip" (close to the desired place of the tip).
+        width, height: pixels, even numbers.
+        fps: frames a second of the film. speed: seconds of flight a second of the film.
+        start, stop: s of flight; to the end if ``stop`` is left out.
+        ghost: whether the desired pose is drawn. plot: whether the tip's error is plotted below.
+        fine: shadows, smooth edges and rounder shapes; a frame takes some four times as long.
+        title: above; the scenario's if left out.
+    """
+
+    layout: str = "side"
+    camera: str = "follow"
+    width: int = 1280
+    height: int = 720
+    fps: int = 30
+    speed: float = 1.0
+    start: float = 0.0
+    stop: float | None = None
+    ghost: bool = True
+    plot: bool = True
+    fine: bool = False
+    title: str | None = None
+
+    def __post_init__(self) -> None:
+        for field, allowed in (("layout", LAYOUTS), ("camera", CAMERA_NAMES)):
+            if getattr(self, field) not in allowed:
+                value = getattr(self, field)
+                raise ValueError(f"{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
+        for field in ("width", "height"):
+            side = getattr(self, field)
+            if not isinstance(side, int) or not LEAST_SIDE <= side <= MOST_SIDE or side % 2:
+                raise ValueError(f"{field} = {shown(side)}: must be an even number from {LEAST_SIDE} to {MOST_SIDE}")
+        if not isinstance(self.fps, int) or not 1 <= self.fps <= MOST_FPS:
+            raise ValueError(f"fps = {shown(self.fps)}: must be a whole number from 1 to {MOST_FPS}")
+        if not SLOWEST <= number(self.speed, "speed") <= FASTEST:
+            raise ValueError(f"speed = {self.speed!r}: must be from {SLOWEST:g} to {FASTEST:g}")
+        start = number(self.start, "start", low=0.0)
+        if self.stop is not None and not start < number(self.stop, "stop") < math.inf:
+            raise ValueError(f"stop = {self.stop!r}: must be larger than start = {start:g}")
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Width and height of a text such as 1280x720.
+
+    Raises:
+        ValueError: one line.
+    """
+    width, _, height = text.lower().partition("x")
+    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()) or len(text) > 12:
+        raise ValueError(f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720")
+    return int(width), int(height)

@@ -31,20 +31,21 @@ from skyarm.view.film.camera_paths import (
     vehicle_reach,
 )
 from skyarm.view.film.captions import state_words
-from skyarm.view.film.film_settings import FilmSettings
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, frame_times
-from skyarm.view.film.marks import (
+from skyarm.view.film.filmed_flight import (
     LEAST_FORCE,
     LEAST_SPEED,
     TOUCH,
     WIND,
+    FilmedFlight,
+    film_flights,
     load_solids,
     role_color,
     touch_marks,
     wind_words,
 )
-from skyarm.view.scene.poses import body_poses, rotor_turns
+from skyarm.view.film.make_film import FilmSettings, frame_times
 from skyarm.view.scene.shapes import RGBA
+from skyarm.view.scene.vehicle_shapes import body_poses, rotor_turns
 from skyarm.view.studio.scene_nodes import DIGITS, Arrows, SolidNodes, VehicleNodes, bytes_of
 
 Array = npt.NDArray[np.float64]

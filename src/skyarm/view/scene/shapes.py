@@ -1,4 +1,4 @@
-"""A shape is one solid to draw, fixed to a body of a vehicle or of the world. It has no mass and touches nothing."""
+"""Shapes, solids and their meshes: what stands for a body in every picture, without mass or contact."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from skyarm.files.stl_mesh import METRES, mesh_or_none
 
 Array = npt.NDArray[np.float64]
 
@@ -103,3 +105,88 @@ def floats(values: Iterable[Any]) -> Vector:
     """Three concrete numbers as floats."""
     x, y, z = values
     return (float(x), float(y), float(z))
+
+
+Faces = npt.NDArray[np.int64]
+
+AROUND = 24
+"""Corners of a circle."""
+
+BLADE = (0.12, 0.02)
+"""Width and height of a rotor's blade, shares of its radius."""
+
+
+def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
+    """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
+
+    Args:
+        shape: any of :data:`skyarm.view.scene.shapes`; one with a mesh whose file is there is that.
+        around: corners of a circle.
+
+    Raises:
+        ValueError: a kind of shape that there is not.
+    """
+    own, size = own_mesh(shape), shape.size
+    arc = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)]
+    if own is not None:
+        vertices, faces = own
+    elif shape.kind in ("sphere", "ellipsoid"):
+        vertices, faces = _revolved([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
+        vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
+    elif shape.kind == "cylinder":
+        radius, half = size[0], 0.5 * size[1]
+        vertices, faces = _revolved([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
+    elif shape.kind == "capsule":
+        lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
+        vertices, faces = _revolved([*lower, *((r, -z) for r, z in reversed(lower))], around)
+    elif shape.kind == "box":
+        vertices, faces = _box(np.array(size))
+    elif shape.kind == "hole":
+        radius, depth, chamfer, outer, length = size
+        plate = [(0.0, -length), (outer, -length), (outer, 0.0), (radius + chamfer, 0.0)]
+        vertices, faces = _revolved([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
+    elif shape.kind == "patch":
+        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*size, 0.0]
+        faces = np.array([[0, 1, 2], [0, 2, 3]])
+    else:
+        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
+        raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
+    return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
+
+
+def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
+    """Vertices (m, axes of the shape) and triangles of a shape's file; None without one that can be read."""
+    if not shape.mesh:
+        return None
+    x, y, z = shape.size if shape.kind == "mesh" else METRES
+    found = mesh_or_none(shape.mesh, (x, y, z))
+    if found is None or x * y * z > 0.0:
+        return found
+    vertices, faces = found
+    return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
+
+
+def blade_mesh(radius: float) -> tuple[Array, Faces]:
+    """A rotor's blade from end to end along x, thin along z, about its hub."""
+    return _box(np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius]))
+
+
+def _box(half: Array) -> tuple[Array, Faces]:
+    """A box about the origin by its half lengths (3,)."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
+
+
+def _revolved(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
+    """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
+    angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
+    vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])
+    k = np.arange(around)
+    following, faces = (k + 1) % around, []
+    for low in range(0, (len(profile) - 1) * around, around):
+        high = low + around
+        faces.append(np.stack([low + k, low + following, high + following], axis=1))
+        faces.append(np.stack([low + k, high + following, high + k], axis=1))
+    return vertices, np.concatenate(faces)

@@ -20,9 +20,8 @@ from skyarm.contact import Contact, ContactPoint, Surface
 from skyarm.contact.mechanism import MechanismMotion
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.poses import matrices, rotations_of, vectors
 from skyarm.view.scene.shapes import OBJECT, Shape, Solid, between, floats
-from skyarm.view.scene.vehicle_shapes import longest_boom
+from skyarm.view.scene.vehicle_shapes import longest_boom, matrices, rotations_of, vectors
 
 Array = npt.NDArray[np.float64]
 

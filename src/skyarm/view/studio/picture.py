@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.view.scene.poses import Placed, disc_name, place, rotor_turns
 from skyarm.view.scene.shapes import RGBA, Solid, floats
-from skyarm.view.scene.vehicle_shapes import payload_shape
+from skyarm.view.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
 from skyarm.view.scene.world_shapes import (
     CarriedPoses,
     ground_height,

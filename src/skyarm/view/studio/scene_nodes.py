@@ -16,10 +16,8 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.meshes import blade_mesh, mesh_of
-from skyarm.view.scene.poses import disc_name, quaternions_of
-from skyarm.view.scene.shapes import RGBA, UPRIGHT, Shape, Solid, floats, turn_onto
-from skyarm.view.scene.vehicle_shapes import rotor_radius, vehicle_shapes
+from skyarm.view.scene.shapes import RGBA, UPRIGHT, Shape, Solid, blade_mesh, floats, mesh_of, turn_onto
+from skyarm.view.scene.vehicle_shapes import disc_name, quaternions_of, rotor_radius, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 

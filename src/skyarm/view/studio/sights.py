@@ -24,8 +24,8 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.poses import Placed, place
 from skyarm.view.scene.shapes import floats
+from skyarm.view.scene.vehicle_shapes import Placed, place
 
 Array = npt.NDArray[np.float64]
 

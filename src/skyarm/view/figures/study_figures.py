@@ -1,8 +1,9 @@
-"""Curves of a study's metrics with their bands, over varied numbers."""
+"""Figures of studies: banded curves of metrics, maps of successes, Nyquist diagrams, attainable torques."""
 
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,17 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.files.names import require_suffix
 from skyarm.metrics.metric_catalogue import metric_words
 from skyarm.scenario.numbers import labelled
+from skyarm.stability.along import Locus
+from skyarm.stability.basin import CAUGHT, RATES, TILTS, Basin
+from skyarm.stability.disk_margins import MOST
 from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
+from skyarm.sweep.maps import RobustnessMap
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
 from skyarm.view.figures.style import (
@@ -224,4 +229,178 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
     if seen.size and np.ptp(seen) < ROUNDING:
         panels[0].set_ylim(*limits([seen], floor=bool((seen >= 0.0).all()), span=ROUNDING))
     PAPER.legend(figure, handles)
+    return figure
+
+
+MAP_WIDTH, MAP_HEIGHT, BASIN_HEIGHT = 4.2, 3.4, 3.8
+"""in: the caption of a basin needs more than a map alone."""
+
+COLORS = "cividis"
+"""Even in lightness, and read alike with every form of colour vision."""
+
+BOUNDARY = 0.5
+"""Share of successes on the failure boundary."""
+
+LINE = "#d7301f"
+
+UPSIDE_DOWN = 90.0
+"""degrees of tilt beyond which body z points down."""
+
+ENOUGH, SURE = 50, 400
+"""Flights a bin for its shade, and for the line of half caught: a share is then good to 0.07, and to 0.025."""
+
+BINS = ((TILTS, RATES), (9, 6), (6, 4))
+"""(tilts, rates), finest first."""
+
+LETTERS = 78
+"""Of a line of the caption."""
+
+
+def robustness_figure(found: RobustnessMap) -> Figure:
+    """Draw the share of successes as shade, the failure boundary as a line; cells without an episode stay blank."""
+    figure, ax = PAPER.single(MAP_WIDTH, MAP_HEIGHT)
+    across, upward = found.across, found.upward
+    _shade(figure, ax, (across.edges, upward.edges), found.rate, "share of successes")
+    for side, axis in ((across, ax.xaxis), (upward, ax.yaxis)):
+        if side.logarithmic:
+            logarithmic(axis)
+    _boundary(ax, (across.centers, upward.centers), found.rate)
+    ax.set_title(found.controller, **PAPER.words)
+    ax.set_xlabel(across.label or across.path, **PAPER.small_words)
+    ax.set_ylabel(upward.label or upward.path, **PAPER.small_words)
+    return figure
+
+
+def basin_figure(found: Basin) -> Figure:
+    """Draw the share of caught flights by initial tilt and rate, coarser with fewer flights, of very few as points.
+
+    Bins without a flight stay blank, beyond the dashed line the flights began upside down.
+    """
+    figure, ax = PAPER.single(MAP_WIDTH, BASIN_HEIGHT)
+    bins, sure = (bins_for(len(found.caught), enough) for enough in (ENOUGH, SURE))
+    if bins:
+        edges, share = _binned(found, bins)
+        _shade(figure, ax, edges, share, "share caught")
+    else:
+        _starts(ax, found)
+    if sure:
+        edges, share = _binned(found, sure)
+        _boundary(ax, [0.5 * (each[1:] + each[:-1]) for each in edges], share)
+    ax.axvline(UPSIDE_DOWN, color=PAPER.frame, linestyle="--", linewidth=0.8)
+    ax.set_xlim(0.0, 180.0)
+    ax.set_xticks(range(0, 181, 30))
+    title = f"{found.controller} in {found.scenario}: {found.caught.mean():.1%} of {len(found.caught)} flights caught"
+    ax.set_title("\n".join(textwrap.wrap(title, 62)), **PAPER.words)
+    ax.set_xlabel("initial tilt, degrees", **PAPER.small_words)
+    ax.set_ylabel("initial body rate, rad/s", **PAPER.small_words)
+    caption = "\n".join(textwrap.wrap(f"Caught: {CAUGHT}.", LETTERS))
+    figure.supxlabel(caption, **{**PAPER.small_words, "color": PAPER.frame})
+    return figure
+
+
+def bins_for(flights: int, enough: int = ENOUGH) -> tuple[int, int] | None:
+    """The finest (tilts, rates) with enough flights in each bin; None where there are too few for any."""
+    return next((each for each in BINS if flights >= enough * each[0] * each[1]), None)
+
+
+def _shade(figure: Figure, ax: Axes, edges: Sequence[Any], share: Any, label: str) -> None:
+    """Shade of each cell, with its bar."""
+    ax.grid(visible=False)
+    shade = ax.pcolormesh(*edges, np.ma.masked_invalid(share), cmap=COLORS, vmin=0.0, vmax=1.0)
+    bar = figure.colorbar(shade, ax=ax)
+    bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0], width=0.5)
+    bar.set_label(label, **PAPER.small_words)
+
+
+def _boundary(ax: Axes, centers: Sequence[Any], share: Any) -> None:
+    """The line on which half of the episodes succeed, where the map crosses it."""
+    if min(share.shape) >= 2 and np.nanmin(share) < BOUNDARY < np.nanmax(share):
+        look: dict[str, Any] = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
+        ax.contour(*centers, np.ma.masked_invalid(share), **look).set_label("half succeed")
+
+
+def _binned(found: Basin, bins: tuple[int, int]) -> tuple[tuple[Any, Any], Any]:
+    """Edges in degrees of tilt and rad/s of rate, and the share caught of each bin."""
+    caught, flown = found.counts(*bins)
+    turning, leaning = found.edges(*bins)
+    return (np.degrees(leaning), turning), np.where(flown > 0, caught / np.maximum(flown, 1), np.nan)
+
+
+def _starts(ax: Axes, found: Basin) -> None:
+    """Each flight where it began: a disc if caught, a cross if not."""
+    ax.grid(visible=False)
+    for chosen, marker, color, label in (
+        (found.caught, "o", "#00204d", "caught"),
+        (~found.caught, "x", LINE, "not caught"),
+    ):
+        at = np.degrees(found.tilt[chosen]), found.rate[chosen]
+        ax.plot(*at, marker, color=color, markersize=2.5, markeredgewidth=0.7, linestyle="none", label=label)
+    ax.set_ylim(0.0, found.rate_limit or 1.0)
+    ax.legend(loc="upper right", framealpha=0.9, borderaxespad=0.3, prop=PAPER.prop)
+
+
+ACROSS, DIAGRAM = 3, 2.1
+"""Diagrams side by side, and in, of a diagram."""
+
+SPAN = (-3.2, 1.2, -2.2, 2.2)
+"""Of both axes: what lies farther off is far from -1."""
+
+CURVE, DISK = "#0b4f8a", "#b2182b"
+
+BOUNDARIES = ((CURVE, "-"), (DISK, "--"))
+"""Colour and dash of the first and the second boundary: either tells them apart."""
+
+
+def nyquist_figure(loci: Sequence[Locus]) -> Figure:
+    """Draw each loop's response, the point -1 and the disk that the symmetric disk margin keeps it out of.
+
+    The disk's points are -1 / f for all factors f of the margin: on the real axis from -1 over the lowest gain to -1
+    over the highest. At a margin of 2 it is the left half plane.
+    """
+    across = min(ACROSS, len(loci))
+    down = -(-len(loci) // across)
+    figure = PAPER.blank(across * DIAGRAM, down * (DIAGRAM + 0.25))
+    every = figure.subplots(down, across, squeeze=False).ravel()
+    for ax, locus in zip(every, loci, strict=False):
+        _diagram(PAPER.dress(ax), locus)
+    for ax in every[len(loci) :]:
+        ax.set_axis_off()
+    return figure
+
+
+def _diagram(ax: Axes, locus: Locus) -> None:
+    margin = locus.margin
+    low, high = margin.gain
+    if margin.disk >= MOST or low <= 0.0:
+        ax.add_patch(Rectangle((SPAN[0], SPAN[2]), -SPAN[0], SPAN[3] - SPAN[2], color=DISK, alpha=0.15, linewidth=0.0))
+    else:
+        left, right = -1.0 / low, -1.0 / high
+        ax.add_patch(Circle((0.5 * (left + right), 0.0), 0.5 * (right - left), color=DISK, alpha=0.15, linewidth=0.0))
+    L = np.where(np.abs(locus.L) < 1e3, locus.L, np.nan)
+    ax.plot(L.real, L.imag, color=CURVE, linewidth=1.1)
+    ax.plot(L.real, -L.imag, color=CURVE, linewidth=0.6, linestyle="--")
+    ax.plot([-1.0], [0.0], "+", color=DISK, markersize=6)
+    ax.set_xlim(*SPAN[:2])
+    ax.set_ylim(*SPAN[2:])
+    ax.set_aspect("equal")
+    title = f"{margin.name}: {margin.disk:.2f} at {margin.frequency:.3g} rad/s"
+    ax.set_title(title, **PAPER.small_words)
+
+
+def attainable_torque_figure(boundaries: Sequence[tuple[str, Array]]) -> Figure:
+    """Draw boundaries of attainable torque over each other.
+
+    Args:
+        boundaries: (label, corners (K, 2)) of at most two arm poses: roll and pitch torque, N m.
+    """
+    figure, ax = PAPER.single(PAPER.width, 3.0)
+    for (label, corners), (color, dash) in zip(boundaries, BOUNDARIES, strict=False):
+        closed = np.vstack([corners, corners[:1]])
+        ax.plot(closed[:, 0], closed[:, 1], dash, color=color, linewidth=1.2, label=label)
+        ax.fill(closed[:, 0], closed[:, 1], color=color, alpha=0.08)
+    ax.plot([0.0], [0.0], "+", color=PAPER.frame, markersize=6)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("roll torque, N m", **PAPER.small_words)
+    ax.set_ylabel("pitch torque, N m", **PAPER.small_words)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, prop=PAPER.prop)
     return figure
