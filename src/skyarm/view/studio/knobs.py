@@ -87,7 +87,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
         without: beginning of the paths that have no slider.
     """
     found, seen = list[Knob](), set[Place]()
-    hidden = places_of(scenario, f"{without}.point_B.x")[0][:2] if without else ("",)
+    hidden = places_of(scenario, f"{without}.point_B.x")[0][:-2] if without else ("",)
     for group, roots in GROUPS.items():
         for root in roots:
             for path in _paths(scenario, root):
