@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 BUDGET = Path(__file__).with_name("budget.json")
 
