@@ -8,9 +8,9 @@ OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
-GATES := test docs thorough attack digests browser
+GATES := types test docs thorough attack digests browser
 
-.PHONY: all reproduce test pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
@@ -28,7 +28,8 @@ help:
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
 	@echo "make bench        measure every engine on this machine; BENCH=$(BENCH) is the file of the numbers"
-	@echo "make lint         ruff, mypy, import contract"
+	@echo "make lint         ruff, import contract"
+	@echo "make types        mypy"
 	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
 	@echo "make clean        remove environments, results, builds and caches"
 	@echo "PYTHON=$(PYTHON) makes the environments, of the versions in constraints.txt."
@@ -51,12 +52,13 @@ reproduce: $(VENV)/.core
 lint: $(VENV)/.test
 	$(BIN)/ruff check src tests
 	$(BIN)/ruff format --check src tests
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# lint runs beside the tests: mypy keeps one core busy, the other would wait for it
-test: $(VENV)/.test
-	@$(MAKE) --no-print-directory -j2 lint pytest
+types: $(VENV)/.test
+	$(BIN)/mypy
+
+# without the types: they take a core for a minute, and are checked before a push and by the workflow
+test: lint pytest
 
 # goes on after a red gate; the lines of all come last
 all:
