@@ -1,19 +1,40 @@
 """What surrounds the vehicle: wind, gusts, turbulence, drag of the airframe, payloads, faults."""
 
-from skyarm.environment.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from skyarm.environment.component import Air, Component, Force, Wrench
-from skyarm.environment.disturbance_signals import AirSignals, Disturbance
 from skyarm.environment.drag import body_drag
 from skyarm.environment.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.environment_tables import payload_from, wind_from
 from skyarm.environment.faults import Fault, effectiveness_at, faults_from
 from skyarm.environment.gust import Gust
-from skyarm.environment.hanging_payload import HangingPayload
 from skyarm.environment.payload import Payload
-from skyarm.environment.signal_vector import ColouredNoise, SignalVector
 from skyarm.environment.timed_payload import PayloadMemory, Reach, TimedPayload
 from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
+
+if TYPE_CHECKING:
+    from skyarm.environment.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
+    from skyarm.environment.disturbance_signals import AirSignals, Disturbance
+    from skyarm.environment.hanging_payload import HangingPayload
+    from skyarm.environment.signal_vector import ColouredNoise, SignalVector
+
+_LATER = {
+    "aerodynamic_forces": ("GroundEffect", "LinkDrag", "RotorDrag"),
+    "disturbance_signals": ("AirSignals", "Disturbance"),
+    "hanging_payload": ("HangingPayload",),
+    "signal_vector": ("ColouredNoise", "SignalVector"),
+}
+"""Modules that load with the first use of one of their names."""
+
+
+def __getattr__(name: str) -> Any:
+    module = next((module for module, names in _LATER.items() if name in names), None)
+    if module is None:
+        raise AttributeError(f"module 'skyarm.environment' has no attribute {name!r}")
+    return getattr(import_module(f"skyarm.environment.{module}"), name)
+
 
 __all__ = [
     "NO_WIND",

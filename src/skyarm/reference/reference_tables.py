@@ -70,23 +70,23 @@ import dataclasses
 import inspect
 import itertools
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skyarm.files import Fields, shown
 from skyarm.records.read_table import options_from, takes_table
-from skyarm.reference.phases import with_joint_moves
 from skyarm.reference.signal_tables import signal_from, window_of
 from skyarm.reference.signals import Signal
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import FASTEST, SPEED, STRONGEST, TipPush
-from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory, circle, hover
-from skyarm.reference.waypoints import positive, within
 from skyarm.registry import find
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.reference.tip_plan import TipChoices
 
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
@@ -183,7 +183,9 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
     normal = fields.vector("normal")
     if sum(c * c for c in normal) < SHORTEST * SHORTEST:
         raise ValueError(f"{fields.at('normal')} = {shown(list(normal))}: must point out of the surface")
-    speed = positive(fields, "speed", SPEED, high=FASTEST)
+    speed = fields.number("speed", SPEED, low=0.0, strict=True)
+    if speed > FASTEST:
+        raise ValueError(f"{fields.at('speed')} = {speed:g}: must be from 0 to {FASTEST:g}")
     found = TipPush(force=force, normal=normal, speed=speed)
     # each is asked for, so that a misspelt one is told of all
     if fields.take("grip", None) is not None:
@@ -244,7 +246,11 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     if isinstance(rest, dict) and "tip" in rest:
         found = _of_tip(rest, n_joints, where, setting)
     else:
-        found = with_joint_moves(trajectory_from(rest, n_joints, where, setting), setting.joint_moves, setting.vehicle)
+        found = trajectory_from(rest, n_joints, where, setting)
+        if setting.joint_moves:
+            from skyarm.reference.phases import with_joint_moves
+
+            found = with_joint_moves(found, setting.joint_moves, setting.vehicle)
     if setting.pushes and push is not None:
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
@@ -253,6 +259,9 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
 
 def _of_tip(table: dict[str, Any], n_joints: int, where: str, setting: Setting) -> Trajectory:
     """The trajectory of a reference with a tip, from its heading and the motion of its base."""
+    from skyarm.reference.phases import with_joint_moves
+    from skyarm.reference.tip_plan import with_tip
+
     rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
     base = trajectory_from(rest, n_joints, where, setting)
     fields = Fields(table["tip"], f"{where}.tip")
@@ -286,6 +295,8 @@ def _vehicle(setting: Setting, where: str) -> Vehicle:
 
 
 def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
+    from skyarm.reference.tip_plan import TipChoices
+
     usual = TipChoices(posture=())
     share = fields.number("base_share", 0.0 if relative else usual.base_share, low=0.0)
     if share > 1.0 or (relative and share):
@@ -310,6 +321,8 @@ def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
 
 def _bounded(fields: Fields, name: str, usual: float) -> float:
     """A number that is not absurd."""
+    from skyarm.reference.waypoints import within
+
     return within(fields.number(name, usual), fields.at(name), 1e-3)
 
 

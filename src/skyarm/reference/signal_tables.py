@@ -41,7 +41,6 @@ from skyarm.reference.signals import (
     Windowed,
     sequence,
 )
-from skyarm.reference.waypoints import samples_signal, spline_signal
 
 
 def signal_from(entry: Any, where: str) -> Signal:
@@ -134,6 +133,12 @@ def _clipped(signal: Signal, start: float, stop: float) -> Signal:
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
 
+def _of_waypoints(kind: str, fields: Fields) -> Signal:
+    from skyarm.reference import waypoints
+
+    return waypoints.spline_signal(fields) if kind == "spline" else waypoints.samples_signal(fields)
+
+
 _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "constant": _constant,
     "sine": _sine,
@@ -144,8 +149,8 @@ _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "shifted": _shifted,
     "product": _product,
     "pulses": _pulses,
-    "spline": spline_signal,
-    "samples": samples_signal,
+    "spline": lambda fields: _of_waypoints("spline", fields),
+    "samples": lambda fields: _of_waypoints("samples", fields),
 }
 
 

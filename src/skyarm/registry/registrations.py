@@ -14,7 +14,6 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from skyarm.files import must_be_one_of, shown
-from skyarm.files.old_names import warn_of_old_name
 from skyarm.registry.shipped import OLD_NAMES, reserved_for
 from skyarm.registry.shipped import SHIPPED as SHIPPED_NAMES
 
@@ -146,6 +145,8 @@ def canonical(kind: str, name: Any) -> Any:
 def full_name(kind: str, name: Any) -> Any:
     """As :func:`canonical`, with a warning that says the new name of an old one."""
     if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
+        from skyarm.files.old_names import warn_of_old_name
+
         warn_of_old_name(f"{kind} {name!r}", repr(canonical(kind, name)), stacklevel=3)
     return canonical(kind, name)
 

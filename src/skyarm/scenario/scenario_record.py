@@ -15,7 +15,6 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
-from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.names import ALLOWED, is_result_name
@@ -39,6 +38,7 @@ from skyarm.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from skyarm.contact.contact import Contact
+    from skyarm.environment.battery_drain import BatteryDrain
 else:
     Contact = Component  # a world is imported when a scenario has one
 
@@ -504,7 +504,11 @@ class Scenario:
     def power(self) -> tuple[BatteryDrain, ...]:
         """The load on the true vehicle's battery, if it has one."""
         vehicle = self.plant.vehicle
-        return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
+        if vehicle.battery is None:
+            return ()
+        from skyarm.environment.battery_drain import BatteryDrain
+
+        return (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 
     @property
     def has_estimator(self) -> bool:

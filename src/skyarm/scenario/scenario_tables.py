@@ -24,7 +24,6 @@ from skyarm.files.fields import list_of_tables
 from skyarm.plant.interface import Truth
 from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
-from skyarm.reference.feasibility import Feasibility, feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.registry.plugins import known_names
@@ -33,7 +32,6 @@ from skyarm.scenario.controller_table import by_words, controller_of_file, make_
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.scenario.standing_start import standing
 from skyarm.sensors.measurement import SensorNoise
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
@@ -43,6 +41,7 @@ from skyarm.vehicle.vehicle_tables import mounted_drives
 
 if TYPE_CHECKING:
     from skyarm.contact.contact import Contact
+    from skyarm.reference.feasibility import Feasibility
     from skyarm.scenario.path_governor import GovernorOptions
 
 
@@ -275,6 +274,8 @@ def setting_of(world: Truth, duration: float) -> Setting:
 
 def feasibility_of(scenario: Scenario) -> Feasibility | None:
     """Reach and limits of the plan of a scenario's tip; None where the tip has no reference of its own."""
+    from skyarm.reference.feasibility import feasibility
+
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
@@ -336,6 +337,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     fields.done()
     if not stands:
         return state
+    from skyarm.scenario.standing_start import standing
 
     return standing(scenario.plant, scenario.worlds[0], state)
 
