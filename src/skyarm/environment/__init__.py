@@ -4,7 +4,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from skyarm.environment.component import Air, Component, Force, Wrench
-from skyarm.environment.drag import body_drag
 from skyarm.environment.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.environment_tables import payload_from, wind_from
@@ -17,12 +16,14 @@ from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSam
 if TYPE_CHECKING:
     from skyarm.environment.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
     from skyarm.environment.disturbance_signals import AirSignals, Disturbance
+    from skyarm.environment.drag import body_drag
     from skyarm.environment.hanging_payload import HangingPayload
     from skyarm.environment.signal_vector import ColouredNoise, SignalVector
 
 _LATER = {
     "aerodynamic_forces": ("GroundEffect", "LinkDrag", "RotorDrag"),
     "disturbance_signals": ("AirSignals", "Disturbance"),
+    "drag": ("body_drag",),
     "hanging_payload": ("HangingPayload",),
     "signal_vector": ("ColouredNoise", "SignalVector"),
 }

@@ -8,6 +8,9 @@ without joints, become frames. What has no counterpart is refused by its name.
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,7 +23,6 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import Mimic, Notes, RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
-from skyarm.vehicle.mjcf_sizes import MOST_TEXT, require_bounded, xml_root
 from skyarm.vehicle.vehicle_records import Frame
 
 NAMES = (
@@ -84,15 +86,52 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
     return RigidBodies(title, name, base, links, tuple(tree.frames), kept, notes.lines())
 
 
+SECONDS, BYTES = 20.0, 4 * 2**30
+"""Most time and memory of compiling a file: a line of XML can take hours or fill a disk, and MuJoCo heeds no signal."""
+
+MOST_TEXT, MOST_COMPILED = 10e6, 100e6
+"""Bytes of a file, and of its compiled model."""
+
+PLAIN = (
+    *("mujoco", "compiler", "option", "default", "worldbody", "body", "inertial", "joint", "freejoint", "geom", "site"),
+    *("light", "actuator", "motor", "position", "velocity", "equality", "contact", "exclude"),
+)
+"""Elements of which some thousand compile at once: nothing in them repeats, generates or reads."""
+
+MOST_PLAIN = 2000
+
+COMPILE = """
+import sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+except (ImportError, ValueError):
+    pass
+import mujoco
+try:
+    mujoco.mj_saveModel(mujoco.MjModel.from_xml_path(sys.argv[1]), sys.argv[2])
+except ValueError as error:
+    print(error)
+"""
+"""Program of a process of its own: paths of XML and compiled model, and bytes of memory."""
+
+
 def _compiled(path: Path) -> Any:
     """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
     if (size := path.stat().st_size) > MOST_TEXT:
         raise VehicleError(f"XML: has {size / 1e6:.0f} MB, must have at most {MOST_TEXT / 1e6:.0f} MB")
-    read = xml_root(path)
+    content = path.read_bytes().lstrip()
+    try:
+        read = ET.fromstring(content)
+    except (ET.ParseError, LookupError, ValueError) as error:
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
     if read.tag != "mujoco":
         refuse("root element", read.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
     _require_numbers(read)
-    require_bounded(path, read)
+    tags = [element.tag for element in read.iter()]
+    # MuJoCo reads a DOCTYPE otherwise than ElementTree
+    if len(tags) > MOST_PLAIN or not {*tags} <= {*PLAIN} or b"<!DOCTYPE" in content:
+        return _compiled_apart(path)
     import mujoco
 
     usual = mujoco.get_mju_user_warning()
@@ -103,6 +142,25 @@ def _compiled(path: Path) -> Any:
         raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
     finally:
         mujoco.set_mju_user_warning(usual)
+
+
+def _compiled_apart(path: Path) -> Any:
+    """The model compiled by a process that ends with its time or its memory."""
+    import mujoco
+
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "model.mjb"
+        words = [sys.executable, "-c", COMPILE, str(path.resolve()), str(made), str(BYTES)]
+        try:
+            ended = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, cwd=folder, check=False)
+        except subprocess.TimeoutExpired:
+            ended = None
+        if made.exists() and ended is not None and ended.returncode == 0 and made.stat().st_size < MOST_COMPILED:
+            return mujoco.MjModel.from_binary_path(str(made))
+    if ended is not None and ended.stdout.strip():
+        raise VehicleError(f"MJCF = {one_line(ended.stdout)!r}: must be a model that MuJoCo loads")
+    most = f"{SECONDS:g} s, {BYTES / 2**30:g} GB of memory and {MOST_COMPILED / 1e6:g} MB of numbers"
+    raise VehicleError(f"MJCF = {path.name!r}: must be a model that MuJoCo compiles in {most}")
 
 
 def _require_numbers(read: ET.Element) -> None:
