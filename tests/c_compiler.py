@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.compile.c.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statements
+from skyarm.compile.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statements
 from skyarm.compile.tracing.lower import Lowered
 
 CC = shutil.which("cc")

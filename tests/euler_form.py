@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Quaternion, Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.laws.paper import (
     geometric_accelerations,

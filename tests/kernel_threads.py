@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
-from skyarm.compile.llvm import thread_pool
+from skyarm.compile.llvm import shared_steps
 
 
 def queues(kernel):
@@ -18,7 +18,7 @@ def serving(waited_at=None):
     found = set()
     for identifier, top in sys._current_frames().items():
         frame = top
-        while frame is not None and frame.f_code is not thread_pool._serve.__code__:
+        while frame is not None and frame.f_code is not shared_steps._serve.__code__:
             frame = frame.f_back
         if frame is not None and (waited_at is None or frame.f_locals["queue"] in waited_at):
             found.add(identifier)

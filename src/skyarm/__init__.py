@@ -61,8 +61,7 @@ if TYPE_CHECKING:
     from skyarm.sensors.sensor import Sensor
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
-    from skyarm.simulate.loop import run
-    from skyarm.simulate.replay import replay
+    from skyarm.simulate.loop import replay, run
     from skyarm.simulate.session import Session
     from skyarm.simulate.user_code import check_components, check_law
     from skyarm.stability.along import margins
@@ -139,8 +138,7 @@ _ROOMS = {
     "skyarm.sensors.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
-    "skyarm.simulate.loop": ("run",),
-    "skyarm.simulate.replay": ("replay",),
+    "skyarm.simulate.loop": ("replay", "run"),
     "skyarm.simulate.session": ("Session",),
     "skyarm.simulate.user_code": ("check_components", "check_law"),
     "skyarm.stability.along": ("margins",),

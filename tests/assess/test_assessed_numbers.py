@@ -167,7 +167,7 @@ def test_the_certificate_sees_a_wrong_mass_matrix(monkeypatch):
 
 
 def test_the_certificate_without_mujoco_says_so(monkeypatch):
-    monkeypatch.setitem(sys.modules, "skyarm.plant.mujoco_equations", None)
+    monkeypatch.setitem(sys.modules, "skyarm.plant.mujoco_loads", None)
     (found,) = mujoco_certificate.certificate(ARM2, 9.81)
     assert found.level == "note"
     assert "mujoco-core" in found.text

@@ -15,7 +15,7 @@ import numpy as np
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.scalars import sin
 
 CARRY, LISTEN, TICKS = 16, 0.1, 0.01

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skyarm.compile.cache_places import KEY
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.llvm.object_cache import KEY
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.files import private
 
 CODE = {"a": bytes(range(256)) * 8, "b": b"other code" * 100}

@@ -10,8 +10,8 @@ from typing import Any
 from skyarm.compile.llvm.kernel import build, host_width
 from skyarm.compile.llvm.llvm_loop import assembly
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.repeat import operations
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.lower import operations
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth

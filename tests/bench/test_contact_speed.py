@@ -12,9 +12,9 @@ from skyarm.compile.llvm import kernel
 
 @pytest.fixture(autouse=True)
 def _quick(tmp_path, monkeypatch):
-    compiled = kernel._compiled
+    compiled = kernel._make_engine
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-    monkeypatch.setattr("skyarm.compile.llvm.kernel._compiled", lambda text, effort: compiled(text, 0))
+    monkeypatch.setattr("skyarm.compile.llvm.kernel._make_engine", lambda text, effort: compiled(text, 0))
 
 
 def test_the_vehicle_stands_on_its_four_skids_all_the_time():

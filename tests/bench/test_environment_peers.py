@@ -18,9 +18,9 @@ def _small(tmp_path, monkeypatch):
     """A cache of its own, machine code that is compiled quickly, one vehicle, few steps."""
     from skyarm.compile.llvm import kernel
 
-    quick = kernel._compiled
+    quick = kernel._make_engine
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-    monkeypatch.setattr(kernel, "_compiled", lambda text, effort: quick(text, 0))
+    monkeypatch.setattr(kernel, "_make_engine", lambda text, effort: quick(text, 0))
     monkeypatch.setattr(environment_peers, "VEHICLES", {"no arm": "hummingbird"})
     monkeypatch.setattr(environment_peers, "SINGLE_STEPS", 7)
 

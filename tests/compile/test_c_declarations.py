@@ -11,9 +11,7 @@ from c_compiler import c_function
 from skyarm import scalars
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
-from skyarm.compile.c.c_file import StepFile
-from skyarm.compile.c.c_source import Floats
-from skyarm.compile.c.c_struct import make_struct
+from skyarm.compile.c_source import Floats, StepFile, make_struct
 
 DECLARED = re.compile(r"const (\w+) (v\d+) = (.*);")
 VARIABLE = re.compile(r"v\d+|[01](?!\.)")

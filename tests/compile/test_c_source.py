@@ -15,7 +15,7 @@ from test_trace_bits import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, 
 from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 from skyarm import scalars
 from skyarm.compile import Graph, trace
-from skyarm.compile.c.c_source import CONDITIONS, Floats
+from skyarm.compile.c_source import CONDITIONS, Floats
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.scalars import floats
 

@@ -9,8 +9,7 @@ import pytest
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.compile import leaves
-from skyarm.compile.c.c_source import Floats
-from skyarm.compile.c.c_struct import comment, declaration, initialiser, make_struct
+from skyarm.compile.c_source import Floats, comment, declaration, initialiser, make_struct
 from skyarm.records.units import Unit
 
 

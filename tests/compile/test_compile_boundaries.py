@@ -12,8 +12,8 @@ from skyarm.compile import trace
 from skyarm.compile.jax import jax_cpu
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing import repeat as repetition
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing import lower as repetition
+from skyarm.compile.tracing.program import trace_loop
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_a_repetition_of_just_the_limit_is_written_out(monkeypatch, most, kept):
 @pytest.mark.parametrize("value", ["7", "a=b,c"])
 def test_a_flag_that_the_user_set_stays_whatever_its_value(monkeypatch, flag, value):
     name = flag.split("=", maxsplit=1)[0]
-    monkeypatch.setattr(jax_cpu, "_started", lambda: False)
+    monkeypatch.setattr(jax_cpu, "_has_started", lambda: False)
     monkeypatch.setenv("XLA_FLAGS", f"--xla_other=1 {name}={value}")
     jax_cpu.configure_cpu()
     found = os.environ["XLA_FLAGS"].split()

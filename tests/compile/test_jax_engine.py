@@ -18,10 +18,9 @@ jax = pytest.importorskip("jax")
 # ruff: noqa: E402  the engine needs the library
 from skyarm.compile import trace
 from skyarm.compile.jax.jax_engine import JaxKernel
-from skyarm.compile.jax.jax_operations import evaluate
-from skyarm.compile.jax.jax_random import uniforms
-from skyarm.compile.tracing.repeat import repeat
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.jax.jax_operations import evaluate, uniforms
+from skyarm.compile.tracing.lower import repeat
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.files import needs_extra
 from skyarm.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
 from skyarm.scalars import log as ln
@@ -140,7 +139,7 @@ def test_uniform_numbers_equal_philox_to_the_bit(single):
 
 def test_single_uniforms_round_ties_and_tiny_numbers_as_the_double_does():
     """Words chosen so that the 53 bits end just at, above and below a tie of 24 bits, at every magnitude."""
-    from skyarm.compile.jax.jax_random import _unit32
+    from skyarm.compile.jax.jax_operations import _unit32
 
     rng = np.random.default_rng(8)
     ones = [int(rng.integers(1, 2**24)) for _ in range(20)]
@@ -186,7 +185,7 @@ STEPS = 160
 FLIGHTS = """
 import sys
 from skyarm.compile.jax.jax_engine import JaxKernel, configure_cpu
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 configure_cpu()
 import jax, numpy as np
 from stepped_flights import *
@@ -292,7 +291,7 @@ def test_a_loop_without_parameters_rows_or_steps_runs():
 
 
 def test_a_program_traced_with_loops_is_refused(monkeypatch):
-    monkeypatch.setattr("skyarm.compile.tracing.repeat.WRITTEN_OUT", 0)
+    monkeypatch.setattr("skyarm.compile.tracing.lower.WRITTEN_OUT", 0)
 
     def step(carry, par, row, draws):
         return repeat(3, lambda x: (x[0] * 0.5,), carry), ()

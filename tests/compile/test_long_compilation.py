@@ -21,7 +21,7 @@ def test_minutes_of_compiling_are_announced_before_it_begins(size, effort, words
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(LongCompilationWarning, match=words):
-            kernel._compiled(" " * int(size), effort)
+            kernel._make_engine(" " * int(size), effort)
     assert not built
 
 
@@ -29,5 +29,5 @@ def test_seconds_of_compiling_and_kept_code_are_not(monkeypatch):
     kernel.announce(4_000_000, 2)
     kernel.announce(30_000_000, 0)
     monkeypatch.setattr(kernel.object_cache, "load", lambda _: b"kept")
-    monkeypatch.setattr(kernel, "_loaded", lambda content: content)
-    assert kernel._compiled(" " * 50_000_000, 2) == b"kept"
+    monkeypatch.setattr(kernel, "_load_engine", lambda content: content)
+    assert kernel._make_engine(" " * 50_000_000, 2) == b"kept"

@@ -7,7 +7,7 @@ import pytest
 from programs_random import bits, oscillator
 
 from skyarm.compile.tracing.lower import lower
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.tracing.tracer import FOLD, Graph
 from skyarm.scalars.elementary import COMPOSED
 

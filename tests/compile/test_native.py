@@ -16,9 +16,9 @@ from programs_random import SPECIAL, bits, oscillator, random_function, same_bit
 from skyarm.compile import TracedBranchError
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.stepper import Stepper
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.scalars import elementary
 from skyarm.scalars.philox import uniforms
 from thorough import sampled
@@ -320,7 +320,7 @@ class TestCache:
         script.write_text(
             "import sys, numpy as np\n"
             "from programs_random import oscillator\n"
-            "from skyarm.compile.tracing.stepped_loop import trace_loop\n"
+            "from skyarm.compile.tracing.program import trace_loop\n"
             "from skyarm.compile.llvm.kernel import Kernel\n"
             "for k in range(4):\n"
             "    kernel = Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((k, 2),)))\n"

@@ -17,7 +17,7 @@ import numpy as np
 from skyarm.algebra import Force, Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.dynamics import forward_dynamics
 from vehicles_random import random_vehicle

@@ -10,8 +10,8 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
-from skyarm.compile.llvm import quick_function as quick
-from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.llvm import lane_stepper as quick
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.scalars import cos, sqrt, where
 

@@ -8,9 +8,9 @@ from programs_random import bits, random_function, same_bits
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing import repeat as room
-from skyarm.compile.tracing.repeat import operations, repeat, repeat_while
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing import lower as room
+from skyarm.compile.tracing.lower import operations, repeat, repeat_while
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.scalars import sin, where
 
 

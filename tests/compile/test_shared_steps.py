@@ -13,9 +13,8 @@ from kernel_threads import wait_until
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import Machine, SharedSteps, sliced
-from skyarm.compile.llvm.thread_pool import ThreadPools
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.llvm.shared_steps import Machine, SharedSteps, ThreadPools, slice_work
+from skyarm.compile.tracing.program import trace_loop
 
 LANES, STEPS = 103, 60
 
@@ -67,7 +66,7 @@ def test_slices_take_the_time_they_should():
     for pace in (1e-8, 3e-6, 1e-4):
         for blocks, steps in ((1, 10**9), (2500, 4000), (2**15, 50), (1, 1), (128, 1)):
             for threads in (1, 2, 8):
-                group, span = sliced(blocks, steps, pace, threads)
+                group, span = slice_work(blocks, steps, pace, threads)
                 assert 1 <= group <= blocks
                 assert 1 <= span <= steps
                 assert group * span * pace <= max(shared_steps.SLICE, pace)

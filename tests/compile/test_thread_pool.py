@@ -17,10 +17,10 @@ from programs_random import oscillator, same_bits
 
 from kernel_threads import queues, serving, wait_until
 from skyarm.compile.llvm import kernel as native
-from skyarm.compile.llvm import shared_steps, thread_pool
+from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from thorough import sampled
 
 
@@ -92,7 +92,7 @@ def test_callers_at_once_have_threads_of_their_own():
 
 
 def test_a_pool_is_one_callers_at_a_time():
-    pools = thread_pool.ThreadPools()
+    pools = shared_steps.ThreadPools()
     first, second = pools.take(), pools.take()
     assert first is not second
     pools.give(first)
@@ -114,18 +114,18 @@ def test_a_copy_flies_and_a_kernel_is_not_pickled():
 def test_an_interrupt_while_a_thread_is_made_comes_through(monkeypatch, begun):
     kernel = spring()
     expected = fly(kernel)
-    usual = thread_pool._thread.start_new_thread
+    usual = shared_steps._thread.start_new_thread
 
     def interrupted(*arguments):
         if begun:
             usual(*arguments)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(thread_pool._thread, "start_new_thread", interrupted)
+    monkeypatch.setattr(shared_steps._thread, "start_new_thread", interrupted)
     for _ in range(5):
         with pytest.raises(KeyboardInterrupt):
             fly(kernel, threads=4)
-    monkeypatch.setattr(thread_pool._thread, "start_new_thread", usual)
+    monkeypatch.setattr(shared_steps._thread, "start_new_thread", usual)
     assert same_bits(fly(kernel, threads=4), expected)
     at = queues(kernel)
     # some may be there that nobody has counted
@@ -141,7 +141,7 @@ import numpy as np
 from programs_random import oscillator
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.llvm.kernel import Kernel
 shared_steps.SHARED = 1e-12
 kernel = Kernel(trace_loop(lambda c, p, r, u: oscillator(c, p, u[:1], u), (0.0, 0.0), (0.0,), (), ((0, 2),)), Lanes(4))

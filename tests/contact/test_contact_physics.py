@@ -138,7 +138,7 @@ def test_both_plants_apply_the_same_force(pressed):
     from skyarm.compile import leaves, trace
     from skyarm.compile.tracing.array_evaluation import evaluate
     from skyarm.plant.interface import Truth
-    from skyarm.plant.mujoco_equations import Equations
+    from skyarm.plant.mujoco_loads import Equations
     from skyarm.plant.rigid_body import accelerate
     from skyarm.plant.surroundings import Surroundings
 

@@ -21,7 +21,7 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered

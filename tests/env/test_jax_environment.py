@@ -275,7 +275,7 @@ def test_options_of_the_compiler_are_set_by_making_one_or_missed_in_one_line(lat
 @pytest.mark.parametrize("own", ["", "--xla_backend_extra_options=xla_cpu_flatten_after_fusion"])
 def test_ones_own_options_stay_and_only_a_processor_needs_them(monkeypatch, own, started):
     monkeypatch.setenv("XLA_FLAGS", own)
-    monkeypatch.setattr(jax_cpu, "_started", lambda: started)
+    monkeypatch.setattr(jax_cpu, "_has_started", lambda: started)
     assert jax_cpu.configure_extra_options() == (bool(own) or not started)
     assert os.environ["XLA_FLAGS"] == (own if own or started else EXTRA_OPTIONS)
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")

@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import skyarm
 from skyarm.actuation.rotor import push
 from skyarm.env import OBSERVED, REWARDS, Result, Sight
-from skyarm.env.action_kinds import ACTIONS, middle_and_half
+from skyarm.env.action_kinds import ACTIONS, Turn, middle_and_half
 from skyarm.env.env_program import LARGEST, observation_of
 from skyarm.env.env_task import make_task
 from skyarm.env.named_tasks import NAMED, task_scenario
@@ -147,7 +147,7 @@ def test_actions_stand_for_their_limits(planned):
             return memory, skyarm.Command(rotor_speeds=(hover,) * 4, efforts=(0.1, 0.2))
 
         level = dataclasses.replace(SIGHTED, rate=skyarm.Vec3(0.0, 0.0, 0.0))
-        return ACTIONS[kind](**numbers).command(action, (), level, WANTED, law, par, told)[1]
+        return ACTIONS[kind](**numbers).command(action, Turn((), level, WANTED, law, par, told))[1]
 
     up = command("rotors_and_joints", (0.1,) * 4 + (1.0, -1.0), span=0.5, joints=0.3)
     assert up.rotor_speeds == pytest.approx([1.05 * hover] * 4, rel=0.02)
@@ -176,9 +176,9 @@ def test_a_displaced_reference_is_what_the_law_is_told(planned):
         return memory, skyarm.Command()
 
     action = (1.0, 0.0, -0.5, 1.0, -1.0)
-    ACTIONS["references"](position=0.2, angle=0.1).command(
-        action, (), SIGHTED, dataclasses.replace(WANTED, tip=(1.0, 2.0, 3.0)), law, planned.controller.par, ()
-    )
+    wanted = dataclasses.replace(WANTED, tip=(1.0, 2.0, 3.0))
+    turn = Turn((), SIGHTED, wanted, law, planned.controller.par, ())
+    ACTIONS["references"](position=0.2, angle=0.1).command(action, turn)
     found = told["reference"]
     assert [*found.position] == pytest.approx([0.2, 0.5, 0.9])
     assert found.joints == pytest.approx([0.2, 0.0])
@@ -222,7 +222,7 @@ def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
             return Kept(own), own
 
         asked = dataclasses.replace(par, model=model)
-        return ACTIONS[kind]().command((0.0,) * 4 + action, Kept(own), SIGHTED, WANTED, law, asked, told)
+        return ACTIONS[kind]().command((0.0,) * 4 + action, Turn(Kept(own), SIGHTED, WANTED, law, asked, told))
 
     # a full action is the limit of the effort; where a drive takes setpoints, an end of the range
     assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[1].efforts == pytest.approx((0.4, 0.25 - 0.95 / 2))
@@ -274,7 +274,7 @@ def test_a_rotor_with_a_table_turns_at_the_speed_of_its_thrust(planned):
     asked = dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
     level = dataclasses.replace(SIGHTED, rate=skyarm.Vec3(0.0, 0.0, 0.0))
     arguments = (0.0,) * 6, (), level, WANTED, None, asked, (False, False)
-    found = ACTIONS["rates_and_thrust"]().command(*arguments)[1].rotor_speeds
+    found = ACTIONS["rates_and_thrust"]().command(arguments[0], Turn(*arguments[1:]))[1].rotor_speeds
     thrust = sum(push(rotor, w) * rotor.thrust_coefficient for rotor, w in zip(rotors, found, strict=True))
     assert float(thrust) == pytest.approx(float(vehicle.mass) * 9.81, rel=1e-6)
     assert found[0] != pytest.approx(np.sqrt(float(vehicle.mass) * 9.81 / 4 / float(rotors[0].thrust_coefficient)))

@@ -20,8 +20,7 @@ from skyarm.control.actuator_layer import plain_model, with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
 from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.onboard.estimated_law import first_estimated_memory, units_of
-from skyarm.onboard.export_c import export_c
+from skyarm.onboard.export_c import export_c, first_estimated_memory, units_of
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -13,14 +13,14 @@ from commanded import skyarm as typed
 from estimated_flight import TEXT, estimated
 from exported_law import Loaded
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.onboard.estimated_law import (
+from skyarm.onboard.export_c import (
     EstimatedConstants,
     FilterReadings,
     blank_readings,
     estimated_law,
+    export_c,
     first_estimated_memory,
 )
-from skyarm.onboard.export_c import export_c
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.sensors.sensor_kinds import EncoderReading

@@ -13,7 +13,7 @@ from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, PayloadMemory, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.loaded_vehicle import loaded_vehicle
+from skyarm.plant.loads import loaded_vehicle
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.surroundings import Surroundings

@@ -21,7 +21,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Fault, SignalVector, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.mujoco_material import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
+from skyarm.plant.mujoco_world import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
 from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.reference import Sine
 from skyarm.scenario.scenario_file import scenario_from, usual_integrator

@@ -20,7 +20,7 @@ from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.loads import applied_force, lagged
+from skyarm.plant.loads import applied_force, rotor_speeds_after
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -114,7 +114,7 @@ class ManifoldRungeKutta:
         for weight in (0.5, 0.5, 1.0):
             slopes.append(self.slope(*self.moved(x, [weight], slopes[-1:]), *held))
         end, _ = self.moved(x, [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0], slopes)
-        return replace(end, rotor_speeds=lagged(self.vehicle, x, command, self.dt, wind))
+        return replace(end, rotor_speeds=rotor_speeds_after(self.vehicle, x, command, self.dt, wind))
 
 
 @pytest.mark.parametrize(

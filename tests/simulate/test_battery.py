@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from skyarm.actuation import speeds_after
 from skyarm.actuation.hover import time_aloft
 from skyarm.metrics.battery_use import battery_use
-from skyarm.plant.loads import supplied
+from skyarm.plant.loads import supplied_speeds
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
@@ -118,7 +118,7 @@ def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reac
     bare = load_vehicle("hummingbird")
     vehicle, top = dataclasses.replace(bare, battery=dataclasses.replace(BATTERY, esc=esc)), bare.rotors[0].max_speed
     for share, wanted in zip((0.5, 0.9, 1.3), reached, strict=True):
-        commands = supplied(vehicle, (share * top,) * 4, Surroundings(supply=supply))
+        commands = supplied_speeds(vehicle, (share * top,) * 4, Surroundings(supply=supply))
         speeds = speeds_after(vehicle.rotors, (0.0,) * 4, commands, 10.0)
         assert speeds == pytest.approx((wanted * top,) * 4, rel=1e-12)
 

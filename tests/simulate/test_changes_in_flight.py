@@ -20,7 +20,7 @@ from skyarm.sensors.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import carried
+from skyarm.simulate.loop_state import carry_over
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"
@@ -306,10 +306,10 @@ def test_memories_of_components_go_on_group_by_group() -> None:
     fresh = dataclasses.replace(first, components=(0.0, 0.1, 0.2, 0.3))
     before = dataclasses.replace(first, components=(5.0, 6.0, 7.0))
     # wind, air, forces: a second air is new, and the force behind it is the one of before
-    assert carried(fresh, before, ((1, 1), (2, 1), (1, 1))).components == (5.0, 6.0, 0.2, 7.0)
+    assert carry_over(fresh, before, ((1, 1), (2, 1), (1, 1))).components == (5.0, 6.0, 0.2, 7.0)
     # an air that is gone leaves the force its own
     fewer = dataclasses.replace(first, components=(0.0, 0.3))
-    assert carried(fewer, before, ((1, 1), (0, 1), (1, 1))).components == (5.0, 7.0)
+    assert carry_over(fewer, before, ((1, 1), (0, 1), (1, 1))).components == (5.0, 7.0)
 
 
 def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:

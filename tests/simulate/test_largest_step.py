@@ -14,7 +14,7 @@ from added_components import Servo, SteadyWrench, same_logs, with_law
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import flat

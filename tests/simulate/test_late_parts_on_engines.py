@@ -17,13 +17,13 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.catalogue import make_controller
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensors.measurement import measurement_of
 from skyarm.simulate import Delays
-from skyarm.simulate.command_line import issued, rotor_and_joint_delays, switches
+from skyarm.simulate.command_line import command_in_force, rotor_and_joint_delays, switches
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row, structure_of
@@ -118,7 +118,9 @@ def pieces(time: Any, *values: Any) -> list[Any]:
     _, command = varied.controller.law((), moving, told.dense(), 0.005, par=varied.controller.par)
     (rotors, part), (joints, other) = rotor_and_joint_delays(varied)
     queue = tuple(Command(rotor_speeds=(400.0 + k,) * 4, efforts=(0.1 * k, -0.2 * k)) for k in range(5))
-    acting = Command(rotor_speeds=issued(queue, rotors).rotor_speeds, efforts=issued(queue, joints).efforts)
+    acting = Command(
+        rotor_speeds=command_in_force(queue, rotors).rotor_speeds, efforts=command_in_force(queue, joints).efforts
+    )
     return leaves((told, command, acting, *switches(acting, command, part, other)))
 
 

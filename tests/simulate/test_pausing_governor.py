@@ -23,7 +23,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import carried
+from skyarm.simulate.loop_state import carry_over
 from skyarm.simulate.reference_clock import Paces, clock_of_change
 from skyarm.simulate.tip_and_goal import tip_at
 
@@ -251,7 +251,7 @@ def test_without_bounds_there_is_no_clock(scenario):
     # one that takes over in flight begins at the flight's time
     before = dataclasses.replace(first_loop_state(free), ticks=37.0)
     first = first_loop_state(scenario)
-    clock = carried(first, before, (), clock_of_change(scenario, first, before, anew=False)).clock
+    clock = carry_over(first, before, (), clock_of_change(scenario, first, before, anew=False)).clock
     assert (clock.now.place, clock.now.rate, clock.held.place) == (37.0, 1.0, 37.0)
     with pytest.raises(skyarm.ScenarioError, match=r"pause_eror: is no option of a governor|pause_eror.*unknown"):
         flight({"pause_eror": 0.1})

@@ -12,7 +12,7 @@ import skyarm
 from added_components import registry_kept, same_logs
 from skyarm.registry.plugins import load_plugin
 from skyarm.simulate.loop import run
-from skyarm.simulate.workers import packed, workers
+from skyarm.simulate.workers import pack, workers
 
 MADE_INSIDE = """
 import skyarm
@@ -61,21 +61,21 @@ def _countdown():
 
 
 def test_a_function_closed_over_itself_travels_with_its_defaults() -> None:
-    again = pickle.loads(packed({"a": (_countdown(),)}))["a"][0]
+    again = pickle.loads(pack({"a": (_countdown(),)}))["a"][0]
     assert again(3) == (3, 2, 1, 0)
     assert again.__qualname__ == "_countdown.<locals>.count"
 
 
 def test_a_function_used_twice_stays_one() -> None:
     one = _countdown()
-    first, second = pickle.loads(packed([one, one]))
+    first, second = pickle.loads(pack([one, one]))
     assert first is second
 
 
 def test_records_travel_as_by_pickle() -> None:
     state = skyarm.load_scenario("case3").reference
-    assert pickle.loads(packed(state)) == state
-    assert np.array_equal(pickle.loads(packed(np.arange(3))), np.arange(3))
+    assert pickle.loads(pack(state)) == state
+    assert np.array_equal(pickle.loads(pack(np.arange(3))), np.arange(3))
 
 
 def test_what_cannot_travel_is_one_line() -> None:
@@ -85,4 +85,4 @@ def test_what_cannot_travel_is_one_line() -> None:
         return values
 
     with pytest.raises(ValueError, match=r"^workers: cannot pickle 'generator' object; what flies in other processes"):
-        packed(law)
+        pack(law)

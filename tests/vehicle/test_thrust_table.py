@@ -16,7 +16,7 @@ from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.actuation.rotor import push, rotor_force, speed_of_push
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.monotone_curve import curve, inverse_curve
-from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.control.actuator_layer import plain_model, with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.scenario.numbers import with_numbers

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from skyarm.algebra.as_array import as_array
-from skyarm.algebra.vector import Vec3
+from skyarm.algebra.vector import Vec3, as_array
 from skyarm.scalars import Scalar, add, cos, mul, neg, sin, sub
 
 
@@ -132,7 +131,7 @@ class Mat3:
         i, j = _OTHERS[k]
         A, turn = [list(row) for row in self.rows], [tuple(row) for row in R.rows]
         c, s = turn[i][i], turn[j][i]
-        A[i][i], A[j][j], A[i][j], A[j][i] = _turned(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
+        A[i][i], A[j][j], A[i][j], A[j][i] = _turn(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
         A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
         A[i][k], A[j][k] = _turned_pair(A[i][k], A[j][k], c, s)
         return Mat3(*(Vec3(*row) for row in A))
@@ -216,7 +215,7 @@ class Sym3:
             i, j = _OTHERS[k]
             A, turn = [list(row) for row in self.full().rows], [tuple(row) for row in R.rows]
             c, s = turn[i][i], turn[j][i]
-            A[i][i], A[j][j], A[i][j], A[j][i] = _turned(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
+            A[i][i], A[j][j], A[i][j], A[j][i] = _turn(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
             A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
             A[i][k], A[j][k] = A[k][i], A[k][j]
             return Sym3.of_matrix(Mat3(*(Vec3(*row) for row in A)))
@@ -230,7 +229,7 @@ _OTHERS = ((1, 2), (2, 0), (0, 1))
 """The axes that a rotation about axis 0, 1, 2 turns into each other."""
 
 
-def _turned(first: Any, second: Any, above: Any, below: Any, c: Any, s: Any) -> tuple[Any, Any, Any, Any]:
+def _turn(first: Any, second: Any, above: Any, below: Any, c: Any, s: Any) -> tuple[Any, Any, Any, Any]:
     """Entries xx, yy, xy, yx of a 2x2 matrix turned by the angle with cosine c and sine s.
 
     What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.

@@ -1,4 +1,4 @@
-"""Unit quaternions (w, x, y, z), body to world."""
+"""Unit quaternions (w, x, y, z), body to world, and ZYX Euler angles."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from skyarm.algebra.as_array import as_array
 from skyarm.algebra.matrix import Mat3
-from skyarm.algebra.vector import Vec3
-from skyarm.scalars import Scalar, cos, divide, sin, sqrt, where
+from skyarm.algebra.vector import Vec3, as_array
+from skyarm.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
 
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800)
 """Taylor series of sin(y) / y in y^2."""
@@ -130,3 +129,15 @@ class Quaternion:
             0.5 * (w * q + z * p - x * r),
             0.5 * (w * r + x * q - y * p),
         )
+
+
+def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:
+    """phi, theta, psi with R = Rz(psi) Ry(theta) Rx(phi); theta in [-pi/2, pi/2].
+
+    The pitch comes from atan2, not asin, which loses half the digits near 90 degrees.
+
+    Source: Diebel 2006, section 8.
+    """
+    r0, r1, r2 = R_WB.rows
+    level = sqrt(r0.x * r0.x + r1.x * r1.x)
+    return atan2(r2.y, r2.z), atan2(neg(r2.x), level), atan2(r1.x, r0.x)

@@ -40,7 +40,7 @@ def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = S
         text = "not possible: no real body has the inertia of a planar link, and MuJoCo refuses it"
         return [Finding(question=question, level=NOTE, text=text, field="links.planar")]
     try:
-        from skyarm.plant.mujoco_equations import Equations
+        from skyarm.plant.mujoco_loads import Equations
     except ImportError as error:
         text = f"not done: MuJoCo cannot be loaded ({error}); python -m pip install mujoco-core"
         return [Finding(question=question, level=NOTE, text=text)]

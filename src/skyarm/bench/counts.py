@@ -7,7 +7,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Vec3
 from skyarm.compile import trace
-from skyarm.compile.tracing.repeat import operations
+from skyarm.compile.tracing.lower import operations
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth

@@ -14,7 +14,7 @@ from skyarm.bench.timing import Contender
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import SensorNoise

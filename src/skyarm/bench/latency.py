@@ -11,9 +11,9 @@ import numpy as np
 
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.stepper import Stepper
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensors.measurement import measurement_of
 from skyarm.simulate.inputs import episode_inputs

@@ -22,8 +22,8 @@ from skyarm.metrics.accumulate import CONTINUOUS
 from skyarm.metrics.score import score
 from skyarm.scenario.scenario_text import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
+from skyarm.simulate.loop import read, scenario_to_replay
 from skyarm.simulate.loop import run as fly
-from skyarm.simulate.replay import read, scenario_to_replay
 
 MOST_COLUMNS, MOST_FIELDS = 12, 20
 """Quantities, and fields of two scenarios, that a terminal shows; ``--json`` has all."""

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from skyarm.actuation import Command, mix
 from skyarm.actuation.hover import hover_trim
@@ -24,6 +24,29 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
 """The scenario's law: (memory, measurement, reference) -> (memory, command)."""
+
+
+class Turn(NamedTuple):
+    """What an action meets in a control period.
+
+    Attributes:
+        memory: of the law, ``()`` where it is not asked. measurement: of the period. reference: told for it.
+        law: of the scenario. par: its constants, with the model. told: which joints take setpoints.
+    """
+
+    memory: Any
+    measurement: Measurement
+    reference: Reference
+    law: Decide
+    par: Any
+    told: tuple[bool, ...]
+
+    @property
+    def model(self) -> Model:
+        """The model of the scenario's law."""
+        found: Model = self.par.model
+        return found
+
 
 USUAL_EFFORT = 0.5
 """N m, N, rad or m at full action of a joint without a limit."""
@@ -51,37 +74,28 @@ class Actions:
         """How many numbers an action has."""
         return len(vehicle.rotors) + vehicle.n
 
-    def command(
-        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
-        par: Any, told: tuple[bool, ...],
-    ) -> tuple[Any, Command]:  # fmt: skip
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
         """The law's memory and the command of a period, over any scalar.
 
         Args:
             action: (size,) numbers in [-1, 1].
-            memory: of the law, ``()`` where it is not asked.
-            measurement: of the period.
-            reference: told for it.
-            law: of the scenario.
-            par: its constants, with the belief.
-            told: which joints take setpoints.
+            now: what else there is in the period.
         """
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
-    def efforts(self, action: tuple[Any, ...], model: Model, told: tuple[bool, ...]) -> tuple[Any, ...]:
+    def efforts(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
         """Setpoints of the joints from the last numbers of an action."""
-        spans = self._spans(model, told)
-        numbers = action[len(action) - model.vehicle.n :]
-        return tuple(middle + a * half for a, (middle, half) in zip(numbers, spans, strict=True))
+        return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
-    def added(self, action: tuple[Any, ...], model: Model, told: tuple[bool, ...]) -> tuple[Any, ...]:
+    def added(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
         """What the last numbers of an action add to setpoints that another has chosen."""
-        spans = self._spans(model, told)
-        return tuple(a * half for a, (_, half) in zip(action[len(action) - model.vehicle.n :], spans, strict=True))
+        return tuple(a * half for a, (_, half) in self._spans(action, now))
 
-    def _spans(self, model: Model, told: tuple[bool, ...]) -> list[tuple[Any, Any]]:
-        """Setpoint of each joint at no action, and what a full action adds."""
-        return [self._span(link.joint, each) for link, each in zip(model.vehicle.links, told, strict=True)]
+    def _spans(self, action: tuple[Any, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
+        """For each joint the action's number, the setpoint at no action, and what a full action adds."""
+        links = now.model.vehicle.links
+        spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
+        return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
     def _span(self, joint: Any, told: bool) -> tuple[Any, Any]:
         if self.joints is not None:
@@ -102,14 +116,10 @@ class RotorsAndJoints(Actions):
 
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
 
-    def command(
-        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
-        par: Any, told: tuple[bool, ...],
-    ) -> tuple[Any, Command]:  # fmt: skip
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
         """Hover speed plus the action's share of it, within what the rotors can turn."""
-        model: Model = par.model
-        speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(model), action, strict=False))
-        return memory, within_limits(model.vehicle, speeds, self.efforts(action, model, told), told)
+        speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
+        return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,20 +139,17 @@ class RatesAndThrust(Actions):
         """Three rates, thrust, the joints."""
         return 4 + vehicle.n
 
-    def command(
-        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
-        par: Any, told: tuple[bool, ...],
-    ) -> tuple[Any, Command]:  # fmt: skip
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
         """Torque J (rate wanted - rate) bandwidth, thrust about the weight, mixed."""
-        model: Model = par.model
-        missing = Vec3(*(self.rate * a for a in action[:3])) - measurement.rate
+        model = now.model
+        missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
         weight = model.vehicle.mass * model.gravity
-        speeds, squares = mix(par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        speeds, squares = mix(now.par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
             speeds = tuple(speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows)
-        return memory, within_limits(model.vehicle, speeds, self.efforts(action, model, told), told)
+        return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,15 +169,14 @@ class References(Actions):
         """Three, and the joints."""
         return 3 + vehicle.n
 
-    def command(
-        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
-        par: Any, told: tuple[bool, ...],
-    ) -> tuple[Any, Command]:  # fmt: skip
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
         """The law's command for the displaced reference; its derivatives stay."""
+        reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
         tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
-        return law(memory, measurement, dataclasses.replace(reference, position=position, joints=joints, tip=tip))
+        shifted = dataclasses.replace(reference, position=position, joints=joints, tip=tip)
+        return now.law(now.memory, now.measurement, shifted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,18 +193,13 @@ class Residual(Actions):
 
     asks_law = True
 
-    def command(
-        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
-        par: Any, told: tuple[bool, ...],
-    ) -> tuple[Any, Command]:  # fmt: skip
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
         """The law's command plus the action's, within what rotors and joints can do."""
-        model: Model = par.model
-        following, own = law(memory, measurement, reference)
-        pairs = zip(own.rotor_speeds, _hover(model), action, strict=False)
+        following, own = now.law(now.memory, now.measurement, now.reference)
+        pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        added = self.added(action, model, told)
-        efforts = tuple(u + more for u, more in zip(own.efforts, added, strict=True))
-        sent = dataclasses.replace(within_limits(model.vehicle, speeds, efforts, told), tilts=own.tilts)
+        efforts = tuple(u + more for u, more in zip(own.efforts, self.added(action, now), strict=True))
+        sent = dataclasses.replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_applied_command(following, _as_kept(following, sent)), sent
 
 
@@ -220,12 +221,11 @@ def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
     return (low + high) * 0.5, (high - low) * 0.5
 
 
-def within_limits(
-    vehicle: Vehicle, speeds: tuple[Any, ...], efforts: tuple[Any, ...], told: tuple[bool, ...]
-) -> Command:
+def within_limits(now: Turn, speeds: tuple[Any, ...], efforts: tuple[Any, ...]) -> Command:
     """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
+    vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
-    rows = zip(efforts, vehicle.links, told, strict=True)
+    rows = zip(efforts, vehicle.links, now.told, strict=True)
     held = tuple(
         u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
         for u, link, setpoint in rows

@@ -55,7 +55,7 @@ class EpisodeStarts:
         rows = len(program.paths) + len(self._start.outputs)
         self._table = np.zeros((rows, lanes if self.varies else 1, self._depth), dtype)
         if not self.varies:
-            self._table[:, :, 0] = self._made(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
+            self._table[:, :, 0] = self._compute(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
 
     def seed(self, lanes: Array, seeds: Array) -> None:
         """Give lanes other seeds; their episodes are numbered from 0 again."""
@@ -78,10 +78,10 @@ class EpisodeStarts:
         """Make episodes of these lanes from these numbers on."""
         self._first[lanes] = episodes
         numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
-        columns = self._made(np.repeat(self._seeds[lanes], self._depth), numbers)
+        columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
-    def _made(self, seeds: Array, episodes: Array) -> Array:
+    def _compute(self, seeds: Array, episodes: Array) -> Array:
         """The same, computed."""
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)

@@ -16,8 +16,9 @@ from typing import Any
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
+from skyarm.env.action_kinds import Turn
 from skyarm.env.env_task import Task
 from skyarm.env.observed_quantities import Result, Sight
 from skyarm.records.leaves import blend
@@ -94,13 +95,13 @@ class EnvProgram:
         self._measurement = structure_of(self._begin(self.base, draws, None)[1])
         self._kept = tuple(range(len(leaves(self._measurement))))
         # what of the measurement the next step reads shows in a first trace: usually all for a law, nothing else
-        whole = self._traced(draws)
+        whole = self._trace(draws)
         used = {arg.index for node in whole.program.nodes for arg in node.args}
         count = whole.carry - len(self._kept) - self.size
         self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
-        self.loop = self._traced(draws)
+        self.loop = self._trace(draws)
 
-    def _traced(self, draws: tuple[Any, ...]) -> Loop:
+    def _trace(self, draws: tuple[Any, ...]) -> Loop:
         first, _ = self.start(self.base, draws)
         self.first: EnvState = structure_of(first)
         values = (self.base, (0.0,) * self.size)
@@ -118,22 +119,22 @@ class EnvProgram:
         """
         now, measurement, told = self._begin(numbers, draws, started)
         action = (0.0,) * self.size
-        state = EnvState(loop=now, seen=self._seen(measurement), action=action)
-        return state, self._observed(Stages(self._varied(numbers)), measurement, told, action)
+        state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
+        return state, self._observe(Stages(self._lane_scenario(numbers)), measurement, told, action)
 
     def _begin(self, numbers: Sequence[Any], draws: Sequence[Any], started: Any) -> tuple[LoopState, Any, Reference]:
         """Loop, measurement and told reference of an episode's first period."""
-        stages = Stages(self._varied(numbers))
+        stages = Stages(self._lane_scenario(numbers))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = dataclasses.replace(first, memory=())
         row = own_row(stages.scenario, first.ticks)
-        return (*self._measured(stages, first, row, draws), stages.joined(row))
+        return (*self._measure_next(stages, first, row, draws), stages.joined(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
         """Fly one control period by an action, and measure."""
         numbers, given = values
-        stages = Stages(self._varied(numbers))
+        stages = Stages(self._lane_scenario(numbers))
         action = tuple(clip(a, -1.0, 1.0) for a in given)
         loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
@@ -150,7 +151,7 @@ class EnvProgram:
         flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
         coming = own_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
-        following, measurement = self._measured(stages, flown, coming, draws)
+        following, measurement = self._measure_next(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
         result = Result(
             state=state,
@@ -169,14 +170,14 @@ class EnvProgram:
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = Outcome(
-            observation=self._observed(stages, measurement, stages.joined(coming), action),
+            observation=self._observe(stages, measurement, stages.joined(coming), action),
             reward=_finite(reward),
             truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
             ending=ending,
         )
-        return EnvState(loop=following, seen=self._seen(measurement), action=action), outcome
+        return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
 
-    def _varied(self, numbers: Sequence[Any]) -> Scenario:
+    def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
@@ -191,22 +192,22 @@ class EnvProgram:
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
         par = stages.scenario.controller.par
-        memory, command = self.task.actions.command(
-            action, now.loop.memory, measurement, stages.joined(row), stages.decide, par, self.task.told
-        )
+        told = stages.joined(row)
+        turn = Turn(now.loop.memory, measurement, told, stages.decide, par, self.task.told)
+        memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
-    def _measured(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
+    def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
         """Surroundings and sensors of the period that comes next."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement
 
-    def _seen(self, measurement: Any) -> tuple[Any, ...]:
+    def _select_numbers(self, measurement: Any) -> tuple[Any, ...]:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
-    def _observed(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _observe(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
         model = stages.scenario.controller.par.model
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 

@@ -32,8 +32,7 @@ try:
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
-from skyarm.compile.jax.jax_operations import evaluate
-from skyarm.compile.jax.jax_random import uniforms
+from skyarm.compile.jax.jax_operations import evaluate, uniforms
 from skyarm.env.jax_params import drawn, params_of, require_params
 
 Info = dict[str, Any]

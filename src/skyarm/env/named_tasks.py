@@ -46,7 +46,7 @@ class NamedTask:
     observation: tuple[str, ...] = USUAL
 
 
-def _even(size: float) -> dict[str, list[float]]:
+def _symmetric(size: float) -> dict[str, list[float]]:
     return {"uniform": [-size, size]}
 
 
@@ -55,11 +55,11 @@ PLACES = {
 }
 THROWN = {
     **{
-        f"initial.{angle}": _even(size)
+        f"initial.{angle}": _symmetric(size)
         for angle, size in (("roll", math.pi), ("pitch", math.pi / 2.0), ("yaw", math.pi))
     },
-    **{f"initial.rate.{axis}": _even(5.0) for axis in "xyz"},
-    **{f"initial.velocity.{axis}": _even(2.0) for axis in "xyz"},
+    **{f"initial.rate.{axis}": _symmetric(5.0) for axis in "xyz"},
+    **{f"initial.velocity.{axis}": _symmetric(2.0) for axis in "xyz"},
 }
 
 NO_ARM = ("position_error", "velocity_error", "attitude", "body_rate", "last_action")
@@ -75,7 +75,7 @@ NAMED: dict[str, NamedTask] = {
             ActionChange(weight=0.05),
             Lost(weight=10.0),
         ),
-        randomise={**PLACES, "initial.roll": _even(0.3), "initial.pitch": _even(0.3)},
+        randomise={**PLACES, "initial.roll": _symmetric(0.3), "initial.pitch": _symmetric(0.3)},
         observation=NO_ARM,
     ),
     "TrackTip": NamedTask(
@@ -88,7 +88,7 @@ NAMED: dict[str, NamedTask] = {
         file="hold_tip_in_wind",
         actions=Residual(span=0.2),
         reward=USUAL_REWARD,
-        randomise={"environment.wind.force_W.x": _even(2.0), "environment.wind.force_W.y": _even(2.0)},
+        randomise={"environment.wind.force_W.x": _symmetric(2.0), "environment.wind.force_W.y": _symmetric(2.0)},
     ),
     "CarryPayload": NamedTask(
         file="carry_payload",

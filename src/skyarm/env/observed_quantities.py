@@ -17,6 +17,11 @@ from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
+Metres = Annotated[float, Unit("m", low=0.0, strict=True)]
+JointTravel = Annotated[float, Unit("rad or m", low=0.0, strict=True)]
+RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
+"""Scales, by which a number is divided."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
@@ -70,11 +75,11 @@ class Observed:
 class PositionError(Observed):
     """Reference minus measured position of the base origin, world axes."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.0
+    scale: Metres = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """Three."""
-        return _scaled(sight.reference.position - sight.measurement.position, self.scale)
+        return _divide(sight.reference.position - sight.measurement.position, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +90,7 @@ class VelocityError(Observed):
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """Three."""
-        return _scaled(sight.reference.velocity - sight.measurement.velocity, self.scale)
+        return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,11 +107,11 @@ class Attitude(Observed):
 class BodyRate(Observed):
     """Measured angular velocity, base axes."""
 
-    scale: Annotated[float, Unit("rad/s", low=0.0, strict=True)] = 5.0
+    scale: RadPerSecond = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """Three."""
-        return _scaled(sight.measurement.rate, self.scale)
+        return _divide(sight.measurement.rate, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,14 +122,14 @@ class SpecificForce(Observed):
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """Three."""
-        return _scaled(sight.measurement.specific_force, self.scale)
+        return _divide(sight.measurement.specific_force, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors(Observed):
     """Reference minus measured joints."""
 
-    scale: Annotated[float, Unit("rad or m", low=0.0, strict=True)] = 1.0
+    scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """One a joint."""
@@ -136,7 +141,7 @@ class JointErrors(Observed):
 class JointAngles(Observed):
     """Measured joints."""
 
-    scale: Annotated[float, Unit("rad or m", low=0.0, strict=True)] = 1.0
+    scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """One a joint."""
@@ -158,12 +163,12 @@ class JointRates(Observed):
 class TipError(Observed):
     """Reference minus measured position of the tip, by the believed arm, world axes; of the base without an arm."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 0.1
+    scale: Metres = 0.1
 
     def numbers(self, sight: Sight) -> Sequence[Any]:
         """Three."""
         vehicle, seen = sight.model.vehicle, sight.measurement
-        return _scaled(tip_error(vehicle, _state(seen), sight.reference), self.scale)
+        return _divide(tip_error(vehicle, _state(seen), sight.reference), self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,5 +220,5 @@ def _state(seen: Any) -> State:
     )
 
 
-def _scaled(vector: Vec3, scale: float) -> list[Any]:
+def _divide(vector: Vec3, scale: float) -> list[Any]:
     return [number / scale for number in vector]

@@ -14,6 +14,7 @@ from skyarm.actuation import Command, Mixer
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.learned.network import Layer, Network
 from skyarm.control.model import Model
+from skyarm.env.action_kinds import Turn
 from skyarm.env.env_program import observation_of
 from skyarm.env.env_task import Task
 from skyarm.env.observed_quantities import Sight
@@ -127,8 +128,8 @@ def policy_law(
     def law(held: Any, seen: Measurement, wanted: Reference) -> tuple[Any, Command]:
         return asked(held, seen, wanted, dt, par=own)
 
-    told = observation.told
-    following, command = observation.actions.command(action, memory.inner, measurement, reference, law, own, told)
+    turn = Turn(memory.inner, measurement, reference, law, own, observation.told)
+    following, command = observation.actions.command(action, turn)
     return PolicyMemory(inner=following, action=action), command
 
 

@@ -73,7 +73,7 @@ def randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomise
             vary[path] = distribution_from(given, f'randomise."{path}"')
         except ValueError as error:
             raise ScenarioError(str(error)) from None
-    return _checked(scenario, vary)
+    return _check(scenario, vary)
 
 
 def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
@@ -92,10 +92,10 @@ def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> R
             vary[path] = Values((float(number_at(scenario, path)),))
         except ValueError as error:
             raise ScenarioError(f"numbers: {error}") from None
-    return _checked(scenario, vary)
+    return _check(scenario, vary)
 
 
-def _checked(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
+def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
     """Refuse what the scenario cannot have."""
     try:
         require_paths(scenario, tuple(vary))

@@ -68,8 +68,7 @@ def make_jax(
         ImportError: JAX is not installed.
     """
     from skyarm.compile.jax.jax_cpu import configure_extra_options
-    from skyarm.env.env_task import make_task
-    from skyarm.env.given_arguments import require_arguments
+    from skyarm.env.env_task import make_task, require_arguments
     from skyarm.env.jax_environment import JaxEnvironment
     from skyarm.env.named_tasks import task_arguments
     from skyarm.scenario.scenario_record import ScenarioError

@@ -144,7 +144,7 @@ def lane_pictures(mode: Any, options: Mapping[str, Any], lanes: int, *, human: b
     given = dict(options)
     chosen: Sequence[int] = range(lanes)
     if not human and "lanes" in given:
-        chosen = _chosen(given.pop("lanes"), lanes)
+        chosen = _choose(given.pop("lanes"), lanes)
     elif lanes > MOST:
         raise ScenarioError(
             f"render_options: lanes is missing: must name at most {MOST} of the {lanes} environments, as [0, 1]"
@@ -152,7 +152,7 @@ def lane_pictures(mode: Any, options: Mapping[str, Any], lanes: int, *, human: b
     return LanePictures(picture_settings(given), chosen)
 
 
-def _chosen(given: Any, lanes: int) -> list[int]:
+def _choose(given: Any, lanes: int) -> list[int]:
     """Numbers of lanes, each once."""
     try:
         found = np.asarray(given)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.env.observed_quantities import Result, tip_error
+from skyarm.env.observed_quantities import JointTravel, Metres, RadPerSecond, Result, tip_error
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import exp, sqrt
@@ -42,7 +42,7 @@ class RewardTerm:
 class TipNear(RewardTerm):
     """exp(-(e / scale)^2) of the tip's distance e to its reference: 1 on it, 0 far away."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 0.1
+    scale: Metres = 0.1
 
     def value(self, result: Result) -> Any:
         """Between 0 and 1."""
@@ -53,7 +53,7 @@ class TipNear(RewardTerm):
 class TipDistance(RewardTerm):
     """Minus the tip's distance to its reference."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.0
+    scale: Metres = 1.0
 
     def value(self, result: Result) -> Any:
         """At most 0."""
@@ -64,7 +64,7 @@ class TipDistance(RewardTerm):
 class PositionNear(RewardTerm):
     """exp(-(e / scale)^2) of the base's distance e to its reference."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 0.5
+    scale: Metres = 0.5
 
     def value(self, result: Result) -> Any:
         """Between 0 and 1."""
@@ -75,7 +75,7 @@ class PositionNear(RewardTerm):
 class PositionDistance(RewardTerm):
     """Minus the base's distance to its reference."""
 
-    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.0
+    scale: Metres = 1.0
 
     def value(self, result: Result) -> Any:
         """At most 0."""
@@ -95,7 +95,7 @@ class Upright(RewardTerm):
 class Spin(RewardTerm):
     """Minus the square of the body rate."""
 
-    scale: Annotated[float, Unit("rad/s", low=0.0, strict=True)] = 10.0
+    scale: RadPerSecond = 10.0
 
     def value(self, result: Result) -> Any:
         """At most 0."""
@@ -106,7 +106,7 @@ class Spin(RewardTerm):
 class JointDistance(RewardTerm):
     """Minus the mean square of the joints' errors; 0 without joints."""
 
-    scale: Annotated[float, Unit("rad or m", low=0.0, strict=True)] = 1.0
+    scale: JointTravel = 1.0
 
     def value(self, result: Result) -> Any:
         """At most 0."""

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
-from skyarm.env.env_task import make_task
-from skyarm.env.given_arguments import require_arguments, require_open, require_options, seed_of
+from skyarm.env.env_task import make_task, require_arguments, require_open, require_options, seed_of
 from skyarm.env.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, options_of_modes
 from skyarm.env.vector_environment import spaces
 from skyarm.files import shown

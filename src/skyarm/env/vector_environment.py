@@ -14,9 +14,10 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_program import LARGEST
-from skyarm.env.env_task import Task, make_task
-from skyarm.env.given_arguments import (
+from skyarm.env.env_task import (
     KEYS,
+    Task,
+    make_task,
     require_arguments,
     require_lanes,
     require_open,
@@ -128,7 +129,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if going.size:
             self.lanes.begin(going)
         self._over = np.flatnonzero(self.lanes.ended | self.lanes.truncated)
-        return self._observed(), {}
+        return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Fly one control period in every lane.
@@ -171,7 +172,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
                 self._over = self._over[:0]
         elif over.size:
             self._over = over[:0]
-        return self._observed(), rewards, ended, truncated, infos
+        return self._observe(), rewards, ended, truncated, infos
 
     def render(self) -> tuple[Any, ...] | None:
         """Draw the present state of the chosen lanes, each as a frame of a film without its texts.
@@ -199,7 +200,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if pictures is not None:
             pictures.close()
 
-    def _observed(self) -> Array:
+    def _observe(self) -> Array:
         return self._view.copy(order="C") if self._copy else self._view
 
     def _infos(self, ended: Array) -> dict[str, Any]:

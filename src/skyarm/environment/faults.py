@@ -25,7 +25,7 @@ class Fault:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
         effectiveness: from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
         start: at least 0: the flight begins at 0, and so does a fault that was there before.
-        stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loaded_vehicle`); its drive
+        stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loads`); its drive
             then has no share of its effort to lose.
         signal: of time, times the effectiveness, within 0 and 1; None for a share that does not change.
     """

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.component import Wrench, require_frame
 from skyarm.environment.timed_payload import TimedPayload

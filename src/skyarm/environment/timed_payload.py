@@ -6,7 +6,7 @@ mass, its centre of mass and its moments of inertia enter the equations of motio
 reach of a place, once.
 
 A load at rest that is grasped by a frame that moves takes momentum: body and load go on together (inelastic capture,
-:mod:`skyarm.plant.impact`). A load that is let go takes along what momentum it has, and the vehicle's velocities stay.
+:mod:`skyarm.plant.loads`). A load that is let go takes along what momentum it has, and the vehicle's velocities stay.
 What happens to it afterwards is not simulated.
 """
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.log.sensor_data import ESTIMATE, sources_of
 from skyarm.records.leaves import parts

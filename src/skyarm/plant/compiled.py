@@ -10,11 +10,10 @@ from typing import Any, Self
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
-from skyarm.compile.tracing.repeat import repeat, repeat_while
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.lower import repeat, repeat_while
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.impact import after_impact
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
@@ -27,7 +26,7 @@ from skyarm.plant.largest_step import (
     largest_step,
     verlet_step,
 )
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
 from skyarm.plant.surroundings import Around, Surroundings, memories_of, with_memories
 from skyarm.scalars import where
 from skyarm.vehicle.check import require_plant

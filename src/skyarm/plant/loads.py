@@ -1,7 +1,8 @@
-"""What pushes on the vehicle but gravity: rotors and their lag, wind, body drag, joint drives; for both plants."""
+"""The vehicle as it moves in a control period, with what it holds, and all that pushes on it but gravity."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,8 +14,45 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, Wrench, body_drag
 from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
-from skyarm.scalars import add, minimum
+from skyarm.scalars import add, minimum, mul
 from skyarm.vehicle.vehicle_records import Vehicle
+
+LOCKED = 1e12
+"""kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what
+rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
+
+
+def payloads_of(around: Around) -> list[tuple[Any, Any]]:
+    """Rigid payloads with a time, and what has become of each."""
+    if not isinstance(around, Surroundings):
+        return []
+    pairs = zip(around.components, around.memories, strict=True)
+    return [(each, memory) for each, memory in pairs if each.rigid]
+
+
+def stuck_of(around: Around) -> Sequence[Any]:
+    """1 for each joint that is stuck, 0 for one that may become so, a structural 0 for every other; empty for none."""
+    return () if around.effectiveness is None else around.effectiveness.stuck
+
+
+def changes_inertia(around: Around) -> bool:
+    """Whether anything of a period may change the inertia of what moves; known by structure."""
+    return bool(payloads_of(around)) or bool(stuck_of(around))
+
+
+def loaded_vehicle(vehicle: Vehicle, around: Around) -> Vehicle:
+    """The vehicle with what it holds now; itself, at no cost, where nothing can be held or stuck."""
+    for payload, memory in payloads_of(around):
+        vehicle = vehicle.with_body(*payload.body(vehicle, memory.held))
+    stuck = stuck_of(around)
+    if not stuck:
+        return vehicle
+    links = list(vehicle.links)
+    for i, share in enumerate(stuck):
+        if type(share) is not int:
+            joint = dataclasses.replace(links[i].joint, armature=add(links[i].joint.armature, mul(LOCKED, share)))
+            links[i] = dataclasses.replace(links[i], joint=joint)
+    return dataclasses.replace(vehicle, links=tuple(links))
 
 
 def applied_force(
@@ -44,7 +82,7 @@ def applied_force(
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    turning = supplied(vehicle, commands, around) if commands else ()
+    turning = supplied_speeds(vehicle, commands, around) if commands else ()
     total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, turning, state.rate), ZERO3)
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
@@ -69,17 +107,19 @@ STEADY = Surroundings()
 """Surroundings whose supply never sags."""
 
 
-def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY) -> tuple[Any, ...]:
+def rotor_speeds_after(
+    vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY
+) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
-    return speeds_after(vehicle.rotors, state.rotor_speeds, supplied(vehicle, command.rotor_speeds, around), dt)
+    return speeds_after(vehicle.rotors, state.rotor_speeds, supplied_speeds(vehicle, command.rotor_speeds, around), dt)
 
 
-def tilted(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
+def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
     """Angles of rotors that tilt after ``dt`` seconds of a held command."""
     return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()
 
 
-def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
+def supplied_speeds(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
     """Rotor speeds (rad/s) that commanded ones become under the battery's voltage.
 
     Below the reference voltage the highest speed is in proportion to it: a governed speed controller gives less only

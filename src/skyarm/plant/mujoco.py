@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.actuation import Command
 from skyarm.compile import leaves
-from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
@@ -28,8 +28,7 @@ from skyarm.plant.largest_step import (
     drives_step,
     largest_step,
 )
-from skyarm.plant.loaded_vehicle import changes_inertia, payloads_of
-from skyarm.plant.loads import lagged, tilted
+from skyarm.plant.loads import changes_inertia, payloads_of, rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
@@ -162,8 +161,8 @@ class MujocoPlant:
         if self._euler:
             around = before_euler_step(self._world, state, state.rotor_speeds, around, self._physics_step)
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
-        turned = lagged(self.vehicle, state, command, self._physics_step, around)
-        leaning = tilted(self.vehicle, state, command, self._physics_step)
+        turned = rotor_speeds_after(self.vehicle, state, command, self._physics_step, around)
+        leaning = tilts_after(self.vehicle, state, command, self._physics_step)
         slopes = slopes_of(self._world, state, state.rotor_speeds, around)
         memories = leaves(after_euler_step(around, slopes, self._physics_step))
         return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))

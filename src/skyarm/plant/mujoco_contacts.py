@@ -14,12 +14,12 @@ import numpy as np
 
 from skyarm.actuation import Command
 from skyarm.compile import leaves
-from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.contact.plant_contact import PlantContact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.loads import lagged, tilted
+from skyarm.plant.loads import rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import build_spec
@@ -142,7 +142,7 @@ class MujocoContactPlant:
         """All that pushes but contacts, the places of moving surfaces, and what one step leaves beside motions."""
         state = self._layout.state(x)
         command = Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
-        around = self._untouched(around)
+        around = self._without_touches(around)
         around = before_euler_step(self._world, state, state.rotor_speeds, around, self._step)
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
         slopes = slopes_of(self._world, state, state.rotor_speeds, around)
@@ -152,13 +152,13 @@ class MujocoContactPlant:
         moving = [surface.motion for surface in self._contact.surfaces if surface.moves]
         signals = [signal.derivatives(memory.clock[0]) for at in moving for signal in (at.x, at.y, at.z)]
         places, velocities, accelerations = ([each[order] for each in signals] for order in range(3))
-        turned = lagged(self.vehicle, state, command, self._step, around)
-        leaning = tilted(self.vehicle, state, command, self._step)
+        turned = rotor_speeds_after(self.vehicle, state, command, self._step, around)
+        leaning = tilts_after(self.vehicle, state, command, self._step)
         memories = leaves(after_euler_step(around, slopes, self._step))
         surfaces = *places, *velocities, *accelerations
         return tuple(number(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))
 
-    def _untouched(self, around: Surroundings) -> Surroundings:
+    def _without_touches(self, around: Surroundings) -> Surroundings:
         """The surroundings without what the last period's contacts did."""
         memories = list(around.coupled_memories())
         memories[self._place] = self._contact.without_touches(memories[self._place])

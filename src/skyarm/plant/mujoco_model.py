@@ -112,11 +112,11 @@ def site_of_rotor(vehicle: Vehicle) -> list[str]:
     """Name of the site at each rotor's hub; a frame may have any name of its own."""
     taken, found = [frame.name for frame in vehicle.frames], list[str]()
     for rotor in vehicle.rotors:
-        found.append(_unused(rotor.name, [*taken, *found]))
+        found.append(_unused_name(rotor.name, [*taken, *found]))
     return found
 
 
-def _unused(name: str, taken: list[str]) -> str:
+def _unused_name(name: str, taken: list[str]) -> str:
     """The name, with underscores until nobody else has it."""
     while name in taken:
         name += "_"
@@ -126,11 +126,11 @@ def _unused(name: str, taken: list[str]) -> str:
 def body_name(vehicle: Vehicle, link: int) -> str:
     """Name of the body of a link, or of the base."""
     names = [each.name for each in vehicle.moving]
-    return _unused(BASE_NAME, names) if link == BASE else names[link]
+    return _unused_name(BASE_NAME, names) if link == BASE else names[link]
 
 
 def _free_joint_name(vehicle: Vehicle) -> str:
-    return _unused(BASE_NAME, [link.joint.name for link in vehicle.moving])
+    return _unused_name(BASE_NAME, [link.joint.name for link in vehicle.moving])
 
 
 def _add_joint(body: Any, joint: Joint) -> None:

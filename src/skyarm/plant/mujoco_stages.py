@@ -18,10 +18,10 @@ import numpy as np
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth, number
-from skyarm.plant.loads import lagged, tilted
+from skyarm.plant.loads import rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Around, memories_of, places_in, slopes_of, with_memories
 from skyarm.scalars import add, mul
@@ -68,7 +68,7 @@ class StagedRungeKutta:
         # state, memories, rotation vector and sums stand side by side among inputs and outputs: one copy
         before = layout.end + len(self._coupled)
         width = before + 3 + 2 * own + len(self._coupled)
-        self._moving, self._moved = self._program.inputs[before:][:width], self._program.outputs[:width]
+        self._moving, self._move_state = self._program.inputs[before:][:width], self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
         self._tableau = dt * np.array(STAGES)
@@ -89,10 +89,10 @@ class StagedRungeKutta:
         around = with_memories(around, rebuild(held, iter(memory)))
         slope = self._slope(x, Vec3(*u), qacc)
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
-        following = _moved(first, change)
+        following = _move_state(first, change)
         command, vehicle = Command(rotor_speeds=speeds, efforts=setpoints, tilts=angles), self._layout.vehicle
-        turning = lagged(vehicle, first, command, time, around)
-        following = replace(following, rotor_speeds=turning, tilts=tilted(vehicle, first, command, time))
+        turning = rotor_speeds_after(vehicle, first, command, time, around)
+        following = replace(following, rotor_speeds=turning, tilts=tilts_after(vehicle, first, command, time))
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
         loads = self._layout.generalized_forces(following, setpoints, around, speeds)
         numbers = self._layout.to_mujoco(leaves(following))
@@ -127,11 +127,11 @@ class StagedRungeKutta:
                 forward(model, data)
                 self._acceleration[:], self._weights[:] = self._qacc, row
                 program()
-                self._moving[:] = self._moved
+                self._moving[:] = self._move_state
         return self._now.tolist(), self._memory.tolist()
 
 
-def _moved(first: State, change: Sequence[Any]) -> State:
+def _move_state(first: State, change: Sequence[Any]) -> State:
     """A state moved by changes of position, rotation vector, joints and velocities."""
     n = len(first.joints)
 

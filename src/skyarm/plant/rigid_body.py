@@ -12,30 +12,39 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command
-from skyarm.algebra import Motion, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import VERLET
-from skyarm.plant.loaded_vehicle import loaded_vehicle
-from skyarm.plant.loads import applied_force, lagged, tilted
+from skyarm.plant.loads import (
+    LOCKED,
+    applied_force,
+    changes_inertia,
+    loaded_vehicle,
+    payloads_of,
+    rotor_speeds_after,
+    stuck_of,
+    tilts_after,
+)
 from skyarm.plant.surroundings import (
     Around,
     Memories,
     Surroundings,
+    advance_memories,
     after_euler_step,
     before_euler_step,
-    bent,
-    drifted,
+    bend_coupled,
+    drift_coupled,
     memories_of,
-    moved,
-    pushed,
+    push_coupled,
     slopes_of,
     surroundings_of,
     with_memories,
 )
-from skyarm.scalars import Scalar, add, mul
+from skyarm.scalars import Scalar, add, mul, sub
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -96,8 +105,8 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt
     coupled components are integrated with the state.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
-    half_angles, angles = (tilted(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
+    half, whole = (rotor_speeds_after(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
+    half_angles, angles = (tilts_after(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
     first = memories_of(around)
 
     def slope(at: State, memories: Memories, speeds: Sequence[Any], turned: tuple[Any, ...]) -> tuple[Rate, Memories]:
@@ -108,16 +117,16 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt
         return rate, slopes_of(world, at, speeds, now)
 
     k1, m1 = slope(state, first, state.rotor_speeds, state.tilts)
-    k2, m2 = slope(_moved(state, k1, 0.5 * dt), moved(first, m1, 0.5 * dt), half, half_angles)
-    k3, m3 = slope(_moved(state, k2, 0.5 * dt), moved(first, m2, 0.5 * dt), half, half_angles)
-    k4, m4 = slope(_moved(state, k3, dt), moved(first, m3, dt), whole, angles)
+    k2, m2 = slope(_move_state(state, k1, 0.5 * dt), advance_memories(first, m1, 0.5 * dt), half, half_angles)
+    k3, m3 = slope(_move_state(state, k2, 0.5 * dt), advance_memories(first, m2, 0.5 * dt), half, half_angles)
+    k4, m4 = slope(_move_state(state, k3, dt), advance_memories(first, m3, dt), whole, angles)
     after, memories = state, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
-        after, memories = _moved(after, k, part), moved(memories, m, part)
+        after, memories = _move_state(after, k, part), advance_memories(memories, m, part)
     return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole, tilts=angles), memories
 
 
-def _moved(state: State, rate: Rate, dt: Any) -> State:
+def _move_state(state: State, rate: Rate, dt: Any) -> State:
     """state + dt * rate."""
 
     def line(values: Sequence[Any], slopes: Sequence[Any]) -> tuple[Any, ...]:
@@ -156,8 +165,8 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
-        rotor_speeds=lagged(world.vehicle, state, command, dt, around),
-        tilts=tilted(world.vehicle, state, command, dt),
+        rotor_speeds=rotor_speeds_after(world.vehicle, state, command, dt, around),
+        tilts=tilts_after(world.vehicle, state, command, dt),
     )
     return after, after_euler_step(around, slopes, dt)
 
@@ -172,12 +181,12 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Around,
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half, around, vehicle = 0.5 * dt, surroundings_of(around), world.vehicle
-    speeds, whole = (lagged(vehicle, state, command, part, around) for part in (half, dt))
-    leaning, angles = (tilted(vehicle, state, command, part) for part in (half, dt))
-    middle = replace(_drifted(state, half), rotor_speeds=speeds, tilts=leaning)
+    speeds, whole = (rotor_speeds_after(vehicle, state, command, part, around) for part in (half, dt))
+    leaning, angles = (tilts_after(vehicle, state, command, part) for part in (half, dt))
+    middle = replace(_drift(state, half), rotor_speeds=speeds, tilts=leaning)
     motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
-    there = drifted(around, half)
-    there = bent(there, there.slopes(motion, speeds), dt)
+    there = drift_coupled(around, half)
+    there = bend_coupled(there, there.slopes(motion, speeds), dt)
     efforts, turning = command.efforts, command.rotor_speeds
     force, torques = applied_force(vehicle, middle, speeds, efforts, there, turning, step=dt)
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
@@ -194,12 +203,12 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Around,
             joint_rates=tuple(add(x, mul(dx, seconds)) for x, dx in rates),
         )
 
-    after = replace(_drifted(push(push(middle, half), dt), half), rotor_speeds=whole, tilts=angles)
-    memories = drifted(pushed(there, motion, speeds, dt), half).coupled_memories()
+    after = replace(_drift(push(push(middle, half), dt), half), rotor_speeds=whole, tilts=angles)
+    memories = drift_coupled(push_coupled(there, motion, speeds, dt), half).coupled_memories()
     return replace(after, quaternion=after.quaternion.renormalized()), memories
 
 
-def _drifted(state: State, dt: Any) -> State:
+def _drift(state: State, dt: Any) -> State:
     """The state after a time (s) in which velocities stay."""
     return replace(
         state,
@@ -240,3 +249,43 @@ def far_step(
 
 STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}
 COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4, VERLET: coupled_verlet}
+
+
+def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
+    """Velocities right after a load is grasped, or a joint gets stuck; the state itself where neither can happen.
+
+    Both are inelastic impacts. With M the mass matrix before and M' the one after, the generalised momentum of vehicle
+    and load does not change while the grasp or the brake acts for an instant: its forces are internal, and joint
+    torques have no time to act. A load at rest brings none, hence M' v' = M v: linear and angular momentum of the whole
+    are kept, kinetic energy is lost. Of a stuck joint M' holds it, and the others' momentum is kept. Only the change is
+    computed, M' (v' - v) = -(momentum that the new parts lack): where nothing is grasped it is zero to the last bit.
+    Source: Featherstone 2008, section 11.7 (impulsive dynamics), the load being part of the body that grasps it.
+
+    Args:
+        vehicle: without loads.
+        state: when the period begins.
+        around: of the period.
+    """
+    if not changes_inertia(around):
+        return state
+    motion, total, pushed = PointMotion(vehicle, state), Force(ZERO3, ZERO3), [0] * vehicle.n
+    for payload, memory in payloads_of(around):
+        link, load = payload.body(vehicle, memory.caught)
+        spin = load.inertia.apply(motion.angular_velocity(link))
+        impulse = motion.velocity(load.com, link) * load.mass
+        force, efforts = motion.generalized(-impulse, -motion.turned(spin, link), load.com, link)
+        total = total + force
+        pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
+    for i, share in enumerate(stuck_of(around)):
+        if type(share) is not int:
+            pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
+    still = (0,) * vehicle.n
+    jump, joints = dynamics.forward_dynamics(
+        loaded_vehicle(vehicle, around), state.joints, Vec3(0, 0, 0), still, total, tuple(pushed)
+    )
+    return replace(
+        state,
+        velocity=state.velocity + motion.rotation.apply(jump.linear),
+        rate=state.rate + jump.angular,
+        joint_rates=tuple(add(rate, change) for rate, change in zip(state.joint_rates, joints, strict=True)),
+    )

@@ -150,7 +150,7 @@ def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: A
     return around.slopes(motion, rotor_speeds)
 
 
-def moved(memories: Memories, slopes: Memories, dt: Any) -> Memories:
+def advance_memories(memories: Memories, slopes: Memories, dt: Any) -> Memories:
     """Memories + dt * slopes."""
     found: Memories = moved_by(memories, slopes, dt)
     return found
@@ -160,10 +160,10 @@ def before_euler_step(world: Truth, state: State, rotor_speeds: Sequence[Any], a
     """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
     if not isinstance(around, Surroundings) or not around.coupled:
         return around
-    return bent(around, slopes_of(world, state, rotor_speeds, around), dt)
+    return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
 
 
-def bent(around: Surroundings, slopes: Memories, dt: Any) -> Surroundings:
+def bend_coupled(around: Surroundings, slopes: Memories, dt: Any) -> Surroundings:
     """The surroundings after what velocities bend has gone on for a time (s) by its slopes."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
@@ -177,13 +177,13 @@ def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
-def drifted(around: Surroundings, dt: Any) -> Surroundings:
+def drift_coupled(around: Surroundings, dt: Any) -> Surroundings:
     """The surroundings after a time (s) in which coupled components are not pushed."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
 
 
-def pushed(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Surroundings:
+def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Surroundings:
     """The surroundings after the forces of a time (s) on coupled components."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled(

@@ -8,7 +8,8 @@ Two rules hold everywhere:
   a ``float`` is *data*, may vary from lane to lane and is never folded, even when it happens to be 0.0.
 """
 
-from skyarm.scalars.fold import add, data, mul, neg, same, structural, sub
+from skyarm.scalars.elementary import NAMESPACE as PYTHON_NUMBERS
+from skyarm.scalars.fold import Scalar, add, data, mul, neg, same, structural, sub
 from skyarm.scalars.functions import (
     absolute,
     acos,
@@ -33,8 +34,6 @@ from skyarm.scalars.functions import (
     tanh,
     where,
 )
-from skyarm.scalars.protocol import Scalar
-from skyarm.scalars.python_numbers import NAMESPACE as PYTHON_NUMBERS
 
 __all__ = [
     "PYTHON_NUMBERS",

@@ -13,9 +13,12 @@ argument reduction Cody, Waite 1980.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
+from skyarm.scalars import floats
 from skyarm.scalars import functions as f
+from skyarm.scalars.functions import register
 
 TWO_OVER_PI = 0.6366197723675814
 HALF_PI_PARTS = (1.5703125, 0.0004837512969970703, 7.549789948768648e-08, 6.123233995736766e-17)
@@ -82,7 +85,7 @@ def _polynomial(z: Any, coefficients: Sequence[float]) -> Any:
     return total
 
 
-def _even(z: Any, c: Sequence[float]) -> Any:
+def _is_even(z: Any, c: Sequence[float]) -> Any:
     """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule but for z^2, half as deep."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
@@ -96,8 +99,8 @@ def _quarter(x: Any) -> tuple[Any, Any, Any, Any]:
         r = r - turns * part
     z = r * r
     # the sign of a zero is the remainder's
-    sine = f.copysign(r + (r * z) * _even(z, SIN), r)
-    cosine = 1.0 - (0.5 * z - (z * z) * _even(z, COS))
+    sine = f.copysign(r + (r * z) * _is_even(z, SIN), r)
+    cosine = 1.0 - (0.5 * z - (z * z) * _is_even(z, COS))
     halves = f.floor(0.5 * turns)
     return sine, cosine, turns - 2.0 * halves > 0.5, halves - 2.0 * f.floor(0.5 * halves) > 0.5
 
@@ -208,3 +211,12 @@ COMPOSED = {
     "tanh": tanh,
 }
 """Functions that engines without a library evaluate by the lines above."""
+
+
+BASIC = ("divide", "sqrt", "floor", "absolute", "where", "logical_and", "logical_or", "logical_not")
+BITS = ("copysign", "power_of_two", "exponent", "mantissa")
+
+NAMESPACE: Any = SimpleNamespace(**{name: getattr(floats, name) for name in (*BASIC, *BITS)}, **COMPOSED)
+
+for kind in (float, int, bool):
+    register(kind, NAMESPACE)

@@ -72,7 +72,7 @@ class Taylor:
         """Cauchy product."""
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
-        return Taylor([_convolved(self.c, other.c, k) for k in range(min(len(self.c), len(other.c)))])
+        return Taylor([_convolve(self.c, other.c, k) for k in range(min(len(self.c), len(other.c)))])
 
     __rmul__ = __mul__
 
@@ -116,7 +116,7 @@ class Taylor:
         return f"Taylor({', '.join(map(repr, self.c))})"
 
 
-def _convolved(a: Sequence[Any], b: Sequence[Any], k: int) -> Any:
+def _convolve(a: Sequence[Any], b: Sequence[Any], k: int) -> Any:
     total: Any = 0
     for j in range(k + 1):
         total = add(total, mul(a[j], b[k - j]))

@@ -30,7 +30,7 @@ from typing import Any
 
 from skyarm.actuation import make_mixer
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError, concrete

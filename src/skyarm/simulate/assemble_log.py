@@ -74,10 +74,10 @@ class Piece:
 
 def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
     """The log of a flight."""
-    return joined(scenario, [Piece(scenario, inputs, 0, flown)], ending)
+    return join_pieces(scenario, [Piece(scenario, inputs, 0, flown)], ending)
 
 
-def joined(
+def join_pieces(
     scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
 ) -> Log:
     """The log of a flight in pieces, one after the other.

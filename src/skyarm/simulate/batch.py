@@ -159,7 +159,7 @@ class Batch:
         for leg in self._legs:
             leg.require(columns)
         keys = {"seed": seed, "episodes": np.arange(count) if episodes is None else np.asarray(episodes)}
-        carry, log = self._flown(columns, count, keys, threads)
+        carry, log = self._fly_legs(columns, count, keys, threads)
         ended = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
@@ -175,7 +175,7 @@ class Batch:
             log=batch_log(log, self._times[:: self._log_every]) if self._log_every else None,
         )
 
-    def _flown(
+    def _fly_legs(
         self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
         """Carry after the last leg; of each leg the record that was logged, and its rows (samples, leaves, lanes)."""

@@ -9,28 +9,114 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild
+from skyarm.compile import leaves, rebuild, trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.lower import live
+from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.metrics.accumulate import Goal, Instant, Total, counted, first_totals
+from skyarm.reference import Publisher, Reference
 from skyarm.scalars import logical_and, where
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import by_array
-from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.first_state import component_groups
-from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.lane_loop import LaneLoop, lane_statuses
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.lane_loop import LaneLoop, columns_of, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carried
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
+from skyarm.simulate.reference_clock import clock_of_change, is_other_reference, reference_clock
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
+
+Array = npt.NDArray[Any]
+
+
+class Feed:
+    """Rows of a batch and how its kernel reads them.
+
+    Args:
+        scenario: of the batch. paths: its varied numbers. inputs: tables of the scenario.
+        masks: window -> (steps,) which instants lie in it.
+
+    Attributes:
+        rows: (steps, numbers). example: record of one row. times: (steps,), s.
+    """
+
+    def __init__(
+        self, scenario: Scenario, paths: Sequence[str], inputs: EpisodeInputs, masks: Mapping[str, Array]
+    ) -> None:
+        self._scenario, self._paths, self._inputs, self._windows = scenario, tuple(paths), inputs, tuple(masks)
+        self.times: Array = inputs.times
+        publisher = Publisher(control_rate=scenario.rates.control, reference_rate=scenario.rates.reference)
+        self._held_times = publisher.held_time(np.arange(scenario.steps))
+        self._own_motion = any(path.startswith("reference.") for path in paths)
+        # windows that hold every instant are structure
+        self._flags = tuple(name for name in self._windows if not masks[name].all())
+        flags = [np.asarray(masks[name], dtype=float) for name in self._flags]
+        columns = [inputs.times, *flags]
+        self.example: Any = (0.0, (0.0,) * len(flags))
+        self._waits = bool(scenario.reference.guards)
+        if self._waits:
+            pass  # the loop has the reference's clock
+        elif self._own_motion:
+            columns.append(self._held_times)
+            self.example = (*self.example, 0.0)
+        else:
+            goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
+            held = np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)
+            columns += [held, *(np.stack(columns_of(goal, scenario.steps), axis=1) for goal in goals)]
+            columns += columns_of((inputs.told_reference, inputs.path_time), scenario.steps)
+            governor = (inputs.row_example.told, inputs.row_example.path_time)
+            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals), governor)
+        self.rows = np.column_stack(columns)
+
+    def _goal_table(self, reference: Reference) -> Goal:
+        """Goals at every instant, as a record of arrays."""
+        vehicle = self._scenario.plant.vehicle
+        dense = reference.dense()
+        program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
+        goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
+        return goal
+
+    def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
+        """A row as the closed loop takes it: row, (held, continuous) goal, window -> condition.
+
+        Without goals where phases wait: the loop knows where its reference is.
+        """
+        time, flags, *rest = fed
+        inside: dict[str, Any] = dict.fromkeys(self._windows, True)
+        inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
+        vehicle = varied.plant.vehicle
+        if self._waits:
+            return Row(time=time, reference=()), (), inside
+        if self._own_motion:
+            held, free = (varied.reference.at(t) for t in (rest[0], time))
+            goals = goal_of(vehicle, held.dense()), goal_of(vehicle, free.dense())
+            return Row(time=time, reference=held), goals, inside
+        reference, *tables, (told, path_time) = rest
+        row = Row(time=time, reference=reference, told=told, path_time=path_time)
+        if self._own_arm(varied):
+            free = varied.reference.at(time)
+            goals = goal_of(vehicle, reference.dense()), goal_of(vehicle, free.dense())
+            return row, goals, inside
+        return row, (tables[0], tables[1]), inside
+
+    def _own_arm(self, varied: Scenario) -> bool:
+        """Whether a varied number moves the tool of a vehicle whose joints stay where they are."""
+        still = self._scenario.reference.at(0.0).dense()
+        nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
+        return any(node.op == "input" for node in live(nodes))
+
+
+def _zeros(record: Any) -> Any:
+    return rebuild(record, iter([0.0] * len(leaves(record))))
 
 
 def make_counting_period(
@@ -53,9 +139,9 @@ def make_counting_period(
         uniforms: tuple[Any, ...],
     ) -> tuple[tuple[LoopState, tuple[Any, ...]], Sample]:
         loop, totals = both
-        row = stages.led(loop, row)
+        row = stages.clock.lead(loop.clock, loop.ticks, row)
         if not goals:
-            free = stages.waits.reference(*stages.waits.instants(stages.path_times(loop))[1])
+            free = stages.waits.reference(*stages.waits.instants(stages.clock.logged(loop.clock, loop.ticks))[1])
             goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
         following, sample = period(loop, row, uniforms)
         state, command = sample.state, sample.command
@@ -97,8 +183,6 @@ def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[A
         "hinge": contact.mechanisms[0].hinge if contact.mechanisms else (),
     }
 
-
-Array = npt.NDArray[Any]
 
 OF_CHANGES = "changes."
 """Beginning of the paths of values that changes set."""
@@ -174,7 +258,7 @@ class Leg:
         if options.stiffest is not None:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
-        self._loop = LaneLoop(self.scenario, self._varied, (*self.base, *self._set.values()), stiff)
+        self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
         self.first: tuple[LoopState, tuple[Any, ...]] = (self._loop.first, first_totals(options.wanted))
         used = dict.fromkeys(window for _, window, _ in options.wanted)
         masks = {name: options.masks[name] for name in used}
@@ -184,21 +268,21 @@ class Leg:
         made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
         self.code: LegCode | None = next((code for code in made if code.substeps.fit(self._loop.plant)), None)
         if self.code is None and periods:
-            self.code = self._compiled(key)
+            self.code = self._compile(key)
 
-    def _varied(self, values: Sequence[Any]) -> Scenario:
+    def _lane_scenario(self, values: Sequence[Any]) -> Scenario:
         """The scenario of a lane: its numbers, then those that changes set."""
         named = dict(zip((*self._options.paths, *self._set), values, strict=True))
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
-    def _compiled(self, key: tuple[Any, ...]) -> LegCode:
+    def _compile(self, key: tuple[Any, ...]) -> LegCode:
         options, substeps = self._options, self._loop.substeps
 
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
-            varied = self._varied(values)
+            varied = self._lane_scenario(values)
             row, goals, inside = self._feed.read(varied, fed)
-            row = Stages(varied).led(both[0], row)
+            row = reference_clock(varied).lead(both[0].clock, both[0].ticks, row)
             period = make_counting_period(varied, substeps, options.wanted)
             following, sample = period(both, row, goals, inside, uniforms)
             wanted = row.reference.dense() if options.changing else row.reference
@@ -252,7 +336,7 @@ class Leg:
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
         anew = is_other_reference(self._begun, self._overrides, leg._begun, leg._overrides)
         clock = clock_of_change(self.scenario, begun, loop, anew=anew)
-        now = carried(begun, loop, component_groups(self.scenario, leg.scenario), clock)
+        now = carry_over(begun, loop, component_groups(self.scenario, leg.scenario), clock)
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 

@@ -96,7 +96,7 @@ class BatchSession:
         self.scenario, self.paths, self._autoreset, self._seed = scenario, paths, autoreset, seed
         self._rules = LaneRules(scenario, paths)
         self._base = tuple(number_at(scenario, path) for path in paths)
-        self._loop = loop = LaneLoop(scenario, self._varied, self._base, stiffest or scenario)
+        self._loop = loop = LaneLoop(scenario, self._lane_scenario, self._base, stiffest or scenario)
         self._first, self._law = loop.first, law
         program = loop.program(self._period, loop.first, (self._base, structure_of(loop.first.queue[0])))
         kernel = Kernel(program, Lanes(host_width(single=single), single=single, contract=not bit_exact))
@@ -114,12 +114,12 @@ class BatchSession:
         self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
         self.reset()
 
-    def _varied(self, numbers: Sequence[Any]) -> Scenario:
+    def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
         return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _period(self, now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
         numbers, command = values
-        stages = Stages(self._varied(numbers), None if self._law else command)
+        stages = Stages(self._lane_scenario(numbers), None if self._law else command)
         row = own_row(stages.scenario, now.ticks)
         following, _ = make_period(stages, RigidBodySteps(stages, self._loop.substeps))(now, row, drawn)
         return following, ()

@@ -84,7 +84,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
     return Ended(PHASE_FAILED, words, time)
 
 
-def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
+def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
     """The ending that a command means, or None."""
     cause = not_finite(scenario.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)

@@ -64,7 +64,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
     return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
 
 
-def issued(queue: tuple[Command, ...], whole: Any) -> Command:
+def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
     """The command at the end of a queue's delay: its oldest, or the one before the last ``whole``."""
     if whole is None:
         return queue[0]

@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.stepper import Stepper
-from skyarm.compile.tracing.repeat import operations
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.lower import operations
+from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
@@ -31,14 +31,21 @@ from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
-from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, refused
+from skyarm.simulate.check_endings import Ended, ended_by, ending_of_command, failed_phase
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
 from skyarm.simulate.period import make_period, measure
-from skyarm.simulate.plant_steps import RigidBodySteps, Substeps, rigid_body_plant
-from skyarm.simulate.python_calls import CalledPlant, EpisodeEndedError, LawCalls, StagesInPython
+from skyarm.simulate.plant_steps import (
+    CalledPlant,
+    EpisodeEndedError,
+    LawCalls,
+    RigidBodySteps,
+    StagesInPython,
+    Substeps,
+    rigid_body_plant,
+)
 from skyarm.simulate.reference_clock import PathClock, clock_of_change
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
@@ -109,7 +116,7 @@ class EpisodeCode:
         else:
             around = first_surroundings(scenario, self.first)
             self._plant = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
-        self.loop = self._traced(self._step)
+        self.loop = self._trace(self._step)
         self.sample: Sample = self.loop.result[1]
         self.kernel: Kernel | None = None
         if machine_code:
@@ -117,7 +124,7 @@ class EpisodeCode:
                 effort = 0 if scenario.steps * operations(self.loop.program.nodes) < SHORT else 2
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
 
-    def _traced(self, step: Callable[..., Any]) -> Loop:
+    def _trace(self, step: Callable[..., Any]) -> Loop:
         fed: Any = (0.0, 0.0) if self.own_reference else episode_inputs(self.scenario).row_example
         if self.commands:
             fed = fed, 0.0, structure_of(self.first.queue[0])
@@ -144,12 +151,13 @@ class EpisodeCode:
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
         """The first stages of a period, up to the law's measurement."""
         stages, plant, row = self._begin(numbers, fed)
-        return now, measure(stages, plant, now, stages.led(now, row), uniforms).read.measurement
+        row = stages.clock.lead(now.clock, now.ticks, row)
+        return now, measure(stages, plant, now, row, uniforms).read.measurement
 
     @cached_property
     def measurement(self) -> Loop:
         """The law's measurement in a period, as a program."""
-        return self._traced(self._measure)
+        return self._trace(self._measure)
 
     def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
         """Whether it flies another scenario too, whose numbers differ in their values alone.
@@ -167,7 +175,7 @@ class EpisodeCode:
 
 
 class _PythonSteps:
-    """Steps of a program in Python floats, with the calls of :class:`skyarm.compile.llvm.stepper.Stepper`."""
+    """Steps of a program in Python floats, with the calls of :class:`skyarm.compile.llvm.lane_stepper.Stepper`."""
 
     def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
@@ -222,7 +230,7 @@ class Engine:
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs: EpisodeInputs | None = None
         parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
-        self._stepper = self._stepped(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
+        self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
         self._write_to(np.empty((min(self._steps, LOGGED), code.loop.logged)))
@@ -230,7 +238,7 @@ class Engine:
         self.ended: Ended | None = None
         self._stretch, self._commanded = 1, False
 
-    def _stepped(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
+    def _make_stepper(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
         """Steps of a program, by machine code if the episode has any."""
         seed, episode = self.scenario.seed, self.scenario.episode
         if self.code.kernel is None:
@@ -317,7 +325,7 @@ class Engine:
         if not command:
             sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
             command = leaves(sample.command)
-        found = refused(scenario, time, command)
+        found = ending_of_command(scenario, time, command)
         if found is None:
             raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
         return found
@@ -366,7 +374,7 @@ class Engine:
     @cached_property
     def _peek(self) -> Any:
         loop = self.code.measurement
-        stepper = self._stepped(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
+        stepper = self._make_stepper(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
         return stepper, np.empty((1, loop.logged)), loop.result[1]
 
     def measurement(self) -> Measurement:
@@ -416,7 +424,7 @@ class Engine:
         """Go on where another engine stands; ``anew``: with another reference."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
-        kept = carried(self.first, now, component_groups(self.scenario, other.scenario), clock)
+        kept = carry_over(self.first, now, component_groups(self.scenario, other.scenario), clock)
         if self.code.calls is not None and not self.scenario.controller.compiled:
             same = self.scenario.controller.law is other.scenario.controller.law
             # the memory of a law that is called is its own: it may hold anything

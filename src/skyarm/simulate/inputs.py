@@ -17,7 +17,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.governor.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.reference_clock import PaceClock, Paces, PathClock, Waits
+from skyarm.simulate.reference_clock import PathClock, Waits, reference_clock
 
 Array = npt.NDArray[Any]
 
@@ -107,12 +107,12 @@ class EpisodeInputs:
         return self._at(*held), self._at(*own), own[0]
 
     def _at(self, times: Array, offset: Sequence[Any]) -> Reference:
-        program = self._moved if offset else self._program
+        program = self._shifted_motion if offset else self._program
         found: Reference = program.record(list(evaluate(program, [times, *offset], len(times))))
         return found
 
     @cached_property
-    def _moved(self) -> Program:
+    def _shifted_motion(self) -> Program:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
     def held_position(self, tick: int, now: LoopState) -> list[float]:
@@ -132,13 +132,11 @@ class EpisodeInputs:
     def row_at(self, tick: int, now: LoopState) -> Row:
         """What a control period is fed that begins with a loop state, with what the reference's own clock leads to."""
         fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
-        if isinstance(now.clock, PaceClock):
-            paces = Paces(self.scenario)
-            time, told = float(paces.path_time(now.clock)), paces.told(now.clock, now.ticks).dense()
-            return dataclasses.replace(fed, told=told, path_time=time)
-        if not isinstance(now.clock, PathClock):
-            return fed
-        return dataclasses.replace(fed, reference=self.held_now(now), path_time=float(self.waits.path_time(now.clock)))
+        if isinstance(now.clock, PathClock):
+            path_time = float(self.waits.path_time(now.clock))
+            return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
+        led: Any = reference_clock(self.scenario).lead(now.clock, now.ticks, fed)
+        return fed if led is fed else dataclasses.replace(led, told=led.told.dense(), path_time=float(led.path_time))
 
     @cached_property
     def goals(self) -> Array:

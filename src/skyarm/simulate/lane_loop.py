@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from skyarm.compile import leaves, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
 from skyarm.reference import Publisher

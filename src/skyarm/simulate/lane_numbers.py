@@ -291,7 +291,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
     Raises:
         ScenarioError: names the paths and the values.
     """
-    for place, fields in _stated(scenario, values).items():
+    for place, fields in _paths_by_record(scenario, values).items():
         record = part(scenario, place)
         kind = type(record)
         if kind.largest_step is None and "largest_step" not in (field_names(kind) or ()):
@@ -313,7 +313,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
             )
 
 
-def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
+def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
     """Air, force or drive -> path -> places in it, of those paths from which a largest step may follow."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:

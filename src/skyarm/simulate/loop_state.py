@@ -92,12 +92,12 @@ class Sample:
     led: tuple[Scalar, ...] = ()
 
 
-def ended(now: LoopState) -> LoopState:
+def stop(now: LoopState) -> LoopState:
     """The loop of an episode that has ended: as it was, not alive."""
     return dataclasses.replace(now, alive=0.0)
 
 
-def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
+def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
     """``now`` for a loop that begins with ``first``: parts of another structure begin anew.
 
     Args:
@@ -111,7 +111,7 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
     for name, new in parts(first).items():
         old = getattr(now, name)
         if name == "components":
-            fields[name] = _grouped(new, old, groups or ((len(new), len(old)),))
+            fields[name] = _carry_groups(new, old, groups or ((len(new), len(old)),))
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
         elif name == "clock" and clock != ():
@@ -121,7 +121,7 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
     return LoopState(**fields)
 
 
-def _grouped(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
+def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
     """Memories of components, group by group."""
     kept: list[Any] = []
     for many, few in groups:

@@ -82,12 +82,12 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
     """
 
     def period(before: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:
-        row = stages.led(before, row)
+        row = stages.clock.lead(before.clock, before.ticks, row)
         now = stages.check(before, row)
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read
         memory, command = stages.decide(now.memory, read.measurement, stages.joined(row), row.path_time)
-        clock = stages.wait(now.clock, now.ticks, read.measurement, row, memory, command)
+        clock = stages.clock.advance(now.clock, now.ticks, read.measurement, row, memory, command)
         following = act(stages, plant, now, measured, memory, command, clock)
         sample = Sample(
             alive=following.alive,
@@ -97,7 +97,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
             readings=read.readings,
             wind=measured.wind,
             found=stages.found(memory),
-            led=stages.path_times(now),
+            led=stages.clock.logged(now.clock, now.ticks),
         )
         return stages.keep(following, before), sample
 

@@ -1,19 +1,24 @@
-"""The plant within a control period: the rigid-body plant is traced, any other is called with flat numbers."""
+"""The plant within a control period: the rigid body is traced, other plants and laws of objects are called."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.compile import Graph, Node
+from skyarm.control.blocks.observed_push import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.compiled import RigidBodyPlant, hold
-from skyarm.plant.impact import after_impact
-from skyarm.plant.rigid_body import Moved, accelerate
-from skyarm.plant.surroundings import Surroundings, memories_of
-from skyarm.records.leaves import blend
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.plant.interface import Plant
+from skyarm.plant.rigid_body import Moved, accelerate, after_impact
+from skyarm.plant.surroundings import Surroundings, memories_of, places_in
+from skyarm.records.leaves import blend, leaves, rebuild
+from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState
@@ -85,3 +90,175 @@ class RigidBodySteps:
         """State and memories after an interval of one command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
+
+
+class EpisodeEndedError(Exception):
+    """An ending came within a period that is evaluated in Python.
+
+    Attributes:
+        command: its numbers where the command is what ended the episode; else ().
+    """
+
+    def __init__(self, command: Flat) -> None:
+        super().__init__("the episode has ended")
+        self.command = command
+
+
+class StagesInPython(Stages):
+    """Stages of a period that is evaluated in Python: an ending stops it, and a law may be called with floats.
+
+    Args:
+        scenario: of the episode. calls: of its law. example: a command, for its structure.
+        command, given: as of :class:`Stages`.
+    """
+
+    def __init__(
+        self, scenario: Scenario, calls: LawCalls, example: Command, command: Command | None = None, given: Any = None
+    ) -> None:
+        super().__init__(scenario, command, given)
+        self._calls, self._example = calls, example
+
+    def alive(self, now: LoopState, reference: Reference) -> Any:
+        """Endings; one that has come leaves the period."""
+        going: Any = super().alive(now, reference)
+        return going.graph.external(_require_alive, [(going,)], 1)[0]
+
+    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
+        """Command line; a command that is not finite leaves the period."""
+        going, moved, acting = super().send(alive, queue, command)
+        return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
+
+    def apply_law(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
+    ) -> tuple[Any, Command]:
+        """The law, called with floats if it cannot be traced; others than the law know its observed push alone."""
+        if self.scenario.controller.compiled:
+            return super().apply_law(memory, measurement, reference, path_time)
+        inputs, law = (measurement, reference, path_time), super().apply_law
+        count = len(leaves((self._example, memory)))
+
+        def call(given: Flat, numbers: Flat) -> Flat:
+            if given and given[0] > 0.5:
+                return (0.0,) * count
+            self._calls.memory, command = law(self._calls.memory, *rebuild(inputs, iter(numbers)))
+            return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
+
+        given = () if self._given is None else (self._given,)
+        results = iter(_graph_of(inputs).external(call, [given, leaves(inputs)], count))
+        command: Command = rebuild(self._example, results)
+        return rebuild(memory, results), command
+
+
+@dataclass(slots=True)
+class LawCalls:
+    """Memory of a law that is called with floats: any object."""
+
+    memory: Any
+
+
+def _graph_of(record: Any) -> Graph:
+    """The program that a traced record belongs to."""
+    return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
+
+
+def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
+    if alive[0] < 0.5:
+        raise EpisodeEndedError(command)
+    return alive
+
+
+class CalledPlant:
+    """A plant of flat numbers within a traced period, as external calls.
+
+    Args:
+        plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
+
+    Raises:
+        ScenarioError: a user-defined plant that has no function for a part of the scenario, or a delay that is no
+            whole number of physics steps.
+    """
+
+    def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
+        self._plant, self._period, self._late = plant, stages.period, stages.late
+        scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
+        for name in ("command", "rotors", "joints"):
+            steps = getattr(scenario.delays, name) * scenario.rates.physics
+            if abs(steps - round(steps)) > 1e-6:
+                delay = getattr(scenario.delays, name)
+                raise ScenarioError(
+                    f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
+                )
+        self._kind, self._rotors, self._joints = scenario.kind, len(vehicle.rotors), vehicle.n
+        self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
+        self._apart = None if stages.apart is None else tuple(rest for _, rest in stages.apart)
+        self._impact, self._coupled = _impact_of(plant, scenario), places_in(around)
+        self._read: tuple[Flat, Flat] = ((), ())
+
+    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
+        """Proper acceleration of the base origin, base axes, m/s^2."""
+        graph, groups = _graph_of(state), [leaves(state), leaves(command), leaves(around)]
+        return Vec3(*graph.external(self._specific_force, groups, 3))
+
+    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
+        """State and coupled memories after the period."""
+        groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
+        numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
+        return rebuild(state, numbers), rebuild(memories_of(around), numbers)
+
+    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
+        self._read = state, around
+        return self._plant.specific_force(state, command, around)
+
+    def _advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
+        # a plant that has just been given these tuples need not read them again
+        if state == self._read[0]:
+            state = self._read[0]
+        if around == self._read[1]:
+            around = self._read[1]
+        if self._impact is not None:
+            state = self._impact(state, around)
+        parts, left = [(self._late, before)], self._period
+        if self._apart is not None:
+            n, end = self._rotors, self._rotors + self._joints
+            old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
+            pairs = switches(old, new, *self._apart)
+            parts = [(seconds, tuple(leaves(command))) for seconds, command in pairs]
+        for seconds, command in parts:
+            if seconds > 0.0:
+                found = self._hold(state, command, around, seconds)
+                state, around = found[: self._end], self._with_memories(around, found[self._end :])
+            left = left - seconds
+        return self._hold(state, after, around, left)
+
+    def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
+        """Numbers of the state and of the coupled memories after an interval of one command."""
+        found = self._plant.advance(state, command, around, seconds)
+        if self._coupled and len(found) != self._end + len(self._coupled):
+            raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
+        return found
+
+    def _with_memories(self, around: Flat, memories: Flat) -> Flat:
+        """Numbers of the surroundings with other coupled memories."""
+        if not self._coupled:
+            return around
+        numbers = list(around)
+        for place, value in zip(self._coupled, memories, strict=True):
+            numbers[place] = value
+        return tuple(numbers)
+
+
+def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
+    """The function of a plant for grasps and joints that get stuck; None where the scenario has none.
+
+    Raises:
+        ScenarioError: a user-defined plant without it.
+    """
+    stuck = any(fault.stuck for fault in scenario.faults)
+    rigid = any(payload.rigid for payload in scenario.payloads)
+    if not rigid and not stuck:
+        return None
+    found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
+    if found is None:
+        what = "rigid payloads" if rigid else "environment.faults with stuck"
+        raise ScenarioError(f"plant.kind = {scenario.kind!r}: does not know {what}; it has no after_impact")
+    return found

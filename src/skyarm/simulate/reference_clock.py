@@ -21,6 +21,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import blend, leaves, mismatch
 from skyarm.reference.governor.path_time import by_flight_time, offset_reference
@@ -44,7 +45,7 @@ from skyarm.scalars import (
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.loop_state import LoopState, Row
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 
@@ -163,7 +164,28 @@ class Waits:
         held = () if self._ratio == 1 else ticks
         return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
 
-    def _held(self, clock: Any, ticks: Any) -> dict[str, Any]:
+    def lead(self, clock: Any, ticks: Any, row: Row) -> Row:
+        """What a period is fed, with the reference where its own clock stands."""
+        if clock == () or row.reference != ():
+            return row
+        path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
+        if self._trajectory.load is not None:  # the gripper's command is of this period, not of a sample
+            reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
+        return dataclasses.replace(row, reference=reference, path_time=path_time)
+
+    def logged(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+        """What a log keeps of the clock; () without one."""
+        return () if clock == () else self.times(clock, ticks)
+
+    def advance(
+        self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, _command: Command
+    ) -> Any:
+        """The clock one control period later, by what the law knows."""
+        if clock == ():
+            return ()
+        return self.following(clock, ticks, self.seen(measurement, row.reference, observed_push(memory)))
+
+    def _hold_sample(self, clock: Any, ticks: Any) -> dict[str, Any]:
         """The sample that holds in a period, taken in it where it publishes one; () where each publishes one."""
         found: dict[str, Any] = {"held": (), "held_offset": (), "held_since": ()}
         if self._ratio > 1:
@@ -179,7 +201,7 @@ class Waits:
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
         """
-        sample = self._held(clock, ticks)
+        sample = self._hold_sample(clock, ticks)
         held = clock.place if self._ratio == 1 else sample["held"]
         own, its = leaves((clock.offset, clock.since)), leaves((sample["held_offset"], sample["held_since"]))
         return self.path_time(clock), held / self._rate, *own, *its
@@ -235,42 +257,42 @@ class Waits:
 
     def following(self, clock: Any, ticks: Any, seen: Seen) -> Any:
         """The clock one control period later."""
-        n, end = clock.guard, self._chosen(clock.guard, self._ends, NEVER)
-        begin = self._chosen(n, [guard.begin * self._rate for guard in self.guards])
+        n, end = clock.guard, self._select(clock.guard, self._ends, NEVER)
+        begin = self._select(n, [guard.begin * self._rate for guard in self.guards])
         there = clock.place >= end - WHOLE
         fresh = logical_and(logical_or(clock.place <= begin + WHOLE, clock.waited < 0.5 * BEGUN), clock.waited < 0.5)
         origin = clock.origin if not self._measures else _either(fresh, seen.tip, clock.origin)
         looks = there
         if self._moves:
-            early = self._chosen(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
+            early = self._select(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
             looks = logical_or(there, logical_and(early, logical_not(fresh)))
         reached = where(logical_and(looks, self._holds(n, seen, origin)), clock.reached + 1.0, 0.0)
-        enough = reached > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
+        enough = reached > self._select(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
         late = logical_and(
-            there, clock.waited >= self._chosen(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
+            there, clock.waited >= self._select(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
         )
         passed = logical_or(enough, late)
-        fails = self._chosen(n, [1.0 if guard.fails else 0.0 for guard in self.guards]) > 0.5
+        fails = self._select(n, [1.0 if guard.fails else 0.0 for guard in self.guards]) > 0.5
         failed = logical_and(logical_and(late, logical_not(enough)), fails)
         number = where(passed, n + 1.0, n)
         gone = where(passed, where(there, clock.place, end), clock.place) + 1.0
         return PathClock(
-            place=minimum(gone, self._chosen(number, self._ends, NEVER)),
-            **self._held(clock, ticks),
+            place=minimum(gone, self._select(number, self._ends, NEVER)),
+            **self._hold_sample(clock, ticks),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
             reached=where(passed, 0.0, reached),
             origin=_either(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
-            **self._skipped(clock, enough, end),
+            **self._skip(clock, enough, end),
         )
 
-    def _skipped(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
+    def _skip(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
         """Offset of the reference, which stays where it is when what is left of a phase is skipped."""
         if not self._moves:
             return {"offset": (), "since": ()}
         now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position
-        stop = Vec3(*(self._chosen(clock.guard, column) for column in zip(*self._stops, strict=True)))
+        stop = Vec3(*(self._select(clock.guard, column) for column in zip(*self._stops, strict=True)))
         return {
             "offset": _either(skips, now - stop, clock.offset),
             "since": where(skips, end, clock.since),
@@ -281,21 +303,21 @@ class Waits:
         found: Any = n > -1.0
         if any(guard.error is not None for guard in self.guards):
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
-            found = logical_and(found, sqrt(away.dot(away)) <= self._asked(n, "error", NEVER))
+            found = logical_and(found, sqrt(away.dot(away)) <= self._threshold(n, "error", NEVER))
         if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
             found = logical_and(found, self._force_holds(n, seen))
         for name, wanted in (("closed", 1.0), ("open", 0.0)):
             if any(getattr(guard, name) for guard in self.guards):
-                found = logical_and(found, self._switched(n, seen, name, wanted) > 0.5)
+                found = logical_and(found, self._switch_state(n, seen, name, wanted) > 0.5)
         if self._measures:
             moved = self._direction(n).dot(origin - seen.tip)
-            found = logical_and(found, moved >= self._asked(n, "distance", -NEVER))
+            found = logical_and(found, moved >= self._threshold(n, "distance", -NEVER))
         return found
 
     def _force_holds(self, n: Any, seen: Seen) -> Any:
         """Whether the force is what the guard asks, as it is observed or as a sensor reads it."""
         out = self._direction(n)
-        least, most = self._asked(n, "force", -NEVER), self._asked(n, "force_below", NEVER)
+        least, most = self._threshold(n, "force", -NEVER), self._threshold(n, "force_below", NEVER)
 
         def holds(force: Vec3 | None) -> Any:
             if force is None:  # of a law that observes no force nobody knows that there is none
@@ -305,28 +327,28 @@ class Waits:
 
         if not self._sensed:
             return holds(seen.force)
-        hears = self._chosen(n, [1.0 if guard.sensed else 0.0 for guard in self.guards]) > 0.5
+        hears = self._select(n, [1.0 if guard.sensed else 0.0 for guard in self.guards]) > 0.5
         return logical_or(logical_and(hears, holds(seen.felt)), logical_and(logical_not(hears), holds(seen.force)))
 
-    def _switched(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
+    def _switch_state(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
         """1 where the guard's switch is closed, or open, or where it asks for none."""
         found = []
         for guard in self.guards:
             asked = getattr(guard, name)
             told = seen.switches[self.switches.index(asked)] if asked else 1.0
             found.append(told if wanted or not asked else 1.0 - told)
-        return self._chosen(n, found)
+        return self._select(n, found)
 
     def _direction(self, n: Any) -> Vec3:
         return Vec3(
-            *(self._chosen(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
+            *(self._select(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
         )
 
-    def _asked(self, n: Any, name: str, nothing: float) -> Any:
+    def _threshold(self, n: Any, name: str, nothing: float) -> Any:
         given = [getattr(guard, name) for guard in self.guards]
-        return self._chosen(n, [nothing if value is None else value for value in given])
+        return self._select(n, [nothing if value is None else value for value in given])
 
-    def _chosen(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
+    def _select(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
         """The value that belongs to guard number n; ``beyond`` those, the last one's if left out."""
         found = values[-1] if beyond is None else beyond
         for i in reversed(range(len(values))):
@@ -393,6 +415,21 @@ class Paces:
         held: Pace = blend(due(ticks, self._ratio), clock.now, clock.held)
         return held
 
+    def lead(self, clock: PaceClock, ticks: Any, row: Row) -> Row:
+        """What a period is fed, with the governed reference where its own clock stands."""
+        told = row.told or self.told(clock, ticks)
+        return dataclasses.replace(row, told=told, path_time=self.path_time(clock))
+
+    def logged(self, clock: PaceClock, _ticks: Any) -> tuple[Any, ...]:
+        """What a log keeps of the clock."""
+        return (self.path_time(clock),)
+
+    def advance(
+        self, clock: PaceClock, ticks: Any, measurement: Measurement, row: Row, _memory: Any, command: Command
+    ) -> Any:
+        """The clock one control period later, by what the law knows."""
+        return self.following(clock, ticks, measurement, row.told, command)
+
     def path_time(self, clock: PaceClock) -> Any:
         """How far along the reference the law is led, s."""
         time = clock.now.place / self._rate
@@ -427,6 +464,11 @@ class Paces:
         return PaceClock(now=following, held=() if self._ratio == 1 else self.held(clock, ticks))
 
 
+def reference_clock(scenario: Scenario) -> Waits | Paces:
+    """The clock of a scenario's reference."""
+    return Waits(scenario) if scenario.pause is None else Paces(scenario)
+
+
 def due(ticks: Any, every: int) -> Any:
     """Whether a period is one of each ``every``; half a period of slack, since a quotient may be rounded."""
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
@@ -457,5 +499,5 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
     other = mismatch(first.clock, now.clock, "clock")
     if first.clock == () or not (anew or other):
         return ()
-    begun: Any = (Waits(scenario) if scenario.pause is None else Paces(scenario)).begun_at(now.ticks)
+    begun: Any = reference_clock(scenario).begun_at(now.ticks)
     return begun if other else blend(now.alive > 0.5, begun, now.clock)

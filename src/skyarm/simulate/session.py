@@ -22,7 +22,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, describe, joined
+from skyarm.simulate.assemble_log import Piece, describe, join_pieces
 from skyarm.simulate.check_endings import RUNNING, Ended, going_on
 from skyarm.simulate.command_line import numbers_of_command
 from skyarm.simulate.engine import Engine, EpisodeCode
@@ -278,7 +278,7 @@ class Session:
         """What was flown so far, each period with the references that held in it; its scenario is :attr:`plan`."""
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
-        return joined(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))
+        return join_pieces(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))
 
     def between(self, first: int, stop: int) -> Log:
         """The log of some of the periods flown, of status "running"."""
@@ -286,7 +286,7 @@ class Session:
         if first < engine.begun:
             return rows_of(self.log, slice(first, stop))
         piece = Piece(engine.scenario, engine.inputs, first, engine.samples(first, stop))
-        return joined(self.plan, [piece], None, info=self._running_info)
+        return join_pieces(self.plan, [piece], None, info=self._running_info)
 
     @cached_property
     def _running_info(self) -> dict[str, Any]:
@@ -350,12 +350,12 @@ class Session:
             if course.begun is not self._begun:
                 self._begun, self._codes = course.begun, []
             try:
-                return self._compiled(course, scenario)
+                return self._compile(course, scenario)
             except NoMachineCodeError as error:
                 self.slow = str(error)
         return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
 
-    def _compiled(self, course: Course, scenario: Scenario) -> Engine:
+    def _compile(self, course: Course, scenario: Scenario) -> Engine:
         """An engine in machine code, with a program that was made before if one fits."""
         read, key = self._read(course), self._key(course)
         numbers, shape = dict(read.numbers), read.parts_of(course.begun)

@@ -14,7 +14,6 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.controller import senses_torque
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
@@ -22,7 +21,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Component, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
-from skyarm.plant.loaded_vehicle import payloads_of
+from skyarm.plant.loads import payloads_of
 from skyarm.plant.surroundings import Memories, Surroundings, felt
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
@@ -34,14 +33,14 @@ from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import (
     command_delay,
-    issued,
+    command_in_force,
     joined_parts,
     mean_efforts,
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
-from skyarm.simulate.reference_clock import PaceClock, Paces, PathClock, Waits, due
+from skyarm.simulate.loop_state import LoopState, Row, SensorState, stop
+from skyarm.simulate.reference_clock import PathClock, Waits, due, reference_clock
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
@@ -71,7 +70,7 @@ class Stages:
         self.components = scenario.components
         self.sensors = scenario.all_sensors
         self.eventful = tuple(i for i, each in enumerate(self.components) if type(each).act is not Component.act)
-        self.waits, self.paces = Waits(scenario), Paces(scenario)
+        self.waits, self.clock = Waits(scenario), reference_clock(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model
@@ -87,34 +86,6 @@ class Stages:
         self.logged = (*full, *(each.name for each in scenario.sensors))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
-
-    def led(self, now: LoopState, row: Row) -> Row:
-        """What the instant is fed, with the reference where its own clock stands."""
-        if isinstance(now.clock, PaceClock):
-            told = row.told or self.paces.told(now.clock, now.ticks)
-            return dataclasses.replace(row, told=told, path_time=self.paces.path_time(now.clock))
-        if now.clock == () or row.reference != ():
-            return row
-        path_time = self.waits.path_time(now.clock)
-        reference = self.waits.held_reference(now.clock, now.ticks)
-        if self.scenario.reference.load is not None:  # the gripper's command is of this period, not of a sample
-            load = self.scenario.reference.load.derivatives(path_time)[0]
-            reference = dataclasses.replace(reference, load=(load,))
-        return dataclasses.replace(row, reference=reference, path_time=path_time)
-
-    def path_times(self, now: LoopState) -> tuple[Any, ...]:
-        """What the log keeps of a reference's own clock; () where it has none."""
-        if isinstance(now.clock, PaceClock):
-            return (self.paces.path_time(now.clock),)
-        return () if now.clock == () else self.waits.times(now.clock, now.ticks)
-
-    def wait(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, command: Command) -> Any:
-        """The reference's own clock, one period later."""
-        if isinstance(clock, PaceClock):
-            return self.paces.following(clock, ticks, measurement, row.told, command)
-        if clock == ():
-            return ()
-        return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
 
     def alive(self, now: LoopState, reference: Reference) -> Any:
         """Endings: 1 while none has come, else 0."""
@@ -175,9 +146,9 @@ class Stages:
     def _heard(self, queue: tuple[Command, ...]) -> Command:
         """What acts of a queue; rotors and joints may hear of a command at different times."""
         if self.apart is None:
-            return issued(queue, self.whole)
+            return command_in_force(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
-        return joined_parts(issued(queue, rotors), issued(queue, joints))
+        return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
     def joined(self, row: Row) -> Reference:
         """The reference that the law is told: the governed one, if any; before it joins, that of t = 0, at rest."""
@@ -288,7 +259,7 @@ class Stages:
 
     def keep(self, following: LoopState, now: LoopState) -> LoopState:
         """The next period's state; of an episode that has ended, the one it ended in."""
-        kept: LoopState = blend(following.alive > 0.5, following, ended(now))
+        kept: LoopState = blend(following.alive > 0.5, following, stop(now))
         return kept
 
 

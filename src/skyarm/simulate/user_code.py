@@ -153,7 +153,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         flown, controller = law, law.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        controller = _made(law, flown.controller.par.model)
+        controller = _make_controller(law, flown.controller.par.model)
         check_controller(controller)
     rates = flown.rates
     start = first_state(flown.with_words(controller=controller))
@@ -163,7 +163,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     try_law(controller, 1.0 / rates.control, seen, wanted)
 
 
-def _made(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
+def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
     """The controller itself, or what its maker makes of a model."""
     if isinstance(law, Controller):
         return law

@@ -23,7 +23,7 @@ from skyarm.registry import RegistryError
 from skyarm.registry.plugins import Plugin, laws_of_files, load_again, loaded, register_law_of_file
 
 
-def packed(value: Any) -> bytes:
+def pack(value: Any) -> bytes:
     """A value as bytes that :func:`pickle.loads` reads in a process of the same Python with the same plugins.
 
     Raises:
@@ -94,7 +94,7 @@ def workers(count: int) -> Iterator[Submit]:
 
     def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         with _deaf_to_interrupts():
-            return pool.submit(_call, packed((function, arguments)))
+            return pool.submit(_call, pack((function, arguments)))
 
     try:
         yield submit

@@ -26,8 +26,8 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.repeat import repeat
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.lower import repeat
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.plant.rigid_body import STEP, accelerate

@@ -7,7 +7,7 @@ from lagrangian_twin import states
 from flying_engines import jax_doubles
 from skyarm import compile as program
 from skyarm.algebra import Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics import euler_lagrange as el
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 

@@ -8,7 +8,7 @@ from lagrangian_twin import rotation as twin_rotation
 from lagrangian_twin import states, velocity_jacobians
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics import euler_lagrange as el
 from skyarm.dynamics.euler_lagrange import euler_kinematics as kinematics
 from skyarm.dynamics.euler_lagrange import gravity, transforms

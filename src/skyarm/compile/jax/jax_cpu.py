@@ -44,14 +44,14 @@ def _set(flags: Sequence[str]) -> bool:
     """Add the flags that are not set yet; False, and nothing done, if JAX would not read them any more."""
     present = os.environ.get("XLA_FLAGS", "").split()
     wanted = [flag for flag in flags if not any(old.split("=")[0] == flag.split("=")[0] for old in present)]
-    if wanted and _started():
+    if wanted and _has_started():
         return False
     if wanted:
         os.environ["XLA_FLAGS"] = " ".join([*present, *wanted])
     return True
 
 
-def _started() -> bool:
+def _has_started() -> bool:
     """Whether JAX has made a backend; JAX offers no public question for it."""
     bridge = sys.modules.get("jax._src.xla_bridge")
     asked = getattr(bridge, "backends_are_initialized", None)

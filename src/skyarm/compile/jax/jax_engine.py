@@ -1,6 +1,6 @@
 """Stepped programs on JAX: batches of lanes on a CPU or GPU.
 
-The engine interprets the lowered program of :func:`skyarm.compile.tracing.stepped_loop.trace_loop` operation by
+The engine interprets the lowered program of :func:`skyarm.compile.tracing.program.trace_loop` operation by
 operation; it does not call the step on JAX's own tracers. Measured on the closed loop of a vehicle with a two-joint
 arm (3600 operations, one CPU core, the flags of :mod:`skyarm.compile.jax.jax_cpu`): it runs 1.4 times faster in double
 precision (2 to 3 without the flags, where XLA's own sin and cos are slow) and as fast in single, tracing and compiling
@@ -19,10 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile.jax.jax_cpu import CPU_FLAGS, JaxStartedError, configure_cpu
-from skyarm.compile.jax.jax_operations import evaluate
-from skyarm.compile.jax.jax_random import uniforms
+from skyarm.compile.jax.jax_operations import evaluate, uniforms
 from skyarm.compile.machine_code import missing_extra
-from skyarm.compile.tracing.stepped_loop import Loop
+from skyarm.compile.tracing.program import Loop
 
 try:
     import jax

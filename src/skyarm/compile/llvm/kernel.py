@@ -17,11 +17,10 @@ import numpy.typing as npt
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.llvm_loop import CALL, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps
-from skyarm.compile.llvm.thread_pool import ThreadPools
+from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps, ThreadPools
 from skyarm.compile.machine_code import LongCompilationWarning, llvm_needed, require_floor
-from skyarm.compile.tracing.repeat import operations
-from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.compile.tracing.lower import operations
+from skyarm.compile.tracing.program import Loop, trace_loop
 
 Array = npt.NDArray[Any]
 
@@ -76,7 +75,7 @@ class Kernel:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        self.engine = _compiled(assembly(loop, self.lanes, logging=logging), effort)
+        self.engine = _make_engine(assembly(loop, self.lanes, logging=logging), effort)
         address = self.engine.get_function_address(CALL)
         self.quick, self.pools = QUICK(address), ThreadPools()
         guess = GUESS * max(1, operations(loop.program.nodes))
@@ -119,8 +118,8 @@ class Kernel:
         """
         lanes, width = carry.shape[1], self.lanes.width
         padded = -(-lanes // width) * width
-        c = self._padded("carry", carry, (self.loop.carry, lanes), padded)
-        p = self._padded("parameters", parameters, (self.loop.parameters, lanes), padded)
+        c = self._pad("carry", carry, (self.loop.carry, lanes), padded)
+        p = self._pad("parameters", parameters, (self.loop.parameters, lanes), padded)
         with np.errstate(over="ignore"):
             r = np.ascontiguousarray(rows, dtype=self.dtype)
         if r.ndim != 2 or r.shape[1] != self.loop.row:
@@ -134,7 +133,7 @@ class Kernel:
         SharedSteps(self.machine, arrays, blocks=blocks, lanes=padded, every=every, threads=threads).run(start)
         return c[:, :lanes], log[:, :, :lanes]
 
-    def _padded(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
+    def _pad(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
         """A contiguous copy with the last lane repeated up to whole vectors."""
         if values.shape != shape:
             raise ValueError(f"{name}: shape {values.shape}, allowed {shape}")
@@ -158,7 +157,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
     return keys
 
 
-def _compiled(text: str, effort: int) -> Any:
+def _make_engine(text: str, effort: int) -> Any:
     """Engine that holds the module's code, from the cache if it is there."""
     effort = min(effort, int(os.environ.get(EFFORT, effort)))
     # the cache has errors of its own, which say nothing of LLVM
@@ -168,7 +167,7 @@ def _compiled(text: str, effort: int) -> Any:
         announce(len(text), effort)
         content = build(text, effort)
         object_cache.store(identity, content)
-    return _loaded(content)
+    return _load_engine(content)
 
 
 LONG = 30.0
@@ -204,7 +203,7 @@ def _identity(text: str, effort: int) -> str:
 
 
 @llvm_needed()
-def _loaded(content: bytes) -> Any:
+def _load_engine(content: bytes) -> Any:
     """Engine that holds object code."""
     import llvmlite.binding as llvm
 

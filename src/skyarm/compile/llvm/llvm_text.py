@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from skyarm.compile.tracing.repeat import arranged
+from skyarm.compile.tracing.lower import arrange
 from skyarm.compile.tracing.tracer import Node
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -105,7 +105,7 @@ class Writer:
 
     def program(self, nodes: Iterable[Node]) -> None:
         """All operations of a lowered program; inputs must have names already."""
-        for node, body in arranged(nodes):
+        for node, body in arrange(nodes):
             if node.op == "repeat":
                 self._loop(node, body)
             elif node.op == "item":

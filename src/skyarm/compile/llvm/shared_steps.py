@@ -6,8 +6,11 @@ only waits: what is raised there, as Ctrl-C raises it, never comes between a sli
 
 from __future__ import annotations
 
+import _thread
 import ctypes
+import os
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -17,7 +20,74 @@ from typing import Any
 
 import numpy.typing as npt
 
-from skyarm.compile.llvm.thread_pool import ThreadPools
+Work = Callable[[], object]
+
+
+class ThreadPool:
+    """Threads that call what they are given; nobody waits for them, and they end with the pool.
+
+    A process may end without them. What they call holds all it needs and raises nothing.
+    """
+
+    def __init__(self) -> None:
+        self._process = os.getpid()
+        self._queue: SimpleQueue[Work | None] = SimpleQueue()
+        self._size = 0
+        weakref.finalize(self, self._queue.put, None)
+
+    @property
+    def lost(self) -> bool:
+        """True in a process that was forked off: threads stay behind."""
+        return self._process != os.getpid()
+
+    def call(self, work: Work, count: int) -> None:
+        """Have ``count`` threads call ``work``.
+
+        Raises:
+            RuntimeError: the system allows no more threads.
+        """
+        while self._size < count:
+            # threading.Thread takes many steps to start, between which an interrupt may be raised; this is one
+            _thread.start_new_thread(_serve, (self._queue,))
+            self._size += 1
+        for _ in range(count):
+            self._queue.put(work)
+
+
+def _serve(queue: SimpleQueue[Work | None]) -> None:
+    """Call what comes until there is None, which is left to the next thread. Nothing is kept while waiting."""
+    while (work := queue.get()) is not None:
+        work()
+        del work
+    queue.put(None)
+
+
+class ThreadPools:
+    """Pools that no caller uses now."""
+
+    def __init__(self) -> None:
+        self._idle: list[ThreadPool] = []
+
+    def take(self) -> ThreadPool:
+        """A pool that is the caller's until he gives it back; if he never does, it ends by itself."""
+        while self._idle:
+            try:
+                # one step: two callers never get the same
+                pool = self._idle.pop()
+            except IndexError:
+                break
+            if not pool.lost:
+                return pool
+        return ThreadPool()
+
+    def give(self, pool: ThreadPool) -> None:
+        """Hand back what was taken."""
+        self._idle.append(pool)
+
+    def close(self) -> None:
+        """End the threads that no caller uses now, with their pools; callers to come get others."""
+        self._idle.clear()
+
 
 Array = npt.NDArray[Any]
 
@@ -90,7 +160,7 @@ class SharedSteps:
         every lane has made its steps.
         """
         machine, work = self._machine, self._blocks * self._steps
-        group, span = sliced(self._blocks, self._steps, machine.pace, self._most)
+        group, span = slice_work(self._blocks, self._steps, machine.pace, self._most)
         groups = deque(range(0, self._blocks, group))
         count = len(groups)
         least = 2 if whole else 1  # the caller of a whole only waits
@@ -146,7 +216,7 @@ class SharedSteps:
             self._machine.pools.give(pool)
 
 
-def sliced(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
+def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
     """(blocks of a group, steps of a slice) that take one thread about ``SLICE``."""
     fit = max(1, int(SLICE / pace))
     if steps > fit:

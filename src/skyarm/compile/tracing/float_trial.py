@@ -47,7 +47,7 @@ def compare_with_floats(
         Exception: as ``refuse`` makes it.
     """
     start = rebuild(memory, iter([float(leaf) for leaf in leaves(memory)]))
-    told = _called(function, start, instants, refuse, constants, names)
+    told = _call_with_floats(function, start, instants, refuse, constants, names)
     program = trace(function, start, *instants[0])
     now: Numbers = tuple(leaves(start))
     for k, instant in enumerate(instants):
@@ -61,7 +61,7 @@ def compare_with_floats(
         raise refuse(f"gives another program in period 0 whenever it is traced: {OUTSIDE}")
 
 
-def _called(
+def _call_with_floats(
     function: Callable[..., tuple[Any, Any]],
     memory: Any,
     instants: Sequence[tuple[Any, ...]],

@@ -1,12 +1,18 @@
-"""Lowering: sin, exp ... of a program written out in basic operations, so that every engine computes the same bits."""
+"""Lowering: sin, exp ... of a program written out in basic operations, so that every engine computes the same bits.
+
+A repetition is a loop in machine code, written out on every engine that has no loops. It keeps long programs short:
+twenty integration steps of a stiff joint cost the code of one. Its body may use any value from outside; what does not
+change inside is computed once. Loops do not nest: a repetition inside one is written out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.scalars.elementary import COMPOSED
 
 
@@ -70,3 +76,109 @@ def live(outputs: Sequence[Node]) -> list[Node]:
             seen[node.index] = node
             stack.extend(node.args)
     return [seen[index] for index in sorted(seen)]
+
+
+Record = TypeVar("Record")
+
+WRITTEN_OUT = 6000
+"""Traced operations up to which a repetition is written out, which runs a fifth faster but compiles longer."""
+
+
+def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
+    """``function`` applied ``count`` times to ``record``.
+
+    Raises:
+        ValueError: the function returns a record with another number of scalars.
+    """
+    nodes = [leaf for leaf in leaves(record) if isinstance(leaf, Node)]
+    if count < 2 or not nodes or not nodes[0].graph.loops:
+        for _ in range(count):
+            record = function(record)
+        return record
+    graph = nodes[0].graph
+    graph.loops = False
+    try:
+        return _loop(count, function, record, graph)
+    finally:
+        graph.loops = True
+
+
+def repeat_while(count: int, rounds: Any, function: Callable[[Record], Record], record: Record) -> Record:
+    """``function`` applied ``rounds`` times to ``record``, where ``rounds`` may be traced and differ from lane to lane.
+
+    Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
+    have. Where nothing can be skipped, ``count`` rounds are made.
+
+    Args:
+        count: most rounds.
+        rounds: how many, from none on.
+        function: of a round.
+        record: at the beginning.
+    """
+
+    def round_of(both: tuple[Any, Record]) -> tuple[Any, Record]:
+        left, now = both
+        return left - 1.0, blend(left > 0.5, function(now), now)
+
+    nodes = [leaf for leaf in leaves((rounds, record)) if isinstance(leaf, Node)]
+    if not nodes or not nodes[0].graph.loops:
+        both = (rounds, record)
+        for _ in range(count):
+            both = round_of(both)
+        return both[1]
+    graph = nodes[0].graph
+    graph.loops = False
+    try:
+        starts = [graph.lift(leaf) for leaf in leaves((rounds, record))]
+        slots = [graph.slot() for _ in starts]
+        ends = [graph.lift(leaf) for leaf in leaves(round_of(rebuild((rounds, record), iter(slots))))]
+        return rebuild((rounds, record), iter(graph.repeat(count, slots, starts, ends, until=0)))[1]
+    finally:
+        graph.loops = True
+
+
+def _loop(count: int, function: Callable[[Record], Record], record: Record, graph: Graph) -> Record:
+    starts, before = [graph.lift(leaf) for leaf in leaves(record)], len(graph.nodes)
+    slots = [graph.slot() for _ in starts]
+    ends = [graph.lift(leaf) for leaf in leaves(function(rebuild(record, iter(slots))))]
+    if len(ends) != len(starts):
+        raise ValueError(f"the function returns a record of {len(ends)} scalars, took one of {len(starts)}")
+    if count * (len(graph.nodes) - before) > WRITTEN_OUT:
+        return rebuild(record, iter(graph.repeat(count, slots, starts, ends)))
+    for _ in range(count):
+        record = function(record)
+    return record
+
+
+def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
+    """Nodes in an order of evaluation, each with the body it repeats: nodes that need a slot go into their loop."""
+    found: list[tuple[Node, list[Node]]] = []
+    inside: dict[int, int] = {}
+    bodies: dict[int, list[Node]] = {}
+    for node in nodes:
+        if not inside and node.op not in ("slot", "repeat"):
+            found.append((node, []))
+        elif node.op == "slot":
+            inside[node.index] = node.value
+            bodies.setdefault(node.value, [])
+        elif node.op == "repeat":
+            loop = node.value[1][0].value
+            found.append((node, bodies.pop(loop, [])))
+        else:
+            for arg in node.args:
+                if arg.index in inside:
+                    loop = inside[node.index] = inside[arg.index]
+                    bodies[loop].append(node)
+                    break
+            else:
+                found.append((node, []))
+    return found
+
+
+def operations(nodes: Iterable[Node]) -> int:
+    """Operations that one evaluation executes: a body counts as often as it is repeated."""
+    quiet = ("input", "const", "item")
+    found = 0
+    for node, body in arrange(nodes):
+        found += len(body) * node.value[0] if node.op == "repeat" else node.op not in quiet
+    return found

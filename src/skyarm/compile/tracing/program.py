@@ -1,14 +1,14 @@
-"""Tracing a function of records into a program, and the program as straight-line Python."""
+"""Tracing a function of records into a program, once or to be stepped, and the program as straight-line Python."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from skyarm.compile.tracing.lower import Lowered, live, lower
-from skyarm.compile.tracing.repeat import arranged
+from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
 from skyarm.scalars import floats
@@ -114,7 +114,7 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
     live = {node.index for node in program.nodes}
     targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
     lines = [f"def {name}(x):", f"    {targets}, = x"] if program.inputs else [f"def {name}(x):"]
-    for node, body in arranged(program.nodes):
+    for node, body in arrange(program.nodes):
         if node.op == "repeat":
             lines += _loop(node, body, variable, divide)
         elif node.op not in ("input", "const"):
@@ -163,3 +163,76 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
         return result
 
     return run
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A stepped program of basic operations.
+
+    Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
+
+    Attributes:
+        program: basic operations of one step.
+        carry, parameters, row: how many inputs of each kind. uniforms: (channel, count) of the random numbers.
+        logged: how many outputs follow the next carry.
+        result: the records (carry, log) the step returns, for shaping.
+        own_seeds: every lane draws with a seed of its own, not with one for all.
+    """
+
+    program: Lowered
+    carry: int
+    parameters: int
+    row: int
+    uniforms: tuple[tuple[int, int], ...]
+    logged: int
+    result: Any
+    own_seeds: bool = False
+
+    def stepper(self) -> Callable[[Any], tuple[float, ...]]:
+        """One step as a Python function of all inputs in order: the reference of every other engine."""
+        return python_function(self.program)
+
+
+def trace_loop(
+    step: Callable[..., tuple[Any, Any]],
+    carry: Any,
+    parameters: Any,
+    row: Any,
+    uniforms: tuple[tuple[int, int], ...] = (),
+    *,
+    loops: bool = False,
+    own_seeds: bool = False,
+) -> Loop:
+    """Trace step(carry, parameters, row, uniforms) -> (carry, log).
+
+    Args:
+        step: pure function of records; the carry it returns has the leaves of the one it takes.
+        carry: example record of what a step hands to the next.
+        parameters: example record of constants per lane.
+        row: example record of the inputs of one step.
+        uniforms: (channel, count) of the numbers uniform in (0, 1) that a step draws.
+        loops: keep repetitions as loops, for machine code and Python; other engines want them written out.
+        own_seeds: every lane draws with a seed of its own (:class:`skyarm.compile.llvm.lane_stepper.LaneStepper`).
+
+    Raises:
+        ValueError: the step returns a carry with another number of scalars.
+    """
+    graph = Graph(loops=loops)
+    groups = [
+        [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
+        for name, record in _input_groups(carry, parameters, row)
+    ]
+    draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
+    arguments = [rebuild(record, iter(group)) for record, group in zip((carry, parameters, row), groups, strict=True)]
+    result = step(*arguments, draws)
+    following, log = (leaves(part) for part in result)
+    if len(following) != len(groups[0]):
+        raise ValueError(f"the step returns a carry of {len(following)} scalars, took one of {len(groups[0])}")
+    outputs = [graph.lift(leaf) for leaf in (*following, *log)]
+    inputs = [node for group in (*groups, draws) for node in group]
+    program = lower(inputs, live(outputs), outputs)
+    return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)
+
+
+def _input_groups(carry: Any, parameters: Any, row: Any) -> list[tuple[str, Any]]:
+    return [("c", carry), ("p", parameters), ("r", row)]

@@ -149,7 +149,7 @@ class Graph:
     """All nodes of one program, in the order of their creation, which is an order of evaluation.
 
     Args:
-        loops: keep a repetition (:mod:`skyarm.compile.tracing.repeat`) as a loop; else it is written out.
+        loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop; else it is written out.
     """
 
     def __init__(self, *, loops: bool = False) -> None:

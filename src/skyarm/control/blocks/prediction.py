@@ -9,7 +9,7 @@ from skyarm import dynamics
 from skyarm.actuation import Command, friction, limited_effort, rotor_force, speeds_after
 from skyarm.actuation.mixer import allocation_matrix
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.select import data

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.euler import euler_angles as euler_angles_of
+from skyarm.algebra.quaternion import euler_angles as euler_angles_of
 from skyarm.dynamics.array_front import Array, ArrayLike, components, leading_axes, one_number, stacked, unit_rotation
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters

@@ -16,7 +16,7 @@ from skyarm.environment import WindSample
 from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.simulate.assemble_log import Piece, Samples, joined
+from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -93,7 +93,9 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
     """
     empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
     samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
-    log = joined(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info={"status": "completed"})
+    log = join_pieces(
+        inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info={"status": "completed"}
+    )
     return InstantLog(**vars(log), flown=inputs.scenario)
 
 

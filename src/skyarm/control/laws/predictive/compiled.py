@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 
 Array = npt.NDArray[np.float64]
 

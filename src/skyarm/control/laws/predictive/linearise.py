@@ -17,7 +17,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, foreseen, input_residuals, state_residuals
 from skyarm.control.laws.predictive.prediction import Inputs

@@ -21,7 +21,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Motion, Vec3
-from skyarm.algebra.euler import euler_angles
+from skyarm.algebra.quaternion import euler_angles
 from skyarm.control.blocks.common import make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker

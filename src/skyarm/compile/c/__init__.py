@@ -1,1 +1,0 @@
-"""C99 source of a traced program."""

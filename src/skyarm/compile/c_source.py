@@ -1,0 +1,423 @@
+"""C99 of a traced program: straight-line statements, structs of records, a file with one function on structs.
+
+One assignment an operation, nothing of the library but math.h. Compiled without contraction (GCC: ``-std=c99`` or
+``-ffp-contract=off``) a double program has the bits of the Python floats; with it, a * b + c becomes one rounding.
+Every operation is IEEE's: infinities and NaN pass through. A file is its own header: with ``NAME_INTERFACE_ONLY``
+defined it declares and defines nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.compile.tracing.lower import Lowered
+from skyarm.compile.tracing.tracer import Node
+from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
+from skyarm.records.units import Unit, units
+
+INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "and": "&&", "or": "||"}
+LIBRARY = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copysign"}
+CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
+
+HELPERS = {
+    "power_of_two": """\
+/* 2^k of a whole k; the bounds keep the conversion to int defined. */
+static {kind} {name}({kind} k)
+{{
+    return k > {low} && k < {high} ? {ldexp}({one}, (int)k) : ({kind})NAN;
+}}
+""",
+    "exponent": """\
+/* Whole e with |x| = m 2^e and 1 <= m < 2. */
+static {kind} {name}({kind} x)
+{{
+    int e;
+    if (!isfinite(x) || !(x < {zero} || x > {zero}))
+        return ({kind})NAN;
+    (void){frexp}(x, &e);
+    return ({kind})(e - 1);
+}}
+""",
+    "mantissa": """\
+/* m of |x| = m 2^e with 1 <= m < 2, with the sign of x. */
+static {kind} {name}({kind} x)
+{{
+    int e;
+    if (!isfinite(x) || !(x < {zero} || x > {zero}))
+        return ({kind})NAN;
+    return {two} * {frexp}(x, &e);
+}}
+""",
+}
+"""Operations that C writes as a function, equal to :mod:`skyarm.scalars.floats`, subnormal numbers included."""
+
+FAST = "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)"
+
+KEEP_IEEE = f"""\
+{FAST}
+/* NaN must stay visible and every operation keep its rounding: fast-math is taken back for this code. */
+#if defined(__clang__)
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#elif defined(__GNUC__)
+#pragma GCC push_options
+#pragma GCC optimize ("no-fast-math")
+#endif
+#endif
+"""
+"""Before the code."""
+
+END_IEEE = f"""\
+{FAST}
+#if defined(__clang__)
+#pragma float_control(pop)
+#elif defined(__GNUC__)
+#pragma GCC pop_options
+#endif
+#endif
+"""
+"""After it: a program that includes the file keeps its own flags."""
+
+
+@dataclass(frozen=True, slots=True)
+class Floats:
+    """The floating-point numbers of a file: double, or float if ``single``."""
+
+    single: bool = False
+
+    @property
+    def kind(self) -> str:
+        """C type."""
+        return "float" if self.single else "double"
+
+    def function(self, name: str) -> str:
+        """Name of a function of math.h for this type."""
+        return f"{name}f" if self.single else name
+
+    def literal(self, value: float) -> str:
+        """A number that reads back as itself, rounded to the type; negative ones in parentheses."""
+        if self.single:
+            try:
+                value = struct.unpack("<f", struct.pack("<f", value))[0]
+            except OverflowError:
+                value = math.copysign(math.inf, value)
+        if math.isnan(value):
+            return f"({self.kind})NAN"
+        minus = math.copysign(1.0, value) < 0.0
+        size = abs(value)
+        text = f"({self.kind})INFINITY" if math.isinf(size) else self._digits(size)
+        return f"(-{text})" if minus else text
+
+    def _digits(self, size: float) -> str:
+        text = f"{size:.9g}" if self.single else repr(size)
+        if not set(text) & set(".e"):
+            text += ".0"
+        return f"{text}f" if self.single else text
+
+
+def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
+    """Definitions of the functions the program's statements call, named ``prefix`` and the operation."""
+    used = {node.op for node in program.nodes}
+    numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
+    words = {name: floats.literal(value) for name, value in numbers.items()}
+    words |= {name: floats.function(name) for name in ("ldexp", "frexp")}
+    texts = [
+        text.format(kind=floats.kind, name=f"{prefix}_{op}", **words) for op, text in HELPERS.items() if op in used
+    ]
+    return "\n".join(texts)
+
+
+def statements(
+    program: Lowered, floats: Floats, prefix: str, inputs: Sequence[str], outputs: Sequence[str]
+) -> list[str]:
+    """Lines of a function's body: inputs are read, then operations in order, then outputs are written.
+
+    Args:
+        program: basic operations.
+        floats: type of every number.
+        prefix: of the functions of :func:`helpers`.
+        inputs: C expression of each input; one that the program does not use is not read.
+        outputs: C place of each output. All reading is done before the first writing, so places may be inputs too.
+    """
+    names: dict[int, str] = {}
+    conditions: set[int] = set()
+    lines: list[str] = []
+    live = {node.index for node in program.nodes}
+    for node, expression in zip(program.inputs, inputs, strict=True):
+        if node.index in live:
+            names[node.index] = f"v{node.index}"
+            lines.append(f"const {floats.kind} v{node.index} = {expression};")
+    for node in program.nodes:
+        if _is_condition(node, conditions):
+            conditions.add(node.index)
+        if node.op == "const":
+            truth = isinstance(node.value, bool)
+            names[node.index] = str(int(node.value)) if truth else floats.literal(node.value)
+        elif node.op != "input":
+            kind = "int" if node.index in conditions else floats.kind
+            value = _expression(node, [names[arg.index] for arg in node.args], floats, prefix)
+            names[node.index] = f"v{node.index}"
+            lines.append(f"const {kind} v{node.index} = {value};")
+    lines += [f"{place} = {names[node.index]};" for node, place in zip(program.outputs, outputs, strict=True)]
+    return lines
+
+
+def _is_condition(node: Node, known: set[int]) -> bool:
+    if node.op == "where":
+        return node.args[1].index in known
+    return node.op in CONDITIONS or isinstance(node.value, bool)
+
+
+def _expression(node: Node, args: list[str], floats: Floats, prefix: str) -> str:
+    op = node.op
+    if op in INFIX:
+        return f"{args[0]} {INFIX[op]} {args[1]}"
+    if op == "neg":
+        return f"-{args[0]}"
+    if op == "not":
+        return f"!{args[0]}"
+    if op == "where":
+        return f"{args[0]} ? {args[1]} : {args[2]}"
+    function = floats.function(LIBRARY[op]) if op in LIBRARY else f"{prefix}_{op}"
+    return f"{function}({', '.join(args)})"
+
+
+VECTORS = (Vec3, Quaternion, Sym3, Mat3)
+
+Units = Mapping[Place, Mapping[str, Unit]]
+"""Units of the fields of the records at some places."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a record that holds scalars.
+
+    Attributes:
+        path: where it stands, for example ("links", "0", "body", "mass").
+        note: unit and meaning of its numbers.
+        shape: () for a scalar, (3,) for a vector, (4, 4) for rows. entries: (place, value) of all, structural ones too.
+    """
+
+    path: Place
+    note: str
+    shape: tuple[int, ...]
+    entries: tuple[tuple[Place, Any], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A member of a struct: name, array sizes, comment, values."""
+
+    name: str
+    shape: tuple[int, ...]
+    note: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """Members, and for each leaf of the record its member's C name (None: the struct does not have it)."""
+
+    members: tuple[Member, ...]
+    places: tuple[str | None, ...]
+
+
+def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), note: str = "") -> Iterator[Field]:
+    """Fields of a record that hold scalars, in the order of its leaves."""
+    if isinstance(record, VECTORS) or _grid(record):
+        yield Field(path, note, _shape(record), tuple(walk(record)))
+    elif isinstance(record, tuple) or is_record(record):
+        said = others.get(path) or (units(type(record)) if is_record(record) else {})
+        for name, value in parts(record).items():
+            own = note if isinstance(record, tuple) else said[name].words if name in said else ""
+            yield from fields(value, others, (*path, name), own)
+    elif is_leaf(record):
+        yield Field(path, note, (), (((), record),))
+
+
+def _grid(value: Any) -> bool:
+    """A tuple of scalars, or of equally long tuples of scalars; structure among them is sorted out by the caller."""
+    if not isinstance(value, tuple):
+        return False
+    rows = [item if isinstance(item, tuple) else (item,) for item in value]
+    plain = all(isinstance(x, (float, int)) for row in rows for x in row)
+    return plain and len({len(row) for row in rows}) == 1 and len({isinstance(item, tuple) for item in value}) == 1
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    if isinstance(value, tuple):
+        return (len(value), len(value[0])) if isinstance(value[0], tuple) else (len(value),)
+    return (3, 3) if isinstance(value, Mat3) else (len(parts(value)),)
+
+
+def make_struct(
+    record: Any, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
+) -> Struct:
+    """Struct of a record; comments are what its fields say of their units.
+
+    Args:
+        record: its leaves give the values.
+        name: a member's name from a path.
+        keep: whether each leaf is wanted; a vector that is not wanted as a whole, or holds structure,
+            falls into members of its own.
+        others: units of records, by place, whose fields mean something else there than they say.
+
+    Raises:
+        ValueError: two fields get one name.
+    """
+    members: list[Member] = []
+    places: list[str | None] = []
+    for field in fields(record, others):
+        leaves = [(place, value) for place, value in field.entries if is_leaf(value)]
+        wanted = [keep[len(places) + i] for i in range(len(leaves))]
+        if len(leaves) == len(field.entries) and all(wanted):
+            own = name(field.path)
+            members.append(Member(own, field.shape, field.note, tuple(float(value) for _, value in leaves)))
+            places += [own + index for index in _indices(field.shape)]
+            continue
+        for (place, value), kept in zip(leaves, wanted, strict=True):
+            own = name((*field.path, *place))
+            places.append(own if kept else None)
+            if kept:
+                members.append(Member(own, (), field.note, (float(value),)))
+    repeated = {member.name for member in members if sum(other.name == member.name for other in members) > 1}
+    if repeated:
+        raise ValueError(f"struct: fields share the names {sorted(repeated)}")
+    return Struct(tuple(members), tuple(places))
+
+
+def _indices(shape: tuple[int, ...]) -> list[str]:
+    texts = [""]
+    for size in shape:
+        texts = [f"{text}[{i}]" for text in texts for i in range(size)]
+    return texts
+
+
+def declaration(name: str, struct: Struct, floats: Floats) -> str:
+    """``struct name { ... };``; C99 knows no empty struct, so one without members gets a reserved one."""
+    members = struct.members or (Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),)
+    lines = [f"struct {name} {{"]
+    for member in members:
+        sizes = "".join(f"[{size}]" for size in member.shape)
+        note = f" /* {comment(member.note)} */" if member.note else ""
+        lines.append(f"    {floats.kind} {member.name}{sizes};{note}")
+    return "\n".join([*lines, "};"])
+
+
+def initialiser(struct: Struct, floats: Floats) -> str:
+    """``{ ... }`` with the record's values, one member a line."""
+    if not struct.members:
+        return f"{{{floats.literal(0.0)}}}"
+    lines = [
+        f"    {_in_braces(list(member.values), member.shape, floats)}, /* {member.name} */" for member in struct.members
+    ]
+    return "\n".join(["{", *lines, "}"])
+
+
+def _in_braces(values: list[float], shape: tuple[int, ...], floats: Floats) -> str:
+    if not shape:
+        return floats.literal(values[0])
+    step = math.prod(shape[1:])
+    parts = [_in_braces(values[i * step : (i + 1) * step], shape[1:], floats) for i in range(shape[0])]
+    return f"{{{', '.join(parts)}}}"
+
+
+def comment(text: str) -> str:
+    """Text that can stand in a C comment: one line of plain characters, none that ends or opens one."""
+    plain = re.sub(r"[^ -~]|[?\\]", "_", " ".join(text.split()))
+    return re.sub(r"\*(?=/)|/(?=\*)", "_", plain)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepFile:
+    """What the file is made of.
+
+    Attributes:
+        name: begins every name that others see, a C identifier.
+        floats: type of every number.
+        program: inputs in the order parameters, then ``inputs``, then memory; outputs in the order memory, ``output``.
+        structs: of "parameters", "memory", of each of ``inputs`` and of ``output``.
+        notes: one line on each struct.
+        inputs: names of the structs that a call only reads. output: name of the struct that it only writes.
+    """
+
+    name: str
+    floats: Floats
+    program: Lowered
+    structs: Mapping[str, Struct]
+    notes: Mapping[str, str]
+    inputs: tuple[str, ...]
+    output: str
+
+    def text(self, opening: Sequence[str]) -> str:
+        """The whole file; ``opening`` are the lines of its first comment."""
+        return "\n".join([_comment(opening), self._interface(), self._implementation()])
+
+    def _interface(self) -> str:
+        name = self.name
+        guard = f"{name.upper()}_INTERFACE"
+        lines = [f"#ifndef {guard}", f"#define {guard}", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
+        for key in (*self.inputs, "memory", self.output, "parameters"):
+            lines += [f"/* {self.notes[key]} */", declaration(f"{name}_{key}", self.structs[key], self.floats), ""]
+        lines += [
+            *(f"extern {constant};" for constant in self._constants()),
+            "",
+            "/* One step with the default parameters. */",
+            f"{self._signature('step', tuned=False)};",
+            "",
+            "/* One step with parameters of your own. */",
+            f"{self._signature('step_with', tuned=True)};",
+            "",
+            *("#ifdef __cplusplus", "}", "#endif", "#endif", ""),
+        ]
+        return "\n".join(lines)
+
+    def _constants(self) -> tuple[str, str]:
+        name = self.name
+        return (
+            f"const struct {name}_parameters {name}_default_parameters",
+            f"const struct {name}_memory {name}_first_memory",
+        )
+
+    def _signature(self, function: str, *, tuned: bool) -> str:
+        read = (*(("parameters",) if tuned else ()), *self.inputs)
+        arguments = [f"const struct {self.name}_{key} *{key}" for key in read]
+        arguments += [f"struct {self.name}_{key} *{key}" for key in ("memory", self.output)]
+        return f"void {self.name}_{function}(\n    " + ",\n    ".join(arguments) + ")"
+
+    def _implementation(self) -> str:
+        name, structs, floats = self.name, self.structs, self.floats
+        read = ("parameters", *self.inputs, "memory")
+        inputs = [_place(key, place) for key in read for place in structs[key].places]
+        outputs = [_place(key, place) for key in ("memory", self.output) for place in structs[key].places]
+        body = [f"(void){key};" for key in (*read, self.output)]
+        body += statements(self.program, floats, name, inputs, outputs)
+        values = (structs["parameters"], structs["memory"])
+        lines = [f"#ifndef {name.upper()}_INTERFACE_ONLY", "#include <math.h>", "", KEEP_IEEE]
+        for constant, each in zip(self._constants(), values, strict=True):
+            lines += [f"{constant} = {initialiser(each, floats)};", ""]
+        lines += [
+            helpers(self.program, floats, name),
+            *(self._signature("step_with", tuned=True), "{", *(f"    {line}" for line in body), "}", ""),
+            *(self._signature("step", tuned=False), "{"),
+            f"    {name}_step_with(&{name}_default_parameters, {', '.join((*self.inputs, 'memory', self.output))});",
+            *("}", "", END_IEEE, "#endif", ""),
+        ]
+        return "\n".join(lines)
+
+
+def _place(key: str, place: str | None) -> str:
+    # a leaf without a place is one that the program does not read
+    return f"{key}->{place}" if place else "0"
+
+
+def _comment(lines: Sequence[str]) -> str:
+    indented = [" " * (len(line) - len(line.lstrip())) + comment(line) for line in lines]
+    return "\n".join(["/*", *(f" * {line}".rstrip() for line in indented), " */"])
