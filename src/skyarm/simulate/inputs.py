@@ -136,7 +136,9 @@ class EpisodeInputs:
             path_time = float(self.waits.path_time(now.clock))
             return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
         led: Any = reference_clock(self.scenario).lead(now.clock, now.ticks, fed)
-        return fed if led is fed else dataclasses.replace(led, told=led.told.dense(), path_time=float(led.path_time))
+        if led is fed:
+            return fed
+        return dataclasses.replace(fed, told=led.told.dense(), path_time=float(led.path_time))
 
     @cached_property
     def goals(self) -> Array:
