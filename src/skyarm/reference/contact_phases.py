@@ -18,7 +18,7 @@ from skyarm.algebra import Vec3, axis_rotation
 from skyarm.files import Fields, shown
 from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
-from skyarm.reference.task import Arc, Place, Task, require_field, seconds, unit_vector
+from skyarm.reference.task import Arc, Place, Task, duration_of, require_field, seconds, unit_vector
 from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.tip_motion import FASTEST, NEAREST, STRONGEST, UPRIGHT
 from skyarm.reference.waypoints import MOST_POINTS, place_of, points_of, positive, require_way, within
@@ -118,7 +118,7 @@ def approach(task: Task, phase: Fields) -> None:
     """Go in front of a place on the surface."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position")
-    _go(task, phase, _in_front(task, phase, goal, near="normal" in phase.table), touches=False)
+    task.go_through(phase, _in_front(task, phase, goal, near="normal" in phase.table), new=False)
 
 
 def press(task: Task, phase: Fields) -> None:
@@ -135,7 +135,7 @@ def press(task: Task, phase: Fields) -> None:
 def slide(task: Task, phase: Fields) -> None:
     """Go to another place along the surface, pressing."""
     _tell_push(task, phase)
-    _go(task, phase, place_of(phase, "position"), touches=True)
+    task.go_through(phase, place_of(phase, "position"), back=False)
 
 
 def write(task: Task, phase: Fields) -> None:
@@ -146,7 +146,7 @@ def write(task: Task, phase: Fields) -> None:
         said = f"{len(points)} points" if points else "[]"
         raise ValueError(f"{phase.at('points')} = {said}: must be 1 to {MOST_POINTS} points")
     require_way(task.at, points, [f"{phase.at('points')}[{i}]" for i in range(len(points))])
-    whole = None if phase.take("duration", None) is None else seconds(phase, "duration")
+    whole = duration_of(phase)
     length = sum(math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False))
     for point in points:
         share = None if whole is None else whole * math.dist(task.at, point) / length
@@ -158,7 +158,7 @@ def retreat(task: Task, phase: Fields) -> None:
     """Request no force; leave along the normal, or go to a place."""
     task.force = None
     if phase.take("position", None) is not None:
-        _go(task, phase, place_of(phase, "position"), touches=False)
+        task.go_through(phase, place_of(phase, "position"), new=False)
         return
     goal = _in_front(task, phase, task.at, near=task.normal is not None)
     duration = seconds(phase, "duration", 1.0)
@@ -238,19 +238,6 @@ def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
     return place if task.normal is None else _along(place, task.normal, clearance)
-
-
-def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:
-    """A motion to a place, through others."""
-    via = points_of(phase.take("via", []), phase.at("via"))
-    duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
-    points = [task.at, *via, goal]
-    if touches or via:
-        require_way(
-            task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")]
-        )
-    task.go(points, duration, back=not touches)
-    task.wait_until(phase)
 
 
 def _tell_normal(task: Task, phase: Fields) -> None:

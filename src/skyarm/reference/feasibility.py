@@ -46,7 +46,6 @@ class Feasibility:
         deviation: m, largest distance of a level base's tip from its reference.
         carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
-        joint_speeds: (joint, largest speed), rad/s or m/s.
         peaks: of the base's motion, thrust and tilt those of a point mass.
         highest_thrust: over the weight.
         weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over the joints that carry it, where it
@@ -56,7 +55,6 @@ class Feasibility:
     deviation: float
     carried_off: float
     at_limits: tuple[tuple[str, float], ...]
-    joint_speeds: tuple[tuple[str, float], ...]
     peaks: FlightLimits
     highest_thrust: float
     weakest: float
@@ -110,15 +108,12 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     force = derivatives[1] + np.array([[0.0], [0.0], [setting.gravity]])
     size = np.maximum(np.linalg.norm(force, axis=0), 1e-9)
     level = _level(yaw, arm)
-    q, rates = table(reference.joints), table(reference.joint_rates)
+    q = table(reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
         deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
         carried_off=float(np.linalg.norm(_tilted(force / size, level) - level, axis=0).max()),
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),
-        joint_speeds=tuple(
-            (link.joint.name, float(np.abs(rate).max())) for link, rate in zip(vehicle.links, rates, strict=True)
-        ),
         peaks=peaks(derivatives, setting.gravity),
         highest_thrust=setting.thrust_to_weight,
         weakest=weakest,

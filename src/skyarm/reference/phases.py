@@ -31,10 +31,10 @@ from skyarm.files import Fields, did_you_mean, number, shown
 from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, grasp, handle, release, retreat
 from skyarm.reference.signals import Constant, Signal, Sum
 from skyarm.reference.splines import minimum_snap
-from skyarm.reference.task import Place, Task, seconds
+from skyarm.reference.task import Task, duration_of, seconds
 from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
-from skyarm.reference.waypoints import SHORTEST, limits_of, place_of, points_of, require_way, within
+from skyarm.reference.waypoints import SHORTEST, limits_of, place_of, within
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -97,19 +97,13 @@ def hold(task: Task, phase: Fields) -> None:
 
 def go_to(task: Task, phase: Fields) -> None:
     """Go to a position, through others."""
-    via = points_of(phase.take("via", []), phase.at("via"))
-    goal = place_of(phase, "position")
-    duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
-    points = [task.at, *via, goal]
-    require_way(task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")])
-    task.go(points, duration, back=True)
-    task.wait_until(phase)
+    task.go_through(phase, place_of(phase, "position"))
 
 
 def lift(task: Task, phase: Fields) -> None:
     """Go straight up, or down."""
     height = within(phase.number("height"), phase.at("height"))
-    duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
+    duration = duration_of(phase)
     x, y, z = task.at
     if abs(height) < SHORTEST:
         raise ValueError(f"{phase.at('height')} = {height:g}: must be {SHORTEST:g} m or more, up or down (below 0)")
@@ -117,30 +111,19 @@ def lift(task: Task, phase: Fields) -> None:
     task.wait_until(phase)
 
 
-def pick(task: Task, phase: Fields) -> None:
-    """Come near, down, take the payload, leave."""
-    _there_and_back(task, phase, "pick")
-
-
-def place(task: Task, phase: Fields) -> None:
-    """Come near, down, leave the payload, leave."""
-    _there_and_back(task, phase, "place")
-
-
-def _there_and_back(task: Task, phase: Fields, kind: str) -> None:
-    x, y, z = place_of(phase, "position")
-    a, b, c = place_of(phase, "approach", (0.0, 0.0, 0.1))
-    near: Place = (x + a, y + b, z + c)
-    there: Place = (x, y, z)
-    task.go([task.at, near], back=True)
+def pick_or_place(task: Task, phase: Fields) -> None:
+    """Come near, down, take or leave the payload, leave."""
+    there = place_of(phase, "position")
+    x, y, z = (a + b for a, b in zip(there, place_of(phase, "approach", (0.0, 0.0, 0.1)), strict=True))
+    task.go([task.at, (x, y, z)], back=True)
     task.go([task.at, there])
-    handle(task, phase, kind)
-    task.go([there, near])
+    handle(task, phase, phase.table["kind"])
+    task.go([there, (x, y, z)])
 
 
 KINDS: Mapping[str, Callable[[Task, Fields], None]] = {
-    "hold": hold, "go_to": go_to, "pick": pick, "place": place, "approach": approach, **TOUCHING, "retreat": retreat,
-    "grasp": grasp, "release": release, "lift": lift, "carry": go_to,
+    "hold": hold, "go_to": go_to, "pick": pick_or_place, "place": pick_or_place, "approach": approach, **TOUCHING,
+    "retreat": retreat, "grasp": grasp, "release": release, "lift": lift, "carry": go_to,
 }  # fmt: skip
 """Phases by kind."""
 

@@ -26,7 +26,17 @@ from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase, Setting
 from skyarm.reference.tip_motion import SPEED, TipPush
 from skyarm.reference.trajectory import Trajectory
-from skyarm.reference.waypoints import CLOSEST, SHORTEST, FlightLimits, Points, allocate, positive, within
+from skyarm.reference.waypoints import (
+    CLOSEST,
+    SHORTEST,
+    FlightLimits,
+    Points,
+    allocate,
+    points_of,
+    positive,
+    require_way,
+    within,
+)
 
 NUMBERS = ("error", "force", "force_below", "distance")
 
@@ -55,7 +65,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     found["hold"] = within(fields.number("hold", 0.5, low=0.0), fields.at("hold"))
     found["timeout"] = within(fields.number("timeout", 5.0), fields.at("timeout"), CLOSEST)
     found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
-    found["early"] = _flag(fields, "early")
+    found["early"] = fields.flag("early", False)
     given = fields.take("direction", None)
     if given is not None:
         found["direction"] = unit_vector(fields, "direction")
@@ -83,17 +93,9 @@ def _asked(fields: Fields) -> dict[str, Any]:
             found[name] = positive(fields, name)
     if "force" in found and found.get("force_below", math.inf) <= found["force"]:
         raise ValueError(f"{fields.at('force_below')} = {found['force_below']:g}: must be above force")
-    found["sensed"] = _flag(fields, "force_sensor")
+    found["sensed"] = fields.flag("force_sensor", False)
     if found["sensed"] and not ("force" in found or "force_below" in found):
         raise ValueError(f"{fields.at('force_sensor')} = true: must be left out without force or force_below")
-    return found
-
-
-def _flag(fields: Fields, name: str) -> bool:
-    """True or false."""
-    found = fields.take(name, False)
-    if not isinstance(found, bool):
-        raise ValueError(f"{fields.at(name)} = {shown(found)}: must be true or false")
     return found
 
 
@@ -120,6 +122,11 @@ COMING_BACK = 1.0
 def seconds(fields: Fields, name: str, *default: Any) -> float:
     """How long something of a phase takes."""
     return within(fields.number(name, *default), fields.at(name), CLOSEST)
+
+
+def duration_of(phase: Fields) -> float | None:
+    """How long a phase shall take, s; None for as fast as the limits let."""
+    return None if phase.take("duration", None) is None else seconds(phase, "duration")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -206,6 +213,23 @@ class Task:
         if back and self._strays:
             self.time = max(self.time, begun + COMING_BACK) if here else self.time
             self._back, self._window, self._strays = True, (begun, self.time), False
+
+    def go_through(self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True) -> None:
+        """Add a phase's motion to a place through its ``via``, and wait for its guard.
+
+        Args:
+            phase: its table.
+            goal: m.
+            back: an offset of the reference is taken back on the way.
+            new: each place must differ from the one before, even without ``via``.
+        """
+        via = points_of(phase.take("via", []), phase.at("via"))
+        duration = duration_of(phase)
+        if new or via:
+            names = [f"{phase.at('via')}[{i}]" for i in range(len(via))]
+            require_way(self.at, [*via, goal], [*names, phase.at("position")])
+        self.go([self.at, *via, goal], duration, back=back)
+        self.wait_until(phase)
 
     def turn(self, turning: Sequence[Turning], to: Place, duration: float) -> None:
         """Add a motion about an axis, one signal for each coordinate."""

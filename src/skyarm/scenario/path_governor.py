@@ -19,7 +19,7 @@ import numpy as np
 from skyarm.actuation import make_mixer
 from skyarm.actuation.motion_demand import Demand, Motion, attitude, demand_of_motion, motion_of
 from skyarm.actuation.servo import Servo
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.files import Fields, shown
@@ -120,16 +120,26 @@ def _missed(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterat
 
 
 def _steps(scenario: Scenario) -> Iterator[str]:
-    """Steps of the reference: whoever is slower on his way there jumps all the same."""
-    for t in scenario.reference.switch_times():
-        if 0.0 < t < scenario.duration:
-            before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
-            moved = _length(after.position - before.position)
-            pairs = zip(before.joints, after.joints, strict=True)
-            turned = max((abs(float(a) - float(b)) for a, b in pairs), default=0.0)
-            if moved > STEP or turned > STEP:
-                how_far = f"{moved:.3g} m" if moved > STEP else f"{turned:.3g} rad or m of a joint"
-                yield f"the reference jumps by {how_far} at {t:.3g} s, at any rate; a ramp or waypoints?"
+    """Steps of the reference: a slower one jumps all the same."""
+    for t in _switches(scenario):
+        before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
+        moved, turned = _difference(before, after, "position", "joints")
+        if moved > STEP or turned > STEP:
+            how_far = f"{moved:.3g} m" if moved > STEP else f"{turned:.3g} rad or m of a joint"
+            yield f"the reference jumps by {how_far} at {t:.3g} s, at any rate; a ramp or waypoints?"
+
+
+def _switches(scenario: Scenario) -> list[float]:
+    """Times within the flight at which the reference may jump, s."""
+    return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
+
+
+def _difference(before: Reference, after: Reference, base: str, joints: str) -> tuple[float, float]:
+    """By how much a vector of the base and the fastest joint differ."""
+    pairs = zip(getattr(before, joints), getattr(after, joints), strict=True)
+    moved = getattr(after, base) - getattr(before, base)
+    turned = max((abs(float(a) - float(b)) for a, b in pairs), default=0.0)
+    return math.hypot(*(float(c) for c in moved)), turned
 
 
 def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting) -> Scenario:
@@ -163,31 +173,16 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
 def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     """Times (s) at which the path turns a corner, or sets off at speed from where the vehicle rests."""
     found = []
-    if scenario.initial is None and _is_corner(*_speeds(trajectory.at(0.0))):
+    first = trajectory.at(0.0)
+    rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
+    if scenario.initial is None and _is_corner(rest, first):
         found.append(0.0)
-    within = (t for t in trajectory.switch_times() if 0.0 < t < scenario.duration)
-    return [*found, *(t for t in within if _is_corner(*_jumps(trajectory, t)))]
+    return [*found, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
 
 
-def _is_corner(base: float, joint: float) -> bool:
+def _is_corner(before: Reference, after: Reference) -> bool:
+    base, joint = _difference(before, after, "velocity", "joint_rates")
     return base > CORNER[0] or joint > CORNER[1]
-
-
-def _speeds(reference: Reference) -> tuple[float, float]:
-    """Speed of the base, m/s, and of the fastest joint."""
-    return _length(reference.velocity), max((abs(float(rate)) for rate in reference.joint_rates), default=0.0)
-
-
-def _jumps(trajectory: Trajectory, t: float) -> tuple[float, float]:
-    """By how much the velocity of the base and of a joint jump at a time."""
-    before, after = trajectory.at(t - JUMP), trajectory.at(t)
-    rates = zip(before.joint_rates, after.joint_rates, strict=True)
-    joint = max((abs(float(a) - float(b)) for a, b in rates), default=0.0)
-    return _length(after.velocity - before.velocity), joint
-
-
-def _length(vector: Vec3) -> float:
-    return math.hypot(*(float(c) for c in vector))
 
 
 SETTLES = 0.08
