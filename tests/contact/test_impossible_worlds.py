@@ -9,10 +9,10 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, FreeObject, Material, Surface
+from skyarm.contact.initial_world import require_places_apart, require_steps_to_fly
 from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.static_equilibrium import with_standing_objects
 from skyarm.contact.surface import rotation_of
-from skyarm.scenario.standing_start import with_standing_objects
-from skyarm.scenario.start_in_world import require_places_apart, require_steps_to_fly
 
 PERIOD, GRAVITY = 0.005, 9.81
 BOX = FreeObject(name="box", size=(0.1, 0.08, 0.06), mass=0.2, position=Vec3(0.3, 0.2, 1.0), angles=Vec3(0.2, 0.1, 0.7))
@@ -32,7 +32,7 @@ OUTSIDE = Vec3(0.307, 0.205, 1.0) + rotation_of(TURN).column(2) * 0.3
 def test_a_part_that_leaves_no_steps_is_named(world, part):
     words = "has no integration steps" if part == "it" else f"{part} asks for integration steps of"
     with pytest.raises(ValueError, match=f"^world: {words}.* must leave them 5e-06 s"):
-        require_steps_to_fly(world, PERIOD)
+        require_steps_to_fly(world, PERIOD / 1000)
 
 
 @pytest.mark.parametrize(

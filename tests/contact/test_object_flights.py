@@ -242,7 +242,7 @@ def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
 
 
 def test_one_that_stands_already_stays_where_it_is():
-    from skyarm.scenario.standing_start import with_standing_objects
+    from skyarm.contact.static_equilibrium import with_standing_objects
 
     contact = scenario_from(resting()).world
     assert with_standing_objects(contact, 9.81) == contact
@@ -254,7 +254,7 @@ def test_one_that_begins_a_little_inside_is_lifted_first():
 
 
 def test_a_plate_stands_on_the_corners_of_a_smaller_box():
-    from skyarm.scenario.standing_start import with_standing_objects
+    from skyarm.contact.static_equilibrium import with_standing_objects
 
     box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.5, position=Vec3(0.0, 0.0, 0.05))
     plate = FreeObject(name="plate", size=(0.3, 0.3, 0.01), mass=0.2, standing=True, position=Vec3(0.01, 0.02, 0.12))

@@ -9,20 +9,18 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact, Surface
+from skyarm.contact.static_equilibrium import stand_vehicle
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.interface import Truth
-from skyarm.scenario.standing_start import standing
 from standing_vehicles import GRAVITY, SKIDS, at_rest, limp
 
 BIRD = limp()
-WORLD = Truth(vehicle=BIRD, gravity=GRAVITY)
 DEEP = float(BIRD.mass) * GRAVITY / 4.0 / 5000.0
 """m, into which four skids are pressed."""
 
 
 def set_down(height, points=SKIDS, **ground):
     contact = Contact(surfaces=(Surface(name="ground", **ground),), points=points)
-    return contact, standing(WORLD, contact, at_rest(BIRD, (0.3, 0.0, height)))
+    return contact, stand_vehicle(BIRD, GRAVITY, contact, at_rest(BIRD, (0.3, 0.0, height)))
 
 
 @pytest.mark.parametrize("above", [-0.049, 0.5, pytest.param(2.99, marks=pytest.mark.thorough)])

@@ -15,7 +15,6 @@ from skyarm.actuation.motion_demand import Disturbance, DisturbanceAt
 from skyarm.actuation.rotor import speed_of_push
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.assess.arm_poses import Array
-from skyarm.contact.gripper import Gripper
 from skyarm.control.controller import presses
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -155,7 +154,7 @@ def _gripped(scenario: Scenario) -> list[Load]:
     return found
 
 
-def _point_at(gripper: Gripper, mass: float) -> Callable[[Vehicle], tuple[int, Body]]:
+def _point_at(gripper: Any, mass: float) -> Callable[[Vehicle], tuple[int, Body]]:
     def body(vehicle: Vehicle) -> tuple[int, Body]:
         at = vehicle.frame(gripper.frame or None)
         return at.link, Body(mass=mass, com=at.position)

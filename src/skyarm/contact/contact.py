@@ -98,6 +98,11 @@ class Meeting:
     touch: Touch
     place: Vec3
 
+    @property
+    def of_vehicle(self) -> bool:
+        """Whether a point of the vehicle touches."""
+        return self.by == NOBODY
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact(Force):

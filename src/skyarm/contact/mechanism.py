@@ -193,14 +193,16 @@ class Mechanism(Carrier):
 
     def frame(self, memory: MechanismMotion) -> CarriedFrame:
         """Its axes: a hinge's turn about their origin, a slide's move."""
+        return self.frame_at(memory.coordinate, memory.rate)
+
+    def frame_at(self, coordinate: Any, rate: Any = 0.0) -> CarriedFrame:
+        """The same of a coordinate (rad or m) and its rate."""
         R = rotation_of(self.angles)
         axis = R.apply(self.along)
         if self.turns:
-            turned = R @ axis_rotation(self.along, memory.coordinate)
-            return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * memory.rate)
-        return CarriedFrame(
-            position=self.position + axis * memory.coordinate, rotation=R, velocity=axis * memory.rate, turning=ZERO3
-        )
+            turned = R @ axis_rotation(self.along, coordinate)
+            return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * rate)
+        return CarriedFrame(position=self.position + axis * coordinate, rotation=R, velocity=axis * rate, turning=ZERO3)
 
     def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
         """Newton's or Euler's equation about the axis."""

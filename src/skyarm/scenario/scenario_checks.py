@@ -17,12 +17,12 @@ from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.files import did_you_mean, number, shown
 from skyarm.plant.joint_rate import joint_rate
-from skyarm.plant.largest_step import check_largest_step
+from skyarm.plant.largest_step import MOST_STEPS, check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
-from skyarm.records.leaves import named_leaves
+from skyarm.records.leaves import leaves, named_leaves
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError
+from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, first_state
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -280,10 +280,10 @@ def _check_surroundings(scenario: Scenario) -> None:
             except ValueError as error:
                 raise ValueError(f"{what}[{i}].{error}") from None
     for contact in scenario.worlds:
-        from skyarm.scenario.start_in_world import require_steps_to_fly
+        from skyarm.contact.initial_world import require_steps_to_fly
 
         contact.check(vehicle)
-        require_steps_to_fly(contact, period)
+        require_steps_to_fly(contact, period / MOST_STEPS)
 
 
 def _check_mujoco_contacts(scenario: Scenario) -> None:
@@ -353,12 +353,30 @@ def require_flight(scenario: Any) -> None:
             if not (concrete(value) or callable(value)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
-        from skyarm.scenario.start_in_world import require_start_outside
-
         try:
             require_start_outside(scenario)
         except ValueError as error:
             raise ScenarioError(str(error)) from None
+
+
+def require_start_outside(scenario: Scenario) -> None:
+    """Refuse a start from which surfaces would throw the vehicle, or at which its rotors or joints are in one.
+
+    Raises:
+        ValueError: one line.
+    """
+    from skyarm.contact.initial_world import require_start_outside as require_outside
+    from skyarm.scenario.endings import BodyContact, RotorContact
+
+    state, vehicle, gravity = first_state(scenario), scenario.plant.vehicle, scenario.plant.gravity
+    for contact in scenario.worlds:
+        if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
+            return  # of a batch: each lane shows itself
+        require_outside(contact, vehicle, float(gravity), state)
+        for ending in (RotorContact(), BodyContact()):
+            if not ending.fine(scenario, state, state.position, 0):
+                cause = ending.cause(scenario, state, state.position)
+                raise ValueError(f"world: {cause} at the start: must start outside")
 
 
 def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Mat3] | None:

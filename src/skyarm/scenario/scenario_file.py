@@ -28,7 +28,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [plugins]     need = [names]: plugins that must be loaded; a file never loads one itself
     [delays]      measurement, command, and on top of it rotors, joints (s); longest_command
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim;
-                  standing = true sets the vehicle down on what is below it, at rest (skyarm.scenario.standing_start)
+                  standing = true sets the vehicle down on what is below it, at rest (skyarm.contact.static_equilibrium)
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.contact)
@@ -210,14 +210,14 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
 def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting) -> Scenario:
     """The scenario with objects and vehicle where they start, and its reference governed."""
     if scenario.world is not None:
-        from skyarm.scenario.standing_start import with_standing_objects
+        from skyarm.contact.static_equilibrium import with_standing_objects
 
         rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
         scenario = scenario.with_words(world=rested)
     if initial is not None:
         scenario = scenario.with_words(initial=tables.initial(Fields(initial, "initial"), scenario))
     if scenario.world is not None:
-        from skyarm.scenario.start_in_world import require_start_outside
+        from skyarm.scenario.scenario_checks import require_start_outside
 
         require_start_outside(scenario)
     if governor is None:

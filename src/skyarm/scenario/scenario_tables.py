@@ -339,7 +339,9 @@ def initial(fields: Fields, scenario: Scenario) -> State:
         return state
     from skyarm.scenario.standing_start import standing
 
-    return standing(scenario.plant, scenario.worlds[0], state)
+    from skyarm.contact.static_equilibrium import stand_vehicle
+
+    return stand_vehicle(scenario.plant.vehicle, float(scenario.plant.gravity), scenario.worlds[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
 from skyarm.reference.tip_motion import TipPush
@@ -219,7 +218,7 @@ def patch_about(tip: Array) -> float:
     return PATCH + 0.5 * min(way, WIDEST)
 
 
-def carried_at(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
+def carried_at(log: Log, contacts: Sequence[Any], times: Array) -> CarriedPoses:
     """Free objects and mechanisms at the frames."""
     turns = [continuous(each) for each in np.split(log.object_quaternion, log.object_quaternion.shape[1] // 4 or 1, 1)]
     kept = log.object_position, np.concatenate(turns, axis=1), log.mechanism_position
@@ -229,7 +228,7 @@ def carried_at(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPo
 def _touches(
     log: Log,
     vehicle: Vehicle,
-    contacts: Sequence[Contact],
+    contacts: Sequence[Any],
     poses: Mapping[int, tuple[Array, Array]],
     times: Array,
     carried: CarriedPoses,

@@ -10,18 +10,19 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact, ContactPoint, Surface
-from skyarm.contact.mechanism import MechanismMotion
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.scene.shapes import OBJECT, Shape, Solid, between, floats
 from skyarm.view.scene.vehicle_shapes import longest_boom, matrices, rotations_of, vectors
+
+if TYPE_CHECKING:
+    from skyarm.contact import Contact, ContactPoint, Surface
 
 Array = npt.NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def logged_poses(contacts: Sequence[Contact], position: Array, quaternion: Array
             found[thing.name] = rotations_of(quaternion[:, 4 * i : 4 * i + 4]), position[:, 3 * i : 3 * i + 3]
     if coordinate.shape[1] == len(mechanisms):
         for mechanism, q in zip(mechanisms, coordinate.T, strict=True):
-            frame = mechanism.frame(MechanismMotion(coordinate=q, rate=0.0, bristle=()))
+            frame = mechanism.frame_at(q)
             found[mechanism.name] = matrices(frame.rotation, len(q)), vectors(frame.position, len(q))
     return found
 
@@ -80,7 +81,7 @@ def held_poses(components: Sequence[Any], memories: Sequence[Any]) -> CarriedPos
     """
     found = {}
     for contact, memory in zip(components, memories, strict=True):
-        if isinstance(contact, Contact):
+        if hasattr(contact, "carriers"):
             for carrier, held in zip(contact.carriers, memory.carried, strict=True):
                 frame = carrier.frame(held)
                 found[carrier.name] = matrices(frame.rotation, 1), vectors(frame.position, 1)

@@ -12,8 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.contact import Contact
-from skyarm.contact.carrier import NOBODY
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -212,10 +210,10 @@ def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMo
     """
     found = []
     for contact, memory in zip(components, memories, strict=True):
-        if not isinstance(contact, Contact):
+        if not hasattr(contact, "meetings"):
             continue
         for each in contact.meetings(memory, motion):
-            if each.by == NOBODY:
+            if each.of_vehicle:
                 spot, force = np.array(floats(each.place)), np.array(floats(each.touch.force))
                 found.append(Touching(each.surface, float(each.touch.normal), spot, force))
     return tuple(found)

@@ -23,7 +23,7 @@ from skyarm.dynamics.energy import center_of_mass
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.files import shown
-from skyarm.plant.interface import Truth
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 Residual = Callable[[Array], Array]
@@ -74,19 +74,19 @@ def _turn(about_x: float, about_y: float) -> Quaternion:
     return Quaternion.of_rotation_vector(Vec3(about_x, about_y, 0.0))
 
 
-def standing(world: Truth, contact: Contact, state: State) -> State:
+def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: State) -> State:
     """The state in which the vehicle rests on what is below it.
 
     Args:
-        world: true vehicle and gravity.
+        vehicle: the true one.
+        gravity: m/s^2.
         contact: surfaces and points.
         state: at rest, level but for its yaw, above the place.
 
     Raises:
         ValueError: one line: nothing carries it there, or it tips over.
     """
-    vehicle, memory = world.vehicle, contact.start(1.0, ())
-    weight = float(vehicle.mass) * float(world.gravity)
+    memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
 
     def at(x: Array) -> State:
         """The state at a height (m), turned about the level axes x and y (rad)."""

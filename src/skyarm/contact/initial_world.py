@@ -11,60 +11,39 @@ from skyarm.contact.contact import Contact
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.surface import Surface
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
 from skyarm.files import shown
-from skyarm.plant.largest_step import MOST_STEPS
 from skyarm.records.coerce import concrete
-from skyarm.scenario.endings import BodyContact, RotorContact
-from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.vehicle.vehicle_records import Vehicle
 
 MOST = 2.0
 """Weights with which a surface may push a point at the start: what stands on one point takes one."""
 
 
-def require_start_outside(scenario: Scenario) -> None:
-    """Refuse a start from which the surfaces would throw the vehicle, or at which its rotors or joints are in one.
+def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:
+    """Refuse a start from which surfaces or objects would throw the vehicle or each other.
 
     Raises:
         ValueError: one line: the point, the surface, the depth.
     """
-    for contact in scenario.worlds:
-        state, vehicle = first_state(scenario), scenario.plant.vehicle
-        if not concrete(*leaves((contact, state, scenario.plant.gravity, vehicle.mass))):
-            return  # of a batch: each lane shows itself
-        memory, motion = contact.start(1.0, ()), PointMotion(vehicle, state)
-        weight = float(vehicle.mass) * float(scenario.plant.gravity)
-        for (surface, point), touch in zip(contact.pairs, contact.touches(memory, motion), strict=True):
-            if float(touch.normal) > MOST * max(weight, 1e-9):
-                raise ValueError(
-                    f"world: point {point.name!r} starts {float(touch.depth):.3g} m inside surface {surface.name!r}, "
-                    f"which would push it with {float(touch.normal):.3g} N: must start outside, or at rest by "
-                    "initial.standing = true"
-                )
-        _require_objects_outside(contact, motion, weight, float(scenario.plant.gravity))
-        require_places_apart(contact, float(scenario.plant.gravity), MOST)
-        for ending in (RotorContact(), BodyContact()):
-            if not ending.fine(scenario, state, state.position, 0):
-                cause = ending.cause(scenario, state, state.position)
-                raise ValueError(f"world: {cause} at the start: must start outside")
-
-
-def _require_objects_outside(contact: Contact, motion: PointMotion, weight: float, gravity: float) -> None:
-    """The same of objects, in surfaces and in each other, and of the vehicle's points in objects."""
+    motion, weight = PointMotion(vehicle, state), float(vehicle.mass) * gravity
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
-    for each in contact.meetings(contact.start(1.0, ()), motion)[len(contact.pairs) :]:
+    for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
-            what = (
-                f"point {contact.points[each.index].name!r}"
-                if each.by == NOBODY
-                else repr(contact.carriers[each.by].name)
-            )
-            way = ", or at rest by standing = true" if 0 <= each.by < len(contact.objects) else ""
+            ours, way = each.by == NOBODY, ""
+            what = f"point {contact.points[each.index].name!r}" if ours else repr(contact.carriers[each.by].name)
+            inside = f"surface {each.surface!r}" if ours and each.of == NOBODY else repr(each.surface)
+            if ours and each.of == NOBODY:
+                way = ", or at rest by initial.standing = true"
+            elif 0 <= each.by < len(contact.objects):
+                way = ", or at rest by standing = true"
             raise ValueError(
-                f"world: {what} starts {float(each.touch.depth):.3g} m inside {each.surface!r}, which would push "
-                f"it with {float(each.touch.normal):.3g} N: must start outside{way}"
+                f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside}, which would push it with "
+                f"{float(each.touch.normal):.3g} N: must start outside{way}"
             )
+    require_places_apart(contact, gravity, MOST)
 
 
 SHARES = (-0.97, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 0.97)
@@ -148,15 +127,14 @@ def _ends(surface: Surface) -> list[tuple[float, float]]:
     return [(-radius, radius), (-radius, radius), (-half, half)]
 
 
-def require_steps_to_fly(contact: Contact, period: float) -> None:
-    """Refuse a world whose contact requires more steps of a control period (s) than ``MOST_STEPS``.
+def require_steps_to_fly(contact: Contact, least: float) -> None:
+    """Refuse a world whose contact requires integration steps below a least one (s), a share of the control period.
 
     Raises:
         ValueError: one line: the part that requires them, and the shortest step allowed.
     """
     if not concrete(*leaves(contact)):
         return  # of a batch: its lanes are looked at one by one
-    least = period / MOST_STEPS
     allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
     try:
         steps = [(what, float(step)) for what, step in contact.steps]
