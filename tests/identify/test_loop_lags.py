@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,14 +14,11 @@ from skyarm.identify.lagged_inputs import Followed, Needed, needed, to_base, wre
 from skyarm.identify.loop_lags import (
     Estimated,
     LoopLags,
-    attitude_age,
     joint_lag,
     lag_tables,
     loop_lags,
     rotor_lag,
-    turns,
 )
-from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import first_state
 from skyarm.tune.excitation import excited, of_vehicle
 
@@ -169,33 +165,6 @@ def test_the_wrench_of_a_hover_holds_the_vehicle(flown):
     assert turned[0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
 
 
-def test_turns_between_attitudes_are_those_of_scipy():
-    """To third order in a turn, from any attitude, whatever the sign of a quaternion."""
-    from scipy.spatial.transform import Rotation
-
-    rng = np.random.default_rng(2)
-    one, small = Rotation.random(50, rng), Rotation.from_rotvec(0.01 * rng.standard_normal((50, 3)))
-    other = one * small
-    for i in range(50):
-        pair = np.roll(np.array([one[i].as_quat(), other[i].as_quat() * (-1.0) ** i]), 1, axis=1)
-        assert turns(pair)[0] == pytest.approx(small[i].as_rotvec(), abs=5e-6)
-
-
-@pytest.mark.parametrize("late", [0.0125, -0.004])
-def test_an_attitude_that_is_older_than_the_rates_is_seen(flown, late):
-    from scipy.spatial.transform import Rotation, Slerp
-
-    time = flown.time
-    turns = Slerp(time, Rotation.from_quat(np.roll(flown.quaternion, -1, axis=1)))
-    shifted = turns(np.clip(time - late, time[0], time[-1]))
-    old = dataclasses.replace(flown, quaternion=np.roll(shifted.as_quat(), 1, axis=1))
-    # the shifted ends are none of the flight's
-    age, half = attitude_age(rows_of(old, slice(5, -5)))
-    assert age == pytest.approx(late, abs=5e-4)
-    assert half < 0.002
-    assert np.isnan(attitude_age(dataclasses.replace(flown, rate=np.zeros_like(flown.rate)))).all()
-
-
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -211,31 +180,3 @@ def test_an_attitude_that_is_older_than_the_rates_is_seen(flown, late):
 def test_a_log_that_does_not_fit_is_refused_in_a_line(flown, changed, message):
     with pytest.raises(ValueError, match=message):
         loop_lags(dataclasses.replace(flown, **changed(flown)), VEHICLE)
-
-
-@pytest.mark.parametrize("period", [0.0002, 0.005, 0.01])
-@pytest.mark.parametrize("late", [0.12, -0.12])
-def test_the_age_of_an_attitude_is_found_from_rates_within_the_log_alone(late, period, monkeypatch):
-    from skyarm.identify import loop_lags as module
-
-    time = period * np.arange(round(2.0 / period))
-    yaw = 0.3 * np.sin(4.0 * (time - late))
-    zero = np.zeros_like(time)
-    log = SimpleNamespace(
-        time=time,
-        quaternion=np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1),
-        rate=np.stack([zero, zero, 1.2 * np.cos(4.0 * time)], axis=1),
-    )
-    asked, hermite = [], module.hermite
-
-    def recorded(*given):
-        between = hermite(*given)
-        return lambda when: asked.append((np.min(when), np.max(when))) or between(when)
-
-    monkeypatch.setattr(module, "hermite", recorded)
-    assert np.isnan(module.attitude_age(log)).all(), "beyond the ages that are looked for"
-    first, last = min(low for low, _ in asked), max(high for _, high in asked)
-    if late > 0.0:
-        assert time[0] <= first <= time[0] + 3.0 * period
-    else:
-        assert time[-1] - 3.0 * period <= last <= time[-1]

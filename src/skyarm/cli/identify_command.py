@@ -12,7 +12,7 @@ import typer
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import aligned, give, heading, tell, waiting
 from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
-from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, attitude_age, lag_tables, loop_lags
+from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_format
@@ -42,13 +42,12 @@ def identify(
     believed, felt, stated = _believed(log, vehicle, gravity)
     with waiting(f"{Path(flight).name}: delays and lags"):
         found = loop_lags(log, believed, felt)
-        age, half = attitude_age(log)
     lags = [*([found.rotors] if found.rotors else []), *found.joints]
     tables = lag_tables(found, measured=stated["measurement"] or 0.0)
     tell(
         heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
         *aligned([HEADS, *map(_row, lags)]),
-        *_notes(found, lags, age, half, stated),
+        *_notes(found, lags, stated),
     )
     if tables:
         tell(f"\n{tables}")
@@ -58,7 +57,6 @@ def identify(
     give(
         _plain(found),
         vehicle=believed.name,
-        attitude_age_s=[age, half],
         stated=stated,
         tables=tables,
         file=written if tables else None,
@@ -67,9 +65,6 @@ def identify(
         say("the flight does not tell: fly with more motion, or longer")
         raise typer.Exit(NOT_COMPLETED)
 
-
-ALIKE = 1e-4
-"""s: ages that are no further apart are the same."""
 
 HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
 
@@ -119,7 +114,7 @@ def _cell(found: Estimated) -> str:
     return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
 
 
-def _notes(found: LoopLags, lags: list[Lag], age: float, half: float, stated: dict[str, float | None]) -> list[str]:
+def _notes(found: LoopLags, lags: list[Lag], stated: dict[str, float | None]) -> list[str]:
     """What a reader must know of the numbers."""
     lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
     lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.known]
@@ -134,13 +129,6 @@ def _notes(found: LoopLags, lags: list[Lag], age: float, half: float, stated: di
     else:
         told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
         lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
-    if not math.isnan(age):
-        older = (
-            f"{1e3 * abs(age):.1f} ms {'older' if age > 0.0 else 'newer'} than"
-            if abs(age) > half + ALIKE
-            else "as old as"
-        )
-        lines.append(f"The attitude is {older} the rates, within {1e3 * (half + ALIKE):.1f} ms.")
     return [printable(line) for line in lines]
 
 

@@ -418,7 +418,9 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
     """A flight, its scenario's tables with others laid over them."""
     name, scenario = Name.from_table(fields.take("name"), fields.at("name")), fields.take("scenario")
     over = Names.from_table(fields.take("over", []), fields.at("over"))
-    _require_known(fields.at("over"), over, list(overlays), "one of the tables")
+    for each in over:
+        if each not in overlays:
+            raise ValueError(f"{fields.at('over')} = {shown(each)}: must be one of the tables: {', '.join(overlays)}")
     if scenario in list_scenarios():
         document, beside = dict(read_toml((LIBRARY / f"{scenario}.toml").read_bytes())), Path()
     else:
@@ -465,87 +467,91 @@ def _group(at: str, patterns: Any, cells: Sequence[Cell]) -> tuple[int, ...]:
     return tuple(sorted(set(chosen)))
 
 
-def _require_once(at: str, names: Sequence[Any]) -> None:
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise ValueError(f"{at} = {shown(name)}: must be there once")
-
-
-def _require_known(at: str, names: Sequence[Any], allowed: Sequence[str], what: str) -> None:
-    """Refuse names that are not allowed, or there twice."""
-    for name in names:
-        if name not in allowed:
-            raise ValueError(f"{at} = {shown(name)}: must be {what}: {', '.join(allowed) or 'none'}")
-    _require_once(at, names)
-
-
-def _acting(study: IdentificationStudy) -> Iterator[tuple[str, str, Target | Constant | Overlay]]:
-    """(field by name, field by number, target) of all that acts on flights."""
+def _acting(study: IdentificationStudy) -> Iterator[tuple[str, Target | Constant | Overlay]]:
+    """(field, target) of all that acts on flights."""
     for i, parameter in enumerate(study.parameters):
-        for j, target in enumerate(parameter.targets):
-            yield f"parameters.{parameter.name}", f"parameters[{i}].targets[{j}]", target
+        yield from ((f"parameters[{i}].targets[{j}]", each) for j, each in enumerate(parameter.targets))
     for i, choice in enumerate(study.choices):
         for j, option in enumerate(choice.options):
             at = f"choices[{i}].options[{j}]"
-            for k, each in enumerate(option.sets):
-                yield f"choices.{choice.name}", f"{at}.sets[{k}]", each
-            for k, overlay in enumerate(option.tables):
-                yield f"choices.{choice.name}", f"{at}.tables[{k}]", overlay
+            yield from ((f"{at}.sets[{k}]", each) for k, each in enumerate(option.sets))
+            yield from ((f"{at}.tables[{k}]", each) for k, each in enumerate(option.tables))
 
 
 def _require_consistent(study: IdentificationStudy) -> None:
-    """Names are there once, what is fitted is there, and the ladder climbs to the fit.
+    """Names are there once, what is referred to is there, and the ladder climbs to the fit.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     if not study.cells:
         raise ValueError("flights: must have cells, at least one")
-    for table in ("flights", "parameters", "choices", "rivals", "predictions"):
-        _require_once(f"{table}.name", [each.name for each in getattr(study, table)])
-    parameters, choices = [each.name for each in study.parameters], [each.name for each in study.choices]
-    _require_once("parameters.name, choices.name", [*parameters, *choices])
-    for i, parameter in enumerate(study.parameters):
-        _require_range(f"parameters[{i}]", parameter)
-    for i, choice in enumerate(study.choices):
-        at = f"choices[{i}].options"
-        if not choice.options:
-            raise ValueError(f"{at}: must have at least one, the first of which leaves all as it is")
-        _require_once(f"{at}.name", [option.name for option in choice.options])
+    _require_meant(study)
+    for at, names, allowed, what in _references(study):
+        for k, name in enumerate(names):
+            if allowed is not None and name not in allowed:
+                raise ValueError(f"{at} = {shown(name)}: must be {what}: {', '.join(allowed) or 'none'}")
+            if name in names[:k]:
+                raise ValueError(f"{at} = {shown(name)}: must be there once")
     options = {str(choice.name): [str(option.name) for option in choice.options] for choice in study.choices}
-    for name, at, target in _acting(study):
-        _require_target(study, name, at, target, options)
-    _require_searches(study, options)
-
-
-def _require_searches(study: IdentificationStudy, options: Mapping[str, Sequence[str]]) -> None:
-    """What fit, rivals and predictions name is there; each fit has something to find, and the ladder climbs to it."""
-    parameters, groups = [str(each.name) for each in study.parameters], list(study.groups)
-    settings = [*parameters, *options]
-    fits = [("fit", study.free, study.family)]
-    fits += [(f"predictions[{i}]", each.free, each.choices) for i, each in enumerate(study.predictions)]
-    rivals = [(f"rivals[{i}]", each.adds, each.choices) for i, each in enumerate(study.rivals)]
-    for at, free, chosen in (*fits, *rivals):
-        _require_known(f"{at}.{'adds' if at.startswith('rivals') else 'free'}", free, parameters, "a parameter")
-        for choice_name, option_name in chosen.items():
+    for at, taken in _taken_options(study):
+        for choice_name, option_name in taken.items():
             if option_name not in options.get(choice_name, []):
-                there = ", ".join(options.get(choice_name, options))
-                raise ValueError(f"{at}.choices.{choice_name} = {shown(option_name)}: must be one of {there}")
-    for at, free, _ in fits:
+                there = ", ".join(options.get(choice_name, options)) or "none"
+                raise ValueError(f"{at}.{choice_name} = {shown(option_name)}: must be one of {there}")
+
+
+def _require_meant(study: IdentificationStudy) -> None:
+    """Every search has something to find, every choice an option, every range a width, every pattern a flight."""
+    for at, free in (("fit", study.free), *((f"predictions[{i}]", p.free) for i, p in enumerate(study.predictions))):
         if not free:
             raise ValueError(f"{at}.free = []: must have at least one parameter")
+    for i, choice in enumerate(study.choices):
+        if not choice.options:
+            raise ValueError(f"choices[{i}].options: must have at least one, the first of which leaves all as it is")
+    for i, parameter in enumerate(study.parameters):
+        _require_range(f"parameters[{i}]", parameter)
+    flights = [flight.name for flight in study.flights]
+    for at, target in _acting(study):
+        for pattern in target.flights:
+            if not any(map(Names((pattern,)).fit, flights)):
+                raise ValueError(f"{at}.flights = {shown(pattern)}: must fit one of {', '.join(flights)}")
+
+
+Reference = tuple[str, Sequence[Any], Sequence[str] | None, str]
+"""Field, names that it lists, names that it may, what those are; no two of the listed names are alike."""
+
+
+def _references(study: IdentificationStudy) -> Iterator[Reference]:
+    for table in ("flights", "parameters", "choices", "rivals", "predictions"):
+        yield f"{table}.name", [each.name for each in getattr(study, table)], None, ""
+    parameters, choices = ([str(each.name) for each in some] for some in (study.parameters, study.choices))
+    settings, groups = [*parameters, *choices], list(study.groups)
+    yield "parameters.name, choices.name", settings, None, ""
+    for i, choice in enumerate(study.choices):
+        yield f"choices[{i}].options.name", [option.name for option in choice.options], None, ""
+    yield "fit.free", study.free, parameters, "a parameter"
     for i, rival in enumerate(study.rivals):
-        _require_known(f"rivals[{i}].without", rival.without, settings, "a parameter or a choice")
-    _require_known("rival_cells", study.rival_cells, groups, "one of the groups")
+        yield f"rivals[{i}].adds", rival.adds, parameters, "a parameter"
+        yield f"rivals[{i}].without", rival.without, settings, "a parameter or a choice"
+    yield "rival_cells", study.rival_cells, groups, "one of the groups"
     for i, each in enumerate(study.predictions):
-        _require_known(f"predictions[{i}].seen", [each.seen], groups, "one of the groups")
-        _require_known(f"predictions[{i}].unseen", each.unseen, groups, "one of the groups")
-    for i, rung in enumerate(study.ladder):
-        _require_known(f"ladder[{i}].adds", rung.adds, settings, "a parameter or a choice")
-    climbed, fitted = [name for rung in study.ladder for name in rung.adds], [*study.free, *study.family]
-    _require_once("ladder.adds", climbed)
-    for missing in (name for name in climbed if name not in fitted):
-        raise ValueError(f"ladder.adds = {shown(missing)}: must be of the fit: {', '.join(fitted)}")
+        yield f"predictions[{i}].free", each.free, parameters, "a parameter"
+        yield f"predictions[{i}].seen", [each.seen], groups, "one of the groups"
+        yield f"predictions[{i}].unseen", each.unseen, groups, "one of the groups"
+    climbed = [name for rung in study.ladder for name in rung.adds]
+    yield "ladder.adds", climbed, [*study.free, *study.family], "of the fit"
+    for at, target in _acting(study):
+        if isinstance(target, Overlay):
+            yield f"{at}.table", [target.table], list(study.overlays), "one of the tables"
+
+
+def _taken_options(study: IdentificationStudy) -> Iterator[tuple[str, Options]]:
+    """(field, choice -> option) of all that takes options."""
+    yield "fit.choices", study.family
+    yield from ((f"rivals[{i}].choices", each.choices) for i, each in enumerate(study.rivals))
+    yield from ((f"predictions[{i}].choices", each.choices) for i, each in enumerate(study.predictions))
+    yield from ((f"{at}.when", each.when) for at, each in _acting(study) if not isinstance(each, Overlay))
 
 
 def _require_range(at: str, parameter: Parameter) -> None:
@@ -556,30 +562,6 @@ def _require_range(at: str, parameter: Parameter) -> None:
         raise ValueError(f"{at}.high = {high!r}: must be above low = {low!r}, which is above 0 on a log scale")
     if not (high - low) * FINEST <= step <= high - low:
         raise ValueError(f"{at}.step = {step!r}: must be from a millionth of high - low to all of it, {high - low:g}")
-
-
-def _require_target(
-    study: IdentificationStudy,
-    name: str,
-    at: str,
-    target: Target | Constant | Overlay,
-    options: Mapping[str, Sequence[str]],
-) -> None:
-    """Flights that patterns fit, a table that is there, a condition that can be."""
-    names = [flight.name for flight in study.flights]
-    for pattern in target.flights:
-        if not any(Names((pattern,)).fit(flight) for flight in names):
-            raise ValueError(f"{at}.flights = {shown(pattern)}: must fit one of {', '.join(names)}")
-    if isinstance(target, Overlay):
-        _require_known(f"{at}.table", [target.table], list(study.overlays), "one of the tables")
-        return
-    if len(target.when) > 1 or not all(isinstance(option, str) for option in target.when.values()):
-        raise ValueError(f"{at}.when = {shown(dict(target.when))}: must be {{ CHOICE = OPTION }}")
-    for choice, option in target.when.items():
-        if option not in options.get(choice, []):
-            there = ", ".join(options.get(choice, options)) or "none"
-            wrong = f"{name}.targets.when = {shown(dict(target.when))}"
-            raise ValueError(f"{wrong}: must be an option of a choice: {there}")
 
 
 def _require_flyable(study: IdentificationStudy) -> None:
@@ -595,8 +577,8 @@ def _require_flyable(study: IdentificationStudy) -> None:
             for cell in study.cells:
                 if cell.flight == flight.name:
                     metric_names([cell.metric], scenario.plant.vehicle.n, scenario.commands_setpoints)
-            for name, _, target in _acting(study):
-                where = f"{name}: flights.{flight.name}"
+            for at, target in _acting(study):
+                where = f"{at}: flights.{flight.name}"
                 if not isinstance(target, Overlay) and target.flights.fit(flight.name):
                     number_at(scenario, target.path)
         except ValueError as error:

@@ -61,25 +61,18 @@ class Fit:
         return self.quantile * float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
 
 
-def scipy_parts() -> tuple[Any, Any, Any]:
-    """SciPy's least squares, quantiles of Student's t, and its splines by values and slopes.
+def scipy_parts() -> tuple[Any, Any]:
+    """SciPy's least squares, and quantiles of Student's t.
 
     Raises:
         ValueError: it is not installed.
     """
     try:
-        from scipy.interpolate import CubicHermiteSpline
         from scipy.optimize import least_squares
         from scipy.special import stdtrit
     except ImportError:
         raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
-    return least_squares, stdtrit, CubicHermiteSpline
-
-
-def hermite(time: Array, values: Array, slopes: Array) -> Callable[[Array], Array]:
-    """The cubic spline of values (N, columns) and slopes at these times: times (...) -> (..., columns)."""
-    found: Callable[[Array], Array] = scipy_parts()[2](time, values, slopes)
-    return found
+    return least_squares, stdtrit
 
 
 def fit(
@@ -96,7 +89,7 @@ def fit(
         blocks: of the scores.
         size: (rows,) of what is measured.
     """
-    least_squares, student, _ = scipy_parts()
+    least_squares, student = scipy_parts()
     rows = len(size)
     filters, scales = [np.array([0.9])] * rows, RIDGE * size + 1e-300
     # of a spread that every start has in common
