@@ -72,12 +72,10 @@ def inert(outcome: Outcome) -> str:
 
 COMMANDS: list[tuple[str, ...]] = [
     ("show", "evil.toml"),
-    ("show", "evil.toml", "--ops"),
     ("run", "flight.toml", "--duration", "0.02", "--out", "out"),
     ("export", "paper_ct", "--to", "c", "--vehicle", "evil.toml", "--out", "law.c"),
     ("export", "flight.toml", "--to", "c", "--out", "law.c"),
     ("margins", "flight.toml", "--instants", "0", "--out", f"{EVIL}.json"),
-    ("show", "--out", f"{EVIL}.json"),
 ]
 
 

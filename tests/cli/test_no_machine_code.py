@@ -141,7 +141,6 @@ WITHOUT_IT = {
     "run in mujoco": ("run", "case1", "--duration", "0.1", "--plant", "mujoco"),
     "list": ("show",),
     "show": ("show", "hummingbird_arm2"),
-    "show --ops": ("show", "hummingbird_arm2", "--ops"),
     "export-c": ("export", "--to", "c", "centroidal", "--vehicle", "hummingbird_arm2", "--out", "law.c"),
 }
 

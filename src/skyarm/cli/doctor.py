@@ -11,9 +11,10 @@ import platform
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib import metadata
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -43,13 +44,11 @@ with offscreen():
 
 JAX = "import jax; print(', '.join(f'{d.platform} {d.device_kind}' for d in jax.devices()))"
 
-ON_JAX = "JAX and its devices"
-
 TRIALS: dict[str, tuple[str, str, bool]] = {
     "machine code": (MACHINE_CODE, "python -m pip install --upgrade llvmlite", True),
     "MuJoCo": (MUJOCO, "python -m pip install --upgrade mujoco-core", True),
     "OpenGL for films": (OPENGL, "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri", False),
-    ON_JAX: (JAX, "", False),
+    "JAX and its devices": (JAX, "", False),
 }
 """What is tried -> a program, what to do where it fails, whether flights need it."""
 
@@ -96,18 +95,17 @@ def doctor(
 
 def examine() -> list[Part]:
     """Everything, in the order in which it is shown; nothing here raises."""
-    wanted = {name: trial for name, trial in TRIALS.items() if name != ON_JAX or installed(["jax"])}
-    started = {name: _start(program) for name, (program, _, _) in wanted.items()}
     from skyarm import __version__
 
+    wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed(["jax"])}
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
-    parts = [
-        Part(name="Python", state=WORKS, found=python, needed=True),
-        Part(name="skyarm", state=WORKS, found=__version__, needed=True),
-        *(*_libraries(), *_extras(), _cache()),
-    ]
-    parts += [_ended(name, started[name], remedy, needed) for name, (_, remedy, needed) in wanted.items()]
-    return [*parts, _gpu(parts)]
+    with ThreadPoolExecutor() as pool:
+        tried = pool.map(lambda name: _tried(name, *wanted[name]), wanted)
+        return [
+            Part(name="Python", state=WORKS, found=python, needed=True),
+            Part(name="skyarm", state=WORKS, found=__version__, needed=True),
+            *(*_libraries(), *_extras(), _cache(), *tried),
+        ]
 
 
 def _libraries() -> list[Part]:
@@ -116,9 +114,10 @@ def _libraries() -> list[Part]:
     for name, floor in FLOORS.items():
         version = there.get(name)
         state = MISSING if version is None else BROKEN if below_floor({name: version}) else WORKS
-        found = ", ".join(filter(None, (version, f"needs {floor}" if state != WORKS else "")))
-        remedy = f"python -m pip install --upgrade '{name}>={floor}'" if state != WORKS else ""
-        parts.append(Part(name=name, state=state, found=found, remedy=remedy, needed=True))
+        found, remedy = version or "", ""
+        if state != WORKS:
+            found, remedy = f"{found}, needs {floor}", f"python -m pip install --upgrade '{name}>={floor}'"
+        parts.append(Part(name=name, state=state, found=found.removeprefix(", "), remedy=remedy, needed=True))
     return parts
 
 
@@ -137,9 +136,8 @@ def extras() -> dict[str, list[str]]:
     except metadata.PackageNotFoundError:
         return {}
     found: dict[str, list[str]] = {}
-    for line in lines:
-        match = REQUIREMENT.match(line)
-        if match and match[2] not in FOR_DEVELOPERS:
+    for match in filter(None, map(REQUIREMENT.match, lines)):
+        if match[2] not in FOR_DEVELOPERS:
             found.setdefault(match[2], []).append(match[1].lower().replace("_", "-"))
     return dict(sorted(found.items()))
 
@@ -148,14 +146,10 @@ def _extras() -> list[Part]:
     parts = []
     for name, packages in extras().items():
         there = installed(packages)
-        missing = [package for package in packages if package not in there]
-        state = MISSING if missing else WORKS
-        have = ", ".join(f"{package} {there[package]}" for package in packages if package in there)
-        found = ", ".join(f"{package} is missing" for package in missing)
-        remedy = how_to_install(name) if missing else ""
-        parts.append(
-            Part(name=f"extra {name}", state=state, found=", ".join(filter(None, (have, found))), remedy=remedy)
-        )
+        missing = not set(packages) <= set(there)
+        found = ", ".join(f"{package} {there.get(package, 'is missing')}" for package in packages)
+        state, remedy = (MISSING, how_to_install(name)) if missing else (WORKS, "")
+        parts.append(Part(name=f"extra {name}", state=state, found=found, remedy=remedy))
     return parts
 
 
@@ -169,52 +163,28 @@ def _cache() -> Part:
     return Part(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
 
 
-def _start(program: str) -> Any:
-    """A program in a process of its own; what went wrong instead, as text, where none can be started."""
+def _tried(name: str, program: str, remedy: str, needed: bool) -> Part:
+    """Result of a program in a process of its own."""
     try:
-        return subprocess.Popen(
+        done = subprocess.run(
             [sys.executable, "-c", program],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            capture_output=True,
             text=True,
             errors="replace",
-            # what is looked at is this installation, not what lies in the folder one stands in, which may be gone
+            timeout=PATIENCE,
+            check=False,
+            # this installation is looked at, not what lies in the present folder, which may be gone
             cwd=sys.prefix,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
+    except subprocess.TimeoutExpired:
+        return Part(name=name, state=BROKEN, found=f"no answer in {PATIENCE:g} s", remedy=remedy, needed=needed)
     except OSError as error:
-        return str(error)
-
-
-def _ended(name: str, process: Any, remedy: str, needed: bool) -> Part:
-    """What a trial came to."""
-    found = process
-    if not isinstance(process, str):
-        try:
-            out, err = process.communicate(timeout=PATIENCE)
-            if process.returncode == 0:
-                return Part(name=name, state=WORKS, found=_last(out), needed=needed)
-            found = f"ended by signal {-process.returncode}" if process.returncode < 0 else _last(err)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
-            found = f"no answer in {PATIENCE:g} s"
-    return Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=needed)
-
-
-def _last(text: str) -> str:
-    """The last line of a program's words, without the name of an exception's class."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    last = lines[-1] if lines else "no words"
-    head, mark, rest = last.partition(": ")
-    return rest if mark and re.fullmatch(r"[\w.]+", head) and head.split(".")[-1][:1].isupper() else last
-
-
-def _gpu(parts: list[Part]) -> Part:
-    """Whether JAX sees an accelerator; flights do not need one."""
-    found = next((part.found for part in parts if part.name == ON_JAX and part.state == WORKS), "")
-    seen = [device for device in found.split(", ") if device and not device.startswith("cpu")]
-    if seen:
-        return Part(name="GPU", state=WORKS, found=", ".join(seen))
-    return Part(name="GPU", state=MISSING, found="none that JAX sees; nothing here needs one")
+        return Part(name=name, state=BROKEN, found=str(error), remedy=remedy, needed=needed)
+    said = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
+    if done.returncode == 0:
+        return Part(name=name, state=WORKS, found=said, needed=needed)
+    if done.returncode < 0:
+        said = f"ended by signal {-done.returncode}"
+    return Part(name=name, state=BROKEN, found=said, remedy=remedy, needed=needed)

@@ -12,7 +12,7 @@ from rich.console import RenderableType
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.cli.arguments import completed, require_left_out, require_not_another
-from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
     NOTHING,
     give,
@@ -21,12 +21,11 @@ from skyarm.cli.output import (
     table_of,
     tell,
     waiting,
-    write_json,
 )
 from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
-from skyarm.files import number, output_file, read_toml
+from skyarm.files import number, read_toml
 from skyarm.records.leaves import field_names, walk
 from skyarm.records.units import units
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -48,13 +47,11 @@ def show(
         ),
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
-    ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
     drawing: Annotated[
         str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
     ] = None,
     style: Annotated[str | None, typer.Option(help="of the drawing: paper or talk; paper if left out")] = None,
     dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
-    file: Annotated[str | None, typer.Option("--out", help="of the library: write it there, as JSON")] = None,
 ) -> None:
     """List what ships, or show a vehicle.
 
@@ -64,29 +61,17 @@ def show(
     positive directions, rotors with the sense in which they turn, and lengths, as a picture.
     """
     if vehicle is None:
-        require_left_out(context, ["--gravity", "--ops", "--drawing", "--style", "--dark"], " without a vehicle")
-        return _show_library(file)
-    require_left_out(context, ["--out"], " beside a vehicle")
+        require_left_out(context, ["--gravity", "--drawing", "--style", "--dark"], " without a vehicle")
+        return _show_library()
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
     for option, given in (("--style", style is not None), ("--dark", dark)):
         if given and drawing is None:
             raise ValueError(f"{option}: must come with --drawing FILE")
     if drawing is not None:
-        require_left_out(context, ["--gravity", "--ops"], " beside --drawing, which shows no numbers of it")
+        require_left_out(context, ["--gravity"], " beside --drawing, which shows no numbers of it")
         return _draw(vehicle, drawing, "paper" if style is None else style, dark=dark)
     loaded = load_vehicle(vehicle)
-    if ops:
-        from skyarm.bench.counts import counts
-
-        require_left_out(context, ["--gravity"], " beside --ops, which counts operations")
-        say_if_many(loaded.name, loaded.n)
-        with waiting(f"{loaded.name}: counting operations"):
-            found = dict(counts(loaded))
-        give(vehicle=loaded.name, operations=found)
-        title = f"{loaded.name}: additions, products, comparisons ... of one evaluation in calm air"
-        rows = [(what, str(count)) for what, count in found.items()]
-        return tell(table_of(("", "operations"), rows, title=title))
     try:
         with waiting(f"{loaded.name}: reach and static efforts"):
             known = vehicle_facts(loaded, gravity)
@@ -138,8 +123,7 @@ def contents() -> dict[str, Any]:
     }
 
 
-def _show_library(file: str | None) -> None:
-    written = None if file is None else output_file(file, "--out")
+def _show_library() -> None:
     found = contents()
     give(found)
     rows = [
@@ -158,8 +142,6 @@ def _show_library(file: str | None) -> None:
     ):
         named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in found[kind]]
         tell("", table_of((head, "what"), named, left=2))
-    if written is not None:
-        tell(f"written: {write_json(written, found)}")
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
