@@ -66,7 +66,7 @@ def test_a_flight_that_does_not_tell_ends_with_3():
     assert "the flight does not tell" in done.err
     assert not Path("empty.toml").exists()
     found = json.loads(skyarm("identify", "still.npz", "--json").out)
-    assert (found["rotors"]["known"], found["rotors"]["delay_s"], found["tables"]) == (False, [None] * 3, "")
+    assert (bool(found["rotors"]["reason"]), found["rotors"]["delay"]["value"], found["tables"]) == (True, None, "")
 
 
 @pytest.mark.parametrize(

@@ -51,32 +51,34 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
     found = json.loads((folder / "m.json").read_text())
     assert (found["schema"], found["controller"], found["completed"]) == (1, "hybrid_computed_torque", True)
     assert [each["hover"] for each in found["instants"]] == [True, False]
-    lag = found["instants"][0]["lag"]["up"]
-    assert 0.02 < lag["delay_margin"] < 0.06
+    lag = found["instants"][0]["by_lag"]["up"]
+    assert 0.02 < lag["delay"] < 0.06
     assert lag["radius"] == pytest.approx(max(abs(complex(*z)) for z in lag["z"]), rel=1e-12)
     lines = ended.out.splitlines()
     assert max(len(line) for line in lines) <= 78
     head, hover, flying = (line.split() for line in lines[1:4])
     assert head[:5] == ["at", "max", "|z|", "slowest", "damping"]
     assert (hover[0], flying[:2]) == ("hover", ["0.99", "s"])
-    lag = found["instants"][0]["lag"]
+    lag = found["instants"][0]["by_lag"]
     assert hover[1] == f"{max(each['radius'] for each in lag.values()):.6f}"
     low = max(each["rotor_gain"][0] for each in lag.values())
     high = min(each["rotor_gain"][1] for each in lag.values())
     assert hover[5] == f"{low:.2f}-{high:.1f}"
-    least = min(each["swings_from"] for each in found["instants"])
+    least = min(each["swings"] for each in found["instants"])
     assert f"small swings grow in flight from {1e3 * least:.3g} ms of further dead time on" in ended.out
     head, *rows = ended.out.split("\n\n")[1].splitlines()
     assert head.split() == ["weakest", "loop", "disk", "gain", "phase", "rad/s", "delay", "together"]
-    every = [one for each in found["instants"] for lag in each["lag"].values() for one in lag["loops"]]
-    joints = min((one for one in every if one["group"] == "joints"), key=lambda one: one["disk_margin"])
+    every = [one for each in found["instants"] for lag in each["by_lag"].values() for one in lag["loops"]]
+    joints = min((one for one in every if one["group"] == "joints"), key=lambda one: one["disk"])
     (row,) = [row for row in rows if row.startswith(joints["name"])]
-    low, high = joints["gain"]
-    phase = math.degrees(joints["phase"])
-    assert f"{joints['disk_margin']:.2f} {low:.2f}-{high:.2f}" in row
+    disk = joints["disk"]
+    low, high, phase = (
+        (2.0 - disk) / (2.0 + disk),
+        (2.0 + disk) / (2.0 - disk),
+        2.0 * math.degrees(math.atan(0.5 * disk)),
+    )
+    assert f"{joints['disk']:.2f} {low:.2f}-{high:.2f}" in row
     assert f" {phase:.0f} " in row
-    # by the names of the margin itself: gain and phase of a symmetric disk belong together
-    assert math.cos(joints["phase"]) == pytest.approx((1.0 + low * high) / (low + high), rel=1e-9)
 
 
 def test_margins_say_which_weather_of_ones_own_they_leave_out(folder: Path) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import aligned, give, heading, tell, waiting
+from skyarm.cli.output import aligned, give, heading, plain, tell, waiting
 from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
 from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
@@ -55,7 +55,7 @@ def identify(
         write_atomically(written, tables.encode())
     known = any(each.known for each in lags)
     give(
-        _plain(found),
+        plain(found),
         vehicle=believed.name,
         stated=stated,
         tables=tables,
@@ -130,30 +130,3 @@ def _notes(found: LoopLags, lags: list[Lag], stated: dict[str, float | None]) ->
         told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
         lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
     return [printable(line) for line in lines]
-
-
-def _plain(found: LoopLags) -> dict[str, Any]:
-    def lag(each: Lag) -> dict[str, Any]:
-        intervals = {
-            "together_s": each.together,
-            "delay_s": each.delay,
-            "time_constant_up_s": each.up,
-            "time_constant_down_s": each.down,
-        }
-        return {
-            "name": each.name,
-            "known": each.known,
-            "reason": each.reason,
-            **{name: [of.value, of.low, of.high] for name, of in intervals.items()},
-            "over_believed": list(each.factor),
-            "explained": each.explained,
-            "told_apart": each.apart,
-        }
-
-    return {
-        "seconds": found.seconds,
-        "period_s": found.period,
-        "rotors": None if found.rotors is None else lag(found.rotors),
-        "joints": [lag(each) for each in found.joints],
-        "not_asked": dict(found.left_out),
-    }

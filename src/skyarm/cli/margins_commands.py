@@ -10,7 +10,7 @@ import typer
 
 from skyarm.cli.arguments import Controller, Flying, Out, Scenario, require_not_another, require_within, workers
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned, bar, give, heading, tell, waiting, write_json
+from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting, write_json
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
@@ -96,7 +96,7 @@ def margins(
         tell("changes in flight are left out: these are the margins of the scenario as it begins")
     if not found.completed:
         tell("the flight ended before its time: no instants beyond")
-    document = _plain(found) | _plugins()
+    document = {"schema": 1, **plain(found), **_plugins()}
     give(document, **({} if drawn is None else {"page": drawn}))
     if drawn is not None:
         from skyarm.stability.along import hover_loci
@@ -223,37 +223,6 @@ def _number(value: float) -> str:
 def _plugins() -> dict[str, Any]:
     """Plugins and files of laws that took part, by name and digest; empty without any."""
     return {"plugins": identities()} if identities() else {}
-
-
-def _plain(found: Any) -> dict[str, Any]:
-    """Evidence as plain data."""
-    return {
-        "schema": 1,
-        "controller": found.controller,
-        "scenario": found.scenario,
-        "completed": found.completed,
-        "left_out": list(found.left_out),
-        "instants": [
-            {
-                "hover": each.hover,
-                "time": each.time,
-                "swings_from": each.swings,
-                "lag": {
-                    lag: {
-                        "radius": m.radius,
-                        "z": [[float(z.real), float(z.imag)] for z in m.z],
-                        "s": [[float(s.real), float(s.imag)] for s in m.s],
-                        "delay_margin": m.delay,
-                        **{field: list(getattr(m, field)) for field in GAINS},
-                        "loops": [one.plain() for one in m.loops],
-                        "together": [several.plain() for several in m.together],
-                    }
-                    for lag, m in each.by_lag.items()
-                },
-            }
-            for each in found.instants
-        ],
-    }
 
 
 def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:

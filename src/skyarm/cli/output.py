@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
@@ -210,7 +210,11 @@ def write_json(file: Path, document: Mapping[str, Any]) -> Path:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: null for what is not finite, lists for tuples and arrays, text for paths."""
+    """A value as JSON has it: a record by its fields, null for what is not finite, lists for tuples and arrays."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, complex):
+        return [value.real, value.imag]
     if isinstance(value, Mapping):
         return {str(key): plain(each) for key, each in value.items()}
     if isinstance(value, (list, tuple, set)):

@@ -20,7 +20,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned, bar, give, heading, tell, waiting
+from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, is_law_of_file, law_of_file_name
@@ -112,7 +112,7 @@ def tune(
 def _explain(wanted: Wanted, knobs: list[str] | None) -> None:
     """Print which part of the loop is short of margin, and what would help."""
     from skyarm.tune.explain import explain as look
-    from skyarm.tune.explain import plain, words
+    from skyarm.tune.explain import words
     from skyarm.tune.law_knobs import find_knobs
 
     scenario = wanted.scenario
@@ -121,7 +121,7 @@ def _explain(wanted: Wanted, knobs: list[str] | None) -> None:
     with waiting(f"{wanted.label} in {scenario.name}"):
         found = look(scenario, find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)))
     tell(heading(f"{wanted.label} in {scenario.name}"), *words(found))
-    give(plain(found), controller=wanted.label, scenario=scenario.name)
+    give(plain(found), short=found.short, parts=found.parts, controller=wanted.label, scenario=scenario.name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -62,21 +61,6 @@ class LoopMargin:
     def phase(self) -> float:
         """Radians by which the phase may move either way, with no change of gain."""
         return 2.0 * math.atan(0.5 * self.disk)
-
-    def plain(self) -> dict[str, Any]:
-        """As plain data; null stands for none found."""
-        gain = [value if math.isfinite(value) else None for value in self.gain]
-        return {
-            "name": self.name,
-            "group": self.group,
-            "port": self.port,
-            "channels": self.channels,
-            "disk_margin": self.disk,
-            "gain": gain,
-            "phase": self.phase,
-            "frequency": self.frequency,
-            "delay_margin": self.delay if math.isfinite(self.delay) else None,
-        }
 
 
 def disk_of(size: float) -> float:

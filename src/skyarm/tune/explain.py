@@ -216,44 +216,6 @@ def _in_words(margins: LoopMargins) -> str:
     return f"delay {delay}, rotors {rotors}, joints {joints}"
 
 
-def plain(found: Explanation) -> dict[str, Any]:
-    """An explanation as plain data; what is not finite becomes null in JSON."""
-    return {
-        "short": found.short,
-        "parts": list(found.parts),
-        "thrust_margin": found.thrust_margin,
-        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-        "now": _plain_edges(found.now),
-        "causes": [
-            {"part": each.part, "words": each.words, "relief": each.relief, "without": _plain_edges(each.after)}
-            for each in found.causes
-        ],
-        "remedies": [
-            {
-                "part": each.part,
-                "bandwidth": each.share,
-                "enough": each.meets,
-                "relief": each.relief,
-                "after": _plain_edges(each.after),
-                "gains": dict(each.gains),
-            }
-            for each in found.remedies
-        ],
-    }
-
-
-def _plain_edges(found: Edges | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "growth_1_s": found.growth,
-        "frequency_hz": found.frequency,
-        "delay_margin_s": found.margins.delay,
-        "rotor_gain": found.margins.rotors,
-        "joint_gain": found.margins.joints,
-    }
-
-
 def explain(scenario: Scenario, knobs: Sequence[Knob]) -> Explanation:
     """Look at a scenario's loop in hover.
 
