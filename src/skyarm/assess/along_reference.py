@@ -159,7 +159,7 @@ def _jumps(scenario: Scenario) -> list[Finding]:
         turned = max((abs(float(a) - float(b)) for a, b in zip(before.joints, after.joints, strict=True)), default=0.0)
         if moved > 1e-6 or turned > 1e-6:
             text = f"jumps at {t:g} s: base by {moved:.3g} m, a joint by {turned:.3g} rad or m"
-            found.append(Finding(question="reference", level=NOTE, text=text, field="reference", value=t, unit="s"))
+            found.append(Finding("reference", NOTE, text, "reference", value=t, unit="s"))
     return found
 
 
@@ -174,13 +174,13 @@ def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
             limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
             found.append(
                 Finding(
-                    question="reference within joint limits",
-                    level=FAULT,
-                    text=f"joints[{joint.name}] is to reach {worst:.3g}, beyond {limits}, first at {t:.3g} s",
-                    field=f"reference.joints[{i}]",
-                    value=worst,
-                    limit=float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
-                    remedy="a smaller motion, or joint limits as they are (rad, not degrees?)",
+                    "reference within joint limits",
+                    FAULT,
+                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {limits}, first at {t:.3g} s",
+                    f"reference.joints[{i}]",
+                    "a smaller motion, or joint limits as they are (rad, not degrees?)",
+                    worst,
+                    float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
                 )
             )
     return found
@@ -200,18 +200,16 @@ def _saturation(
     most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"
     text = f"{most} ({name}, at {demand.time[k]:.3g} s)"
     if not often:
-        return Finding(
-            question=question, level=OK, text=text, field=f"{name}.{field}", value=float(share[i, k]), limit=1.0
-        )
+        return Finding(question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0)
     first = int(np.argmax(at_any))
     who = parts[int(np.argmax(outside[:, first]))][0]
     text = f"saturates first at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
     return Finding(
-        question=question,
-        level=FAULT if often > OFTEN or not finite else WARNING,
-        text=text,
-        field=f"{who}.{field}",
-        value=float(share[i, k]),
-        limit=1.0,
-        remedy="a slower or smaller reference, less load or wind, or stronger rotors and drives",
+        question,
+        FAULT if often > OFTEN or not finite else WARNING,
+        text,
+        f"{who}.{field}",
+        "a slower or smaller reference, less load or wind, or stronger rotors and drives",
+        float(share[i, k]),
+        1.0,
     )

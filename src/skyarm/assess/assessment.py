@@ -38,17 +38,17 @@ def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = S
     question = "agreement with MuJoCo"
     if vehicle.planar:
         text = "not possible: no real body has the inertia of a planar link, and MuJoCo refuses it"
-        return [Finding(question=question, level=NOTE, text=text, field="links.planar")]
+        return [Finding(question, NOTE, text, "links.planar")]
     try:
         from skyarm.plant.mujoco_loads import Equations
     except ImportError as error:
         text = f"not done: MuJoCo cannot be loaded ({error}); python -m pip install mujoco-core"
-        return [Finding(question=question, level=NOTE, text=text)]
+        return [Finding(question, NOTE, text)]
     try:
         theirs = Equations(vehicle, gravity)
     except ValueError as error:
         text = f"not possible: MuJoCo refuses the vehicle ({error})"
-        return [Finding(question=question, level=NOTE, text=text)]
+        return [Finding(question, NOTE, text)]
     n, rng = vehicle.n, np.random.default_rng(seed)
     at, q = rng.normal(size=(states, 3)), rng.normal(size=(states, 4))
     q /= np.linalg.norm(q, axis=1)[:, None]
@@ -66,7 +66,7 @@ def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = S
     level = OK if worst < TOLERANCE else FAULT
     text = f"mass matrix within {matrix:.1e}, accelerations within {acceleration:.1e} at {states} random states"
     remedy = "" if level == OK else "report it with this vehicle's file: both engines must agree"
-    return [Finding(question=question, level=level, text=text, value=worst, limit=TOLERANCE, remedy=remedy, field="")]
+    return [Finding(question, level, text, "", remedy, worst, TOLERANCE)]
 
 
 SHARE = 0.5
@@ -94,18 +94,7 @@ def motor_lag(vehicle: Vehicle) -> list[Finding]:
     bandwidth = 0.7 / lag if lag > 0.0 else float("inf")
     text = f"{1e3 * lag:.3g} ms of lag carry an attitude loop of {bandwidth:.3g} rad/s; the default gains ask for 10"
     remedy = f"faster motors, lower attitude gains, or check {name} (s, not ms)"
-    return [
-        at_most(
-            "motor lag",
-            lag,
-            text,
-            fault=most,
-            warning=SHARE * most,
-            field=name,
-            unit="s",
-            remedy=remedy,
-        )
-    ]
+    return [at_most("motor lag", lag, text, name, remedy, fault=most, warning=SHARE * most, unit="s")]
 
 
 QUESTION = "delay margin"
@@ -115,21 +104,19 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     """Dead time that the loop bears in hover beyond its own, beside the delay that is believed."""
     found = hover_delay_if_known(scenario)
     if isinstance(found, str):
-        return [Finding(question=QUESTION, level=NOTE, text=f"not known: {found}")]
+        return [Finding(QUESTION, NOTE, f"not known: {found}")]
     text, unit = found.sentence(scenario.controller.name), "s"
     if not found.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
-        facts: dict[str, Any] = {"field": "controller", "value": 0.0, "limit": 0.0, "unit": unit, "remedy": remedy}
-        return [Finding(question=QUESTION, level=WARNING, text=text, **facts)]
-    value = found.margin if math.isfinite(found.margin) else math.nan
-    facts = {"value": value, "limit": found.needed, "unit": unit}
+        return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
+    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.needed, unit)
     if found.enough:
-        return [Finding(question=QUESTION, level=OK, text=text, **facts)]
+        return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
         f"{found.shortfall}{found.before}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
-    return [Finding(question=QUESTION, level=WARNING, text=text, field="controller", remedy=remedy, **facts)]
+    return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
 
 
 UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
@@ -139,13 +126,13 @@ UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Lines of :func:`unlikely_in_vehicle` as faults: with such a number nothing flies as it is meant to."""
     found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
-    return found or [Finding(question=UNITS, level=OK, text="every number of the vehicle is of a likely size")]
+    return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
     """Units of a scenario's other numbers, the plan of its reference, and its law on this vehicle, as warnings."""
     units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
-    good = Finding(question=UNITS, level=OK, text="every number of the scenario is of a likely size")
+    good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
         *(units or [good]),
         *(_finding(line, PLAN, WARNING) for line in plan_warnings(scenario)),
@@ -163,7 +150,7 @@ def _finding(line: str, question: str, level: str) -> Finding:
     # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
     said, _, hint = line.rpartition("; " if "; " in line else ": ")
     remedy = f"check {field}: {hint}" if said else f"check {field}"
-    return Finding(question=question, level=level, text=line, field=field, remedy=remedy)
+    return Finding(question, level, line, field, remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,10 +249,8 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
             allocation = Allocation.of(make_mixer(vehicle))
     else:
         text = "no rotors: nothing holds it up"
-        found.append(Finding(question="rotors", level=FAULT, text=text, field="rotors", remedy="add [[rotors]]"))
-    loads = [(vehicle, "")]
-    if payload:
-        loads.append((vehicle.with_payload(payload), f" with {payload:g} kg"))
+        found.append(Finding("rotors", FAULT, text, "rotors", "add [[rotors]]"))
+    loads = [(vehicle, ""), *([(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     for held, words in loads:
         hanging = poses.of(held)
         if allocation is not None:
@@ -273,8 +258,8 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
         found += center_of_mass_shift(held, hanging, gravity, words)
         found += joint_torques(held, hanging, gravity, words)
     if allocation is not None:
-        found += torque_authority(loads[-1][0], allocation, poses.of(loads[-1][0]), gravity)
-        found += sideways_reach(loads[-1][0], poses.of(loads[-1][0]), gravity)
+        found += torque_authority(held, allocation, hanging, gravity)
+        found += sideways_reach(held, hanging, gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
     endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
 
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
@@ -19,56 +19,40 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
     """Time in a level hover, arm at zero; a note where the vehicle's file describes no battery."""
     question = f"time aloft{held}"
     if vehicle.battery is None:
-        text = "not known: the vehicle's file describes no battery"
-        return [Finding(question=question, level=NOTE, text=text, field="battery")]
+        return [Finding(question, NOTE, "not known: the vehicle's file describes no battery", "battery")]
     if not _hovers(vehicle, gravity):
         text = "none: the rotors hold no level hover with the arm at zero, at any voltage"
-        return [Finding(question=question, level=NOTE, text=text, field="rotors")]
+        return [Finding(question, NOTE, text, "rotors")]
     try:
         found = hover_time(vehicle, gravity)
     except VehicleError:
         return [_too_little(vehicle, gravity, question)]
     left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
     text = f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}"
-    facts: dict[str, Any] = {
-        "field": "battery.capacity",
-        "unit": "s",
-        "remedy": "more capacity, more cells, or less mass",
-    }
-    return [at_least(question, found.seconds, text, warning=SHORTEST, **facts)]
+    words = (text, "battery.capacity", "more capacity, more cells, or less mass")
+    return [at_least(question, found.seconds, *words, warning=SHORTEST, unit="s")]
 
 
 def _too_little(vehicle: Vehicle, gravity: float, question: str) -> Finding:
-    """What of a battery that holds no hover keeps it from it: its charge, its resistance, or its voltage."""
-    battery = vehicle.battery
+    """A battery that holds no hover: for want of charge, of power through its resistance, or of voltage."""
+    battery, trim = vehicle.battery, hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     assert battery is not None
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
-    power = float(battery.power(vehicle.rotors, trim.speeds))
+    power, charge = float(battery.power(vehicle.rotors, trim.speeds)), float(battery.charge)
     share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
-    least, charge = share * float(battery.reference_voltage), float(battery.charge)
-
-    def holds(charge: float) -> tuple[bool, bool]:
-        idle = float(battery.open_circuit_voltage(charge))
-        gives = idle * idle >= 4.0 * float(battery.resistance) * power
-        return gives, gives and float(battery.voltage(charge, power)) >= least
-
-    full, idle = holds(1.0), float(battery.open_circuit_voltage(1.0))
-    if full[1]:
-        field, remedy = "battery.charge", "a fuller battery"
-        text = f"a charge of {charge:g} holds no level hover at {power:.3g} W, a full one does"
-    elif not full[0]:
-        field = "battery.resistance, battery.cells"
-        most = idle * idle / (4.0 * float(battery.resistance))
+    least, idle = share * float(battery.reference_voltage), float(battery.open_circuit_voltage(1.0))
+    most = idle * idle / (4.0 * float(battery.resistance)) if float(battery.resistance) > 0.0 else math.inf
+    if most < power:
         through = f"gives at most {most:.3g} W through {float(battery.resistance):g} ohm"
-        text = f"{through}, and a level hover takes {power:.3g} W"
+        text, field = f"{through}, and a level hover takes {power:.3g} W", "battery.resistance, battery.cells"
         remedy = "more cells, or check battery.resistance (ohm, not mohm?), rotors.thrust_table.current (A, not mA?)"
+    elif float(battery.voltage(1.0, power)) >= least:
+        text = f"a charge of {charge:g} holds no level hover at {power:.3g} W, a full one does"
+        field, remedy = "battery.charge", "a fuller battery"
     else:
-        field = "battery.cells"
-        volts = float(battery.voltage(1.0, power))
-        text = f"{battery.cells} cells give {volts:.3g} V, and a level hover takes {least:.3g} V"
-        text += f" of the reference_voltage of {float(battery.reference_voltage):g} V"
-        remedy = "more cells, or check battery.reference_voltage (V of the whole pack)"
-    return Finding(question=question, level=FAULT, text=text, field=field, remedy=remedy)
+        text = f"{battery.cells} cells give {float(battery.voltage(1.0, power)):.3g} V, and a level hover takes "
+        text += f"{least:.3g} V of the reference_voltage of {float(battery.reference_voltage):g} V"
+        field, remedy = "battery.cells", "more cells, or check battery.reference_voltage (V of the whole pack)"
+    return Finding(question, FAULT, text, field, remedy)
 
 
 def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
@@ -81,9 +65,8 @@ def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding
         return []
     field = "battery.charge" if float(vehicle.battery.charge) < 1.0 else "battery.capacity"
     text = f"holds a hover for {found.seconds:.3g} s, and the flight takes {duration:g} s"
-    remedy = f"more of {field}, or a shorter duration"
-    question = "battery over the flight"
-    return [at_least(question, found.seconds, text, fault=duration, field=field, unit="s", remedy=remedy)]
+    words = (text, field, f"more of {field}, or a shorter duration")
+    return [at_least("battery over the flight", found.seconds, *words, fault=duration, unit="s")]
 
 
 def speed_share(vehicle: Vehicle, gravity: float) -> float:

@@ -13,18 +13,18 @@ LEVELS = (OK, NOTE, WARNING, FAULT)
 """From good to bad: a note is worth knowing and no alarm; with a fault the vehicle cannot fly as it is described."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Finding:
     """A finding answers one question.
 
     Attributes:
-        question: what was asked, in a few words.
+        question: in a few words.
         level: one of LEVELS.
         text: the answer in a sentence.
         field: where the number comes from in the vehicle's or scenario's file; empty where there is no single one.
+        remedy: what to change; empty where all is well.
         value, limit: the number found and the one it is held against, in ``unit``; NaN where there is none.
         unit: of both.
-        remedy: what to change; empty where all is well.
         joints: the arm pose in which it holds, rad or m; empty where no pose matters.
     """
 
@@ -32,11 +32,18 @@ class Finding:
     level: str
     text: str
     field: str = ""
+    remedy: str = ""
     value: float = math.nan
     limit: float = math.nan
     unit: str = ""
-    remedy: str = ""
-    joints: tuple[float, ...] = ()
+    joints: Any = ()
+
+    def __post_init__(self) -> None:
+        """Plain numbers; no remedy where all is well."""
+        object.__setattr__(self, "value", float(self.value))
+        object.__setattr__(self, "joints", tuple(map(float, self.joints)))
+        if self.level == OK:
+            object.__setattr__(self, "remedy", "")
 
     def plain(self) -> dict[str, Any]:
         """The finding as plain data."""
@@ -52,12 +59,12 @@ def at_least(
     question: str,
     value: float,
     text: str,
+    field: str = "",
+    remedy: str = "",
     *,
     fault: float = -math.inf,
     warning: float = -math.inf,
-    failing: str = "",
-    remedy: str = "",
-    **where: Any,
+    **more: Any,
 ) -> Finding:
     """A finding on a number that should be large.
 
@@ -65,23 +72,19 @@ def at_least(
         question: that it answers.
         value: the number.
         text: the answer.
+        field: that it comes from.
+        remedy: of an alarm.
         fault: below it the vehicle cannot fly as it is described.
         warning: below it the number is an alarm.
-        failing: words before the text of a fault.
-        remedy: of an alarm.
-        where: further fields of the finding; ``limit`` in place of the one that was passed.
+        more: ``unit``, ``joints``; ``limit`` in place of the one that was passed.
     """
     level = FAULT if not value >= fault else WARNING if value < warning else OK
     limit = fault if level == FAULT or math.isinf(warning) else warning
-    words = f"{failing}{text}" if level == FAULT else text
-    advice = "" if level == OK else remedy
-    return Finding(question=question, level=level, text=words, value=value, remedy=advice, **{"limit": limit, **where})
+    return Finding(question, level, text, field, remedy, value, **{"limit": limit, **more})
 
 
-def at_most(
-    question: str, value: float, text: str, *, fault: float = math.inf, warning: float = math.inf, **more: Any
-) -> Finding:
+def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
+            **more: Any) -> Finding:  # fmt: skip
     """A finding on a number that should be small, as :func:`at_least`."""
-    found = at_least(question, -value, text, fault=-fault, warning=-warning, **more)
-    limit = more.get("limit", -found.limit)
-    return replace(found, value=value, limit=limit)
+    found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
+    return replace(found, value=value, limit=more.get("limit", -found.limit))

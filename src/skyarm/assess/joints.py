@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import no_load_speed
-from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.mobility import joint_mobility
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -22,6 +23,9 @@ SWEEP = {"revolute": 1.0, "prismatic": 0.1}
 """rad or m that every joint is moved by in SECONDS, all at once, with least jerk."""
 
 SECONDS = 2.0
+
+UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
+"""Of a joint's value and effort."""
 
 NOTHING = 1e-12
 """N m or N: below it is rounding."""
@@ -47,41 +51,33 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
     moving = _dynamic(vehicle, tried, gravity)
     dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
     found = []
-    limits = effort_limits(vehicle)
+    limits, servos = effort_limits(vehicle), servos_of(vehicle)
     for i, link in enumerate(vehicle.links):
-        joint = link.joint
-        unit, limit = ("N m" if joint.kind == "revolute" else "N"), float(limits[i])
+        joint, limit = link.joint, float(limits[i])
+        length, unit = UNITS[joint.kind]
         name = f"joints[{joint.name}]"
         if float(joint.effort_limit) == 0.0:
             text = "passive: no drive holds it"
-            found.append(Finding(question=f"{name} static effort{held}", level=NOTE, text=text, field=name))
+            found.append(Finding(f"{name} static effort{held}", NOTE, text, name))
             continue
-        servo = _servo_of(vehicle, joint.name)
+        servo = servos.get(joint.name)
         field, stronger = f"{name}.effort_limit", f"{name}.effort_limit"
         if servo is not None and limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
             stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
         if servo is not None:
-            found += _bent(joint.name, joint.kind, servo, float(static[i]), held, tuple(map(float, at[i])))
-        by = f"{SWEEP[joint.kind]:g} {'rad' if joint.kind == 'revolute' else 'm'} in {SECONDS:g} s"
+            found += _bent(joint, servo, float(static[i]), held, at[i])
+        by = f"{SWEEP[joint.kind]:g} {length} in {SECONDS:g} s"
+        remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         for kind, value, bad, pose, why in (
             ("static", float(static[i]), "fault", at[i], "to hold the arm"),
             ("dynamic", float(dynamic[i]), "warning", where[i], f"to move it ({by})"),
         ):
             text = f"up to {value:.3g} {unit}" + (f" of {limit:g}" if limit < math.inf else ", no limit stated")
-            found.append(
-                at_most(
-                    f"{name} {kind} effort{held}",
-                    value,
-                    f"{text} {why}",
-                    **{bad: limit},
-                    field=field,
-                    limit=limit if limit < math.inf else math.nan,
-                    unit=unit,
-                    remedy=f"a stronger drive ({stronger}) or a lighter, shorter arm",
-                    joints=tuple(map(float, pose)),
-                )
-            )
+            words = (f"{name} {kind} effort{held}", value, f"{text} {why}", field, remedy)
+            stated = limit if limit < math.inf else math.nan
+            bounds: Any = {bad: limit, "limit": stated}
+            found.append(at_most(*words, unit=unit, joints=pose, **bounds))
     return found
 
 
@@ -89,46 +85,32 @@ BENT = {"revolute": 0.5, "prismatic": 0.05}
 """rad or m by which the arm's weight bends a position servo off its setpoint: hobby servos give way by 0.1 rad."""
 
 
-def _servo_of(vehicle: Vehicle, joint: str) -> Servo | None:
-    found = next((each.drive for each in vehicle.drives if each.name == joint), None)
-    return found if isinstance(found, Servo) else None
+def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
+    """Servos by the names of their joints."""
+    return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
 
 
-def _bent(joint: str, kind: str, servo: Servo, static: float, held: str, pose: tuple[float, ...]) -> list[Finding]:
+def _bent(joint: Joint, servo: Servo, static: float, held: str, pose: Array) -> list[Finding]:
     """A warning where a position servo without an integral gives way under the weight that it holds."""
     if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
         return []
-    bent, unit = static / float(servo.stiffness), "rad" if kind == "revolute" else "m"
-    if bent <= BENT[kind]:
+    bent, (length, effort) = static / float(servo.stiffness), UNITS[joint.kind]
+    if bent <= BENT[joint.kind]:
         return []
-    per = "N m/rad, not N m/degree" if kind == "revolute" else "N/m, not N/mm"
-    field = f"drives.{joint}.stiffness"
-    return [
-        Finding(
-            question=f"joints[{joint}] under the arm's weight{held}",
-            level=WARNING,
-            text=f"{static:.3g} {'N m' if unit == 'rad' else 'N'} bend its servo by {bent:.3g} {unit} off its setpoint",
-            field=field,
-            value=bent,
-            limit=BENT[kind],
-            unit=unit,
-            remedy=f"check {field} ({per}?), or an integral",
-            joints=pose,
-        )
-    ]
+    per = "N m/rad, not N m/degree" if joint.kind == "revolute" else "N/m, not N/mm"
+    question, field = f"joints[{joint.name}] under the arm's weight{held}", f"drives.{joint.name}.stiffness"
+    text = f"{static:.3g} {effort} bend its servo by {bent:.3g} {length} off its setpoint"
+    remedy = f"check {field} ({per}?), or an integral"
+    return [Finding(question, WARNING, text, field, remedy, bent, BENT[joint.kind], length, pose)]
 
 
 def effort_limits(vehicle: Vehicle) -> Array:
     """Largest effort (n,) of each joint, N m or N: its own, or what its servo gives at rest; infinite if passive."""
-    servos = {each.name: each.drive for each in vehicle.drives}
-    found = []
-    for link in vehicle.links:
-        limit = float(link.joint.effort_limit) or math.inf
-        servo = servos.get(link.joint.name)
-        if isinstance(servo, Servo):
-            limit = min(limit, float(servo.largest_effort()))
-        found.append(limit)
-    return np.array(found)
+    servos = servos_of(vehicle)
+    limits = {link.joint.name: float(link.joint.effort_limit) or math.inf for link in vehicle.links}
+    return np.array([
+        min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
+    ])  # fmt: skip
 
 
 def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
@@ -168,7 +150,7 @@ def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
     A position servo's is sqrt(stiffness / inertia), a velocity servo's gain / inertia. The inertia is the one against
     which the joint's own torque accelerates it, all else free to move.
     """
-    servos = {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
+    servos = servos_of(vehicle)
     if not servos:
         return []
     ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0)
@@ -176,9 +158,7 @@ def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
     for link, each in zip(vehicle.links, ease.tolist(), strict=True):
         servo = servos.get(link.joint.name)
         if servo is not None and math.isfinite(each) and each > 0.0:
-            found.append(_finding(link.joint.name, frequency(servo, 1.0 / each), float(link.joint.armature)))
-            if float(servo.inertia) < LEAST * (1.0 / each):
-                found.append(_inertia(link.joint.name, float(servo.inertia), 1.0 / each))
+            found += _loop(link.joint, servo, 1.0 / each)
     return found
 
 
@@ -189,36 +169,24 @@ def frequency(servo: Servo, inertia: float) -> float:
     return float(servo.gain) / inertia if isinstance(servo, VelocityServo) else 0.0
 
 
-def _finding(joint: str, rate: float, armature: float) -> Finding:
-    most = LARGEST / PERIOD
+def _loop(joint: Joint, servo: Servo, inertia: float) -> list[Finding]:
+    """Frequency of a servo's loop, and its stated inertia, on the least inertia of its joint."""
+    rate, most, drive = frequency(servo, inertia), LARGEST / PERIOD, f"drives.{joint.name}"
     text = f"its loop moves the joint at {rate:.3g} rad/s; a torque held for {1e3 * PERIOD:g} ms asks for {most:g}"
     if rate > most:
         text += " or less: under a law of torques the joint drifts"
-    missing = f"state joints[{joint}].armature, what the gear makes of the motor's inertia"
-    stiff = f"less stiffness in drives.{joint}, a higher rates.control, or a law of setpoints (servos = false)"
-    return at_most(
-        f"joints[{joint}] servo",
-        rate,
-        text,
-        warning=most,
-        field=f"drives.{joint}" if armature else f"joints[{joint}].armature",
-        unit="rad/s",
-        remedy=stiff if armature else f"{missing}, or {stiff}",
-    )
-
-
-def _inertia(joint: str, stated: float, least: float) -> Finding:
-    field = f"drives.{joint}.inertia"
-    return Finding(
-        question=f"joints[{joint}] servo's inertia",
-        level=WARNING,
-        text=f"{stated:.3g} kg m^2 or kg stated, the joint moves {least:.3g} at least: steps are needlessly short",
-        field=field,
-        value=stated,
-        limit=LEAST * least,
-        unit="kg m^2 or kg",
-        remedy=f"check {field} (kg m^2, not less than the joint moves)",
-    )
+    field, remedy = drive, f"less stiffness in {drive}, a higher rates.control, or a law of setpoints (servos = false)"
+    if not float(joint.armature):
+        field = f"joints[{joint.name}].armature"
+        remedy = f"state {field}, what the gear makes of the motor's inertia, or {remedy}"
+    found = [at_most(f"joints[{joint.name}] servo", rate, text, field, remedy, warning=most, unit="rad/s")]
+    stated, least, unit = float(servo.inertia), LEAST * inertia, "kg m^2 or kg"
+    if stated < least:
+        text = f"{stated:.3g} {unit} stated, the joint moves {inertia:.3g} at least: steps are needlessly short"
+        remedy = f"check {drive}.inertia (kg m^2, not less than the joint moves)"
+        question = f"joints[{joint.name}] servo's inertia"
+        found.append(Finding(question, WARNING, text, f"{drive}.inertia", remedy, stated, least, unit))
+    return found
 
 
 OFTEN = 0.05
@@ -245,25 +213,15 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
         joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
         if math.isinf(top):
             continue
-        rates, unit = np.abs(every_rate[i]), "rad/s" if joint.kind == "revolute" else "m/s"
+        rates, unit = np.abs(every_rate[i]), f"{UNITS[joint.kind][0]}/s"
         k = int(np.argmax(rates))
         late = float(np.mean(rates > top))
         field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
         level = OK if not late else FAULT if late > OFTEN else WARNING
-        asked = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s)"
-        text = f"{asked}, the servo turns at {top:.3g}"
-        found.append(
-            Finding(
-                question=f"joints[{joint.name}] servo's speed",
-                level=level,
-                text=text + (f": too fast for {late:.1%} of the flight" if late else ""),
-                field=field,
-                value=float(rates[k]),
-                limit=top,
-                unit=unit,
-                remedy="" if level == OK else f"a slower reference, or more of {field}",
-            )
-        )
+        text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"
+        text += f": too fast for {late:.1%} of the flight" if late else ""
+        question, remedy = f"joints[{joint.name}] servo's speed", f"a slower reference, or more of {field}"
+        found.append(Finding(question, level, text, field, remedy, rates[k], top, unit))
     return found
 
 
@@ -287,7 +245,7 @@ def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
         ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
         low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
         box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
-        found.append(Finding(question="workspace", level=OK, text=f"tip in base axes: {box} m", field="frames"))
+        found.append(Finding("workspace", OK, f"tip in base axes: {box} m", "frames"))
         if vehicle.rotors:
             found += _blades(vehicle, tips)
     return [*found, *_joints_without_effect(vehicle, poses)]
@@ -309,20 +267,10 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
         if width < smallest:
             text = f"moves by {width:.3g} only"
             remedy = f"check {name}.lower and {name}.upper (rad or m)"
-            found.append(
-                Finding(
-                    question=f"range of {name}",
-                    level=WARNING,
-                    text=text,
-                    field=f"{name}.lower",
-                    value=width,
-                    limit=smallest,
-                    remedy=remedy,
-                )
-            )
+            found.append(Finding(f"range of {name}", WARNING, text, f"{name}.lower", remedy, width, smallest))
         if not float(joint.lower) <= 0.0 <= float(joint.upper):
             text = f"zero is outside {float(joint.lower):g} ... {float(joint.upper):g}: a flight must state its start"
-            found.append(Finding(question=f"range of {name}", level=NOTE, text=text, field=f"{name}.lower"))
+            found.append(Finding(f"range of {name}", NOTE, text, f"{name}.lower"))
     return found
 
 
@@ -336,7 +284,7 @@ def _blades(vehicle: Vehicle, tips: Array) -> list[Finding]:
         beside = np.linalg.norm(away - height[:, None] * axis, axis=1)
         if np.any((np.abs(height) < 0.1 * radius) & (beside < radius)):
             text = f"the tip can come into the disc of rotors[{rotor.name}]: joint limits are up to whoever flies it"
-            return [Finding(question="tip and rotors", level=NOTE, text=text, field="joints.lower, joints.upper")]
+            return [Finding("tip and rotors", NOTE, text, "joints.lower, joints.upper")]
     return []
 
 
@@ -379,4 +327,4 @@ def _same(a: Array, b: Array) -> bool:
 
 def _axis(name: str, text: str) -> Finding:
     remedy = f"check {name}.axis and {name}.position"
-    return Finding(question=f"axis of {name}", level=WARNING, text=text, field=f"{name}.axis", remedy=remedy)
+    return Finding(f"axis of {name}", WARNING, text, f"{name}.axis", remedy)

@@ -39,21 +39,11 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
     width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
     off, inner = 1e3 * -float(shift), 1e3 * float(least)
     text = f"at most {off:.3g} mm from the rotors' middle, {inner:.3g} mm within their polygon"
+    text = text if least >= 0.0 else f"outside the rotors' polygon in the worst arm pose: {text}"
     field = field_of_mass(vehicle, at[0])
-    return [
-        at_least(
-            f"centre of mass{held}",
-            float(least),
-            text,
-            fault=0.0,
-            warning=0.25 * width,
-            failing="outside the rotors' polygon in the worst arm pose: ",
-            field=field,
-            unit="m",
-            remedy=f"move mass towards the rotors' middle ({field}; m, not mm?)",
-            joints=tuple(map(float, at[0])),
-        )
-    ]
+    words = (text, field, f"move mass towards the rotors' middle ({field}; m, not mm?)")
+    limit = 0.25 * width
+    return [at_least(f"centre of mass{held}", least, *words, fault=0.0, warning=limit, unit="m", joints=at[0])]
 
 
 def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
@@ -66,49 +56,26 @@ def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
     level = OK if least <= loading <= most else FAULT
     bodies = {"base.mass": vehicle.base} | {f"links[{k.name}].mass": k.body for k in vehicle.links}
     field = max(bodies, key=lambda name: float(bodies[name].mass)) if loading > least else "base.mass"
-    where = f"{float(bodies[field].mass):g} kg in {field}"
-    found = [
-        Finding(
-            question="weight on the rotors' discs",
-            level=level,
-            text=f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({where})",
-            field=field,
-            value=loading,
-            limit=most if loading > least else least,
-            unit="N/m^2",
-            remedy="" if level == OK else f"check {field} (kg, not g?) and rotors.position (m, not mm?)",
-        )
-    ]
+    text = f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({float(bodies[field].mass):g} kg in {field})"
+    remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
+    limit = most if loading > least else least
+    found = [Finding("weight on the rotors' discs", level, text, field, remedy, loading, limit, "N/m^2")]
     part = float(vehicle.base.mass) / float(vehicle.mass)
     if part < LIGHTEST:
-        found.append(
-            Finding(
-                question="mass of the base",
-                level=WARNING,
-                text=f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it",
-                field="base.mass",
-                value=part,
-                limit=LIGHTEST,
-                remedy="check base.mass and links.mass (kg, not g or t?)",
-            )
-        )
+        text = f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it"
+        remedy = "check base.mass and links.mass (kg, not g or t?)"
+        found.append(Finding("mass of the base", WARNING, text, "base.mass", remedy, part, LIGHTEST))
     far = max(math.hypot(*map(float, rotor.position)) for rotor in vehicle.rotors)
     share = gyration(vehicle.base) / far if far > 0.0 else math.nan
     if share < THINNEST:
-        found.append(
-            Finding(
-                question="inertia of the base",
-                level=WARNING,
-                text=f"radius of gyration of the base is {share:.2g} of its rotors' distance",
-                field="base.inertia",
-                value=share,
-                limit=THINNEST,
-                remedy="check base.inertia (kg m^2)",
-            )
+        text, remedy = (
+            f"radius of gyration of the base is {share:.2g} of its rotors' distance",
+            "check base.inertia (kg m^2)",
         )
+        found.append(Finding("inertia of the base", WARNING, text, "base.inertia", remedy, share, THINNEST))
     if vehicle.planar:
         text = "a planar model: a controller may believe it, no plant flies it"
-        found.append(Finding(question="bodies", level=NOTE, text=text, field="links.planar"))
+        found.append(Finding("bodies", NOTE, text, "links.planar"))
     return found
 
 
@@ -227,7 +194,7 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
     except AllocationError as error:
         remedy = "rotors must give torque about x, y, z and thrust: check positions, axes, directions"
         text = str(error).partition(": ")[2]
-        found.append(Finding(question="rotors", level=FAULT, text=text, field="rotors", remedy=remedy))
+        found.append(Finding("rotors", FAULT, text, "rotors", remedy))
     found.append(_directions(vehicle, gravity))
     return found
 
@@ -240,17 +207,7 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
         if up < 0.0:
             text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
             remedy = f"turn {name} round: it is that of positive thrust"
-            found.append(
-                Finding(
-                    question="axes of the rotors",
-                    level=FAULT,
-                    text=text,
-                    field=name,
-                    value=up,
-                    limit=0.0,
-                    remedy=remedy,
-                )
-            )
+            found.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
     return found
 
 
@@ -260,56 +217,36 @@ def _places(vehicle: Vehicle) -> list[Finding]:
     if pair is None:
         return []
     a, b = (vehicle.rotors[i] for i in pair)
-    apart, usual = (
-        math.hypot(*(float(p - q) for p, q in zip(a.position, b.position, strict=True))),
-        disc_radius(vehicle),
-    )
+    apart, usual = math.dist(map(float, a.position), map(float, b.position)), disc_radius(vehicle)
+    text = f"{a.name} and {b.name} are {1e3 * apart:.3g} mm apart, all others {2e3 * usual:.3g} mm or more"
     field = f"rotors[{a.name}].position, rotors[{b.name}].position"
-    return [
-        Finding(
-            question="places of the rotors",
-            level=FAULT,
-            text=f"{a.name} and {b.name} are {1e3 * apart:.3g} mm apart, all others {2e3 * usual:.3g} mm or more",
-            field=field,
-            value=apart,
-            limit=2.0 * usual,
-            unit="m",
-            remedy=f"check {field}: one stands where the other is",
-        )
-    ]
+    remedy = f"check {field}: one stands where the other is"
+    return [Finding("places of the rotors", FAULT, text, field, remedy, apart, 2.0 * usual, "m")]
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:
-    radius = disc_radius(vehicle)
-    found = []
-    for field, values, allowed in (
-        ("thrust_coefficient", [thrust_number(rotor, radius) for rotor in vehicle.rotors], THRUST_COEFFICIENTS),
-        ("moment_coefficient", [float(r.moment_coefficient) / radius for r in vehicle.rotors], MOMENT_ARMS),
-    ):
-        at = max(
-            range(len(values)), key=lambda i: abs(math.log(max(values[i], 1e-300) / math.sqrt(math.prod(allowed))))
+    """Thrust and moment coefficients, each of the rotor whose is furthest from the middle of what is allowed."""
+    radius, found = disc_radius(vehicle), []
+    thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
+    arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
+    for field, values, (least, most), what, unit in (
+        ("thrust_coefficient", thrusts, THRUST_COEFFICIENTS, "C_T on the largest disc that fits",
+         "N s^2/rad^2, not N per (rev/min)^2?"),
+        ("moment_coefficient", arms, MOMENT_ARMS, "torque over thrust, in radii", "m; torque over thrust"),
+    ):  # fmt: skip
+        middle = 0.5 * math.log(least * most)
+        value, rotor = max(
+            zip(values, vehicle.rotors, strict=True), key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle)
         )
-        value = values[at]
-        level = OK if allowed[0] <= value <= allowed[1] else WARNING if value < allowed[0] and value > 0 else FAULT
-        level = FAULT if field == "thrust_coefficient" and level != OK else level
-        name = f"rotors[{vehicle.rotors[at].name}].{field}"
-        what = "C_T on the largest disc that fits" if field == "thrust_coefficient" else "torque over thrust, in radii"
-        table = f"rotors[{vehicle.rotors[at].name}].thrust_table"
-        unit = "N s^2/rad^2, not N per (rev/min)^2?" if field == "thrust_coefficient" else "m; torque over thrust"
-        remedy = f"check {name} ({unit}) and rotors.position"
-        if vehicle.rotors[at].table is not None:
-            remedy = f"check {table} (N, not g; N m; rad/s, not rev/min) and rotors.position"
-        found.append(
-            Finding(
-                question=field.replace("_", " "),
-                level=level,
-                text=f"{what}: {value:.3g} ({float(getattr(vehicle.rotors[at], field)):g} in {name})",
-                field=name if vehicle.rotors[at].table is None else table,
-                value=value,
-                limit=allowed[0] if value < allowed[0] else allowed[1],
-                remedy="" if level == OK else remedy,
-            )
-        )
+        small = field == "moment_coefficient" and 0.0 < value < least  # rotors that hardly turn the vehicle still fly
+        level = OK if least <= value <= most else WARNING if small else FAULT
+        name = f"rotors[{rotor.name}].{field}"
+        text = f"{what}: {value:.3g} ({float(getattr(rotor, field)):g} in {name})"
+        table = (f"rotors[{rotor.name}].thrust_table", "N, not g; N m; rad/s, not rev/min")
+        at, units = (name, unit) if rotor.table is None else table
+        remedy = f"check {at} ({units}) and rotors.position"
+        limit = least if value < least else most
+        found.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit))
     return found
 
 
@@ -331,27 +268,14 @@ def _directions(vehicle: Vehicle, gravity: float) -> Finding:
         # those that explain it as well are as likely
         names = [name for spread, name in tried if spread <= best[0] + 0.01]
         fields = ", ".join(f"rotors[{name}].direction" for name in names)
-        return Finding(
-            question=question,
-            level=FAULT,
-            text=f"hover is uneven (spread {own:.2g} of the mean) and would be even with another sense of one rotor",
-            field=fields,
-            value=own,
-            limit=UNEVEN,
-            remedy=f"turn round one of {fields}" if len(names) > 1 else f"turn round {fields}",
-        )
-    turning = sum(rotor.direction for rotor in vehicle.rotors)
-    uneven = abs(turning) > 1
+        text = f"hover is uneven (spread {own:.2g} of the mean) and would be even with another sense of one rotor"
+        remedy = f"turn round {'one of ' if len(names) > 1 else ''}{fields}"
+        return Finding(question, FAULT, text, fields, remedy, own, UNEVEN)
+    turning = abs(sum(rotor.direction for rotor in vehicle.rotors))
     text = f"rotors share hover evenly (spread {own:.2g} of the mean)" if own < UNEVEN else f"spread of hover {own:.2g}"
-    return Finding(
-        question=question,
-        level=WARNING if uneven else OK,
-        text=text + (f"; {abs(turning)} more turn one way than the other" if uneven else ""),
-        field="rotors.direction",
-        value=own,
-        limit=UNEVEN,
-        remedy="check rotors.direction" if uneven else "",
-    )
+    text += f"; {turning} more turn one way than the other" if turning > 1 else ""
+    level, field = WARNING if turning > 1 else OK, "rotors.direction"
+    return Finding(question, level, text, field, f"check {field}", own, UNEVEN)
 
 
 def _flipped(vehicle: Vehicle, at: int) -> Vehicle:

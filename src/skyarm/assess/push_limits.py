@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -64,7 +63,7 @@ def _law(scenario: Scenario) -> list[Finding]:
         return []
     text = f"law {scenario.controller.name} knows nothing of reference.push and follows positions against the surface"
     remedy = 'law = "centroidal" with mode = "tip" and interaction'
-    return [Finding(question="pressing", level=WARNING, text=text, field="controller", remedy=remedy)]
+    return [Finding("pressing", WARNING, text, "controller", remedy)]
 
 
 def _force(at: Reference) -> Array:
@@ -118,8 +117,8 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     unit = "N m" if vehicle.links[i].joint.kind == "revolute" else "N"
     text = f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g} {unit} at joint {name}"
     remedy = "less force, or a pose with the tip nearer to the joint's height"
-    facts: dict[str, Any] = {"field": FORCE, "limit": 1.0, "remedy": remedy, "joints": joints}
-    return [at_most("joints while pressing", share, text, fault=1.0, warning=WARNS, **facts)]
+    words = ("joints while pressing", share, text, FORCE, remedy)
+    return [at_most(*words, fault=1.0, warning=WARNS, limit=1.0, joints=joints)]
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -131,8 +130,8 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     torque = pushing + max(frictions) * sliding
     text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
     remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
-    facts: dict[str, Any] = {"field": FORCE, "unit": "N m", "remedy": remedy, "joints": joints}
-    return [at_most("yaw while pressing", torque, text, warning=HALF * room, **facts)]
+    warning = HALF * room
+    return [at_most("yaw while pressing", torque, text, FORCE, remedy, warning=warning, unit="N m", joints=joints)]
 
 
 def _push_columns(scenario: Scenario, at: Reference) -> tuple[Array, Array]:
@@ -168,8 +167,8 @@ def _servos(scenario: Scenario, at: Reference) -> list[Finding]:
     name = scenario.plant.vehicle.links[i].joint.name
     said = f"setpoints for joints that move freely miss {share:.2g} of the push's torque on a surface that stops them"
     remedy = "a force sensor at the tip (force_sensor = true), or joints that take torques"
-    facts: dict[str, Any] = {"field": f"drives.{name}", "remedy": remedy, "joints": joints}
-    return [at_most("servos while pressing", share, f"{said}, most at joint {name}", fault=MISSED, **facts)]
+    words = (f"{said}, most at joint {name}", f"drives.{name}", remedy)
+    return [at_most("servos while pressing", share, *words, fault=MISSED, joints=joints)]
 
 
 def _tip_mass(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -179,16 +178,6 @@ def _tip_mass(scenario: Scenario, at: Reference) -> list[Finding]:
     pushed, free = _push_columns(scenario, at)
     mass = 1.0 / float(pushed @ free)
     text = f"{float(at.push[0]):.3g} N press with a tip that weighs {mass:.2g} kg along the normal"
-    return [
-        at_least(
-            "mass of the tip while pressing",
-            float(at.push[0]) / mass,
-            text,
-            fault=BOUNCES,
-            warning=RIPPLES,
-            field="links.joint.armature",
-            unit="m/s^2",
-            remedy="more force, a lighter arm, or drives with less armature",
-            joints=tuple(float(q) for q in at.joints),
-        )
-    ]
+    remedy = "more force, a lighter arm, or drives with less armature"
+    words = ("mass of the tip while pressing", float(at.push[0]) / mass, text, "links.joint.armature", remedy)
+    return [at_least(*words, fault=BOUNCES, warning=RIPPLES, unit="m/s^2", joints=at.joints)]

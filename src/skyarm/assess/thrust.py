@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +37,7 @@ def thrust_margin(
         allocation: of its rotors.
         poses: of its arm.
         gravity: m/s^2.
-        held: says of the payload that it is held, as " with 0.3 kg"; empty without one.
+        held: the payload in words, as " with 0.3 kg"; empty without one.
     """
 
     def quantities(joints: Array) -> Array:
@@ -47,43 +46,35 @@ def thrust_margin(
         idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
         return np.stack([-busiest, idlest])
 
-    (busiest, idlest), at = poses.worst(quantities)
-    busiest = -float(busiest)
+    (busiest, share), at = poses.worst(quantities)
+    text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
+    if share < 0.0:
+        text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
+    field = field_of_mass(vehicle, at[1])
+    remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
+    words = (f"balance of the rotors{held}", share, text, field, remedy)
     return [
-        _margin(vehicle, gravity, busiest, tuple(map(float, at[0])), held),
-        _idlest(vehicle, float(idlest), tuple(map(float, at[1])), held),
+        _margin(vehicle, gravity, -float(busiest), at[0], held),
+        at_least(*words, fault=0.0, warning=LEAST_SHARE, joints=at[1]),
     ]
 
 
-def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: tuple[float, ...], held: str) -> Finding:
+def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: Array, held: str) -> Finding:
     question = f"thrust margin{held}"
     if any(math.isinf(float(rotor.max_speed)) for rotor in vehicle.rotors):
-        text = "not known: a rotor has no max_speed"
-        remedy = "state rotors.max_speed, rad/s"
-        return Finding(question=question, level=NOTE, text=text, field="rotors.max_speed", remedy=remedy)
+        text, remedy = "not known: a rotor has no max_speed", "state rotors.max_speed, rad/s"
+        return Finding(question, NOTE, text, "rotors.max_speed", remedy)
     sagging = speed_share(vehicle, gravity)
     margin = sagging**2 / busiest if busiest > 0.0 else math.nan
-    weight = float(vehicle.mass) * gravity
     text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
     remedy = "less mass, a shorter arm, or more thrust: rotors.max_speed, rotors.thrust_coefficient"
     if sagging < 1.0:
         text += f", on its battery at the start, whose voltage lets rotors turn at {sagging:.3g} of max_speed"
         remedy = "a fuller battery, more cells, less mass, or more thrust: rotors.max_speed"
     if not margin >= 1.0:
-        text = f"cannot hover: {text} ({weight:.3g} N of weight)"
+        text = f"cannot hover: {text} ({float(vehicle.mass) * gravity:.3g} N of weight)"
     field = "rotors.max_speed" if busiest * ENOUGH > 1.0 or sagging == 1.0 else "battery.charge, battery.cells"
-    facts: dict[str, Any] = {"field": field, "remedy": remedy, "joints": joints}
-    return at_least(question, margin, text, fault=1.0, warning=ENOUGH, **facts)
-
-
-def _idlest(vehicle: Vehicle, share: float, joints: tuple[float, ...], held: str) -> Finding:
-    field = field_of_mass(vehicle, np.array(joints))
-    text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
-    if share < 0.0:
-        text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
-    remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
-    facts: dict[str, Any] = {"field": field, "remedy": remedy, "joints": joints}
-    return at_least(f"balance of the rotors{held}", share, text, fault=0.0, warning=LEAST_SHARE, **facts)
+    return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
 
 
 AXES = ("roll", "pitch", "yaw")
@@ -111,27 +102,16 @@ def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, 
     found = []
     for axis, name in enumerate(AXES):
         i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
-        acceleration, joints = float(least[i]), at[i]
-        torque = acceleration * float(locked_inertia(vehicle, joints[None])[0, axis, axis])
-        found.append(_finding(name, axis, torque, acceleration, tuple(map(float, joints))))
+        acceleration = float(least[i])
+        torque = acceleration * float(locked_inertia(vehicle, at[i][None])[0, axis, axis])
+        text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
+        text = text if acceleration >= FAULTS[axis] else f"cannot be turned: {text}"
+        fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
+        fields += ", base.inertia"
+        words = (f"{name} authority", acceleration, text, fields, f"check {fields}; more thrust margin")
+        fault, warning = FAULTS[axis], WARNINGS[axis]
+        found.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
     return found
-
-
-def _finding(name: str, axis: int, torque: float, acceleration: float, joints: tuple[float, ...]) -> Finding:
-    text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
-    fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
-    return at_least(
-        f"{name} authority",
-        acceleration,
-        text,
-        fault=FAULTS[axis],
-        warning=WARNINGS[axis],
-        failing="cannot be turned: ",
-        field=f"{fields}, base.inertia",
-        unit="rad/s^2",
-        remedy=f"check {fields}, base.inertia; more thrust margin",
-        joints=joints,
-    )
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
@@ -187,17 +167,7 @@ def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Fi
         f"rotors give up to {force:.3g} N sideways at a level hover in any direction, as a tilt of "
         f"{math.degrees(math.atan2(force, weight)):.3g} deg would; option sideways of law centroidal uses it"
     )
-    return [
-        Finding(
-            question="sideways force",
-            level=OK,
-            text=text,
-            field="rotors.axis",
-            value=force,
-            unit="N",
-            joints=tuple(map(float, at[0])),
-        )
-    ]
+    return [Finding("sideways force", OK, text, "rotors.axis", "", force, unit="N", joints=at[0])]
 
 
 NOTHING = 1e-9
@@ -214,7 +184,7 @@ def largest_payload(
     """
     question = "largest payload"
     if not vehicle.end_effector:
-        return [Finding(question=question, level=NOTE, text="not known: the vehicle has no tip", field="end_effector")]
+        return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
     loaded = vehicle.with_payload(1.0)
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
     names += [f"joints[{link.joint.name}].effort_limit" for link in vehicle.links]
@@ -226,28 +196,18 @@ def largest_payload(
     (least,), at = poses.worst(largest)
     parts = _largest_by_part(vehicle, loaded, allocation, at, gravity)[:, 0]
     binding = names[int(np.argmin(parts))]
-    most, joints = max(float(least), 0.0), tuple(map(float, at[0]))
+    most = max(float(least), 0.0)
     if math.isinf(most):
-        return [Finding(question=question, level=NOTE, text="not limited: no rotor or joint states a limit")]
+        return [Finding(question, NOTE, "not limited: no rotor or joint states a limit")]
     level = FAULT if payload > most else OK if most > NOTHING else WARNING
     text = f"{most:.3g} kg in every arm pose, with thrust for {ENOUGH:g} times the weight; {binding} comes first"
     remedy = f"at most {most:.3g} kg, or more of {binding}"
     if most <= NOTHING:
         text = f"none: {binding} has nothing left in some arm pose, with thrust for {ENOUGH:g} times the weight"
         remedy = f"more of {binding}, or a lighter vehicle"
-    return [
-        Finding(
-            question=question,
-            level=level,
-            text=text if level != FAULT else f"--payload {payload:g} kg is more than it holds: {text}",
-            field=binding,
-            value=most,
-            limit=payload if payload else math.nan,
-            unit="kg",
-            remedy="" if level == OK else remedy,
-            joints=joints,
-        )
-    ]
+    text = text if level != FAULT else f"--payload {payload:g} kg is more than it holds: {text}"
+    limit = payload or math.nan
+    return [Finding(question, level, text, binding, remedy, most, limit, "kg", at[0])]
 
 
 def _largest_by_part(vehicle: Vehicle, loaded: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
@@ -286,24 +246,18 @@ def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list
     weight = (float(vehicle.mass) + payload) * gravity
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):
-        return [Finding(question=question, level=NOTE, text="not known: a rotor has no max_speed")]
+        return [Finding(question, NOTE, "not known: a rotor has no max_speed")]
     force = math.sqrt(max(top * top - weight * weight, 0.0))
-    if not _has_drag(vehicle):
+    coefficients = [*vehicle.drag.area, *(rotor.drag_coefficient for rotor in vehicle.rotors)]
+    if not any(float(each) for each in coefficients):
         text = f"not known: the vehicle states no drag; its thrust holds {force:.3g} N of side force"
         remedy = "state drag.area or rotors.drag_coefficient"
-        return [
-            Finding(question=question, level=NOTE, text=text, field="drag.area", value=force, unit="N", remedy=remedy)
-        ]
+        return [Finding(question, NOTE, text, "drag.area", remedy, force, unit="N")]
     speed = _largest_speed(vehicle, weight, top)
     more = " or more" if speed >= STRONGEST else ""
     text = f"{speed:.3g} m/s{more} from the worst side; its thrust holds {force:.3g} N of side force"
-    field, remedy = "drag.area, rotors.drag_coefficient", "more thrust margin, or less drag"
-    return [at_least(question, speed, text, warning=BREEZE, field=field, unit="m/s", remedy=remedy)]
-
-
-def _has_drag(vehicle: Vehicle) -> bool:
-    coefficients = [*vehicle.drag.area, *(rotor.drag_coefficient for rotor in vehicle.rotors)]
-    return any(float(each) for each in coefficients)
+    words = (text, "drag.area, rotors.drag_coefficient", "more thrust margin, or less drag")
+    return [at_least(question, speed, *words, warning=BREEZE, unit="m/s")]
 
 
 def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
