@@ -135,10 +135,12 @@ class EpisodeInputs:
         if isinstance(now.clock, PathClock):
             path_time = float(self.waits.path_time(now.clock))
             return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
-        led: Any = reference_clock(self.scenario).lead(now.clock, now.ticks, fed)
-        if led is fed:
+        led = reference_clock(self.scenario).lead(now.clock, now.ticks, fed)
+        if now.clock == ():
             return fed
-        return dataclasses.replace(fed, told=led.told.dense(), path_time=float(led.path_time))
+        told: Any = led.told
+        time: Any = led.path_time
+        return dataclasses.replace(fed, told=told.dense(), path_time=float(time))
 
     @cached_property
     def goals(self) -> Array:

@@ -127,27 +127,37 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
     rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
-    writer.do(f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline {{")
-    _open_blocks(writer)
+    writer.do(f"""
+define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline {{
+entry:
+  br label %blocks
+blocks:
+  %b = phi i64 [ %first, %entry ], [ %b.next, %next ]
+  %any = icmp slt i64 %b, %last
+  br i1 %any, label %block, label %done
+block:
+  %offset = mul i64 %b, {lanes.width}""")
     for i, node in enumerate(parameters):
         writer.names[node.index] = _load(writer, "%parameters", i)
     writer.program(invariant)
     starts = [_load(writer, "%carry", i) for i in range(loop.carry)]
     if loop.uniforms:
-        writer.do("  %episodes.at = getelementptr i64, ptr %keys, i64 %offset")
-        writer.do("  %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1")
-        if loop.own_seeds:
-            writer.do("  %seeds.ptr = getelementptr i64, ptr %episodes.ptr, i64 %lanes")
-    writer.do("  br label %head")
-    writer.do("head:")
-    writer.do("  %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]")
+        writer.do("""
+  %episodes.at = getelementptr i64, ptr %keys, i64 %offset
+  %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1
+  %seeds.ptr = getelementptr i64, ptr %episodes.ptr, i64 %lanes""")
+    writer.do("""
+  br label %head
+head:
+  %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]""")
     for i, (node, start) in enumerate(zip(carry, starts, strict=True)):
         writer.do(f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ %n{i}, %latch ]")
         writer.names[node.index] = f"%c{i}"
-    writer.do("  %more = icmp slt i64 %i, %end")
-    writer.do("  br i1 %more, label %body, label %store")
-    writer.do("body:")
-    writer.do("  %step = add i64 %i, %start")
+    writer.do("""
+  %more = icmp slt i64 %i, %end
+  br i1 %more, label %body, label %store
+body:
+  %step = add i64 %i, %start""")
     used = {arg.index for node in varying for arg in node.args} | {node.index for node in loop.program.outputs}
     for i, node in enumerate(rows):
         if node.index in used:
@@ -159,18 +169,21 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     results = [writer.names[node.index] for node in loop.program.outputs]
     if logging and loop.logged:
         _write_log(writer, results[loop.carry :])
-    writer.do("  br label %latch")
-    writer.do("latch:")
+    writer.do("  br label %latch\nlatch:")
     for i, name in enumerate(results[: loop.carry]):
         # a value that is a constant or an input needs a name of its own here
         writer.do(f"  %n{i} = select i1 true, {lanes.vector} {name}, {lanes.vector} {name}")
-    writer.do("  %i.next = add i64 %i, 1")
-    writer.do("  br label %head")
-    writer.do("store:")
+    writer.do("  %i.next = add i64 %i, 1\n  br label %head\nstore:")
     for i in range(loop.carry):
         _store(writer, "%carry", i, f"%c{i}")
-    writer.do("  br label %next")
-    _close_blocks(writer)
+    writer.do("""
+  br label %next
+next:
+  %b.next = add i64 %b, 1
+  br label %blocks
+done:
+  ret void
+}""")
     entry = _entry(flush=lanes.contract and _x86())
     return "\n".join([*writer.lines, *entry, *_call(), *sorted(writer.intrinsics), ""])
 
@@ -233,31 +246,14 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
     return invariant, varying
 
 
-def _open_blocks(writer: Writer) -> None:
-    writer.do("entry:")
-    writer.do("  br label %blocks")
-    writer.do("blocks:")
-    writer.do("  %b = phi i64 [ %first, %entry ], [ %b.next, %next ]")
-    writer.do("  %any = icmp slt i64 %b, %last")
-    writer.do("  br i1 %any, label %block, label %done")
-    writer.do("block:")
-    writer.do(f"  %offset = mul i64 %b, {writer.lanes.width}")
-
-
-def _close_blocks(writer: Writer) -> None:
-    writer.do("next:")
-    writer.do("  %b.next = add i64 %b, 1")
-    writer.do("  br label %blocks")
-    writer.do("done:")
-    writer.do("  ret void")
-    writer.do("}")
-
-
 def _address(writer: Writer, base: str, index: int) -> str:
     """Address of variable ``index`` of this block."""
-    skip = writer.emit(f"mul i64 %lanes, {index}")
-    place = writer.emit(f"add i64 {skip}, %offset")
-    return writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {base}, i64 {place}")
+    at = writer.fresh()
+    writer.do(f"""
+  {at}.skip = mul i64 %lanes, {index}
+  {at}.place = add i64 {at}.skip, %offset
+  {at} = getelementptr {writer.lanes.scalar}, ptr {base}, i64 {at}.place""")
+    return at
 
 
 def _load(writer: Writer, base: str, index: int) -> str:
@@ -273,30 +269,33 @@ def _store(writer: Writer, base: str, index: int, name: str) -> None:
 
 def _row(writer: Writer, index: int, width: int) -> str:
     """One shared input of this step in every lane."""
-    lanes = writer.lanes
-    line = writer.emit(f"mul i64 %i, {width}")
-    place = writer.emit(f"add i64 {line}, {index}")
-    address = writer.emit(f"getelementptr {lanes.scalar}, ptr %rows, i64 {place}")
-    value = writer.emit(f"load {lanes.scalar}, ptr {address}, align {lanes.bytes}")
-    first = writer.emit(f"insertelement {lanes.vector} poison, {lanes.scalar} {value}, i64 0")
+    lanes, at = writer.lanes, writer.fresh()
+    writer.do(f"""
+  {at}.line = mul i64 %i, {width}
+  {at}.place = add i64 {at}.line, {index}
+  {at}.address = getelementptr {lanes.scalar}, ptr %rows, i64 {at}.place
+  {at}.value = load {lanes.scalar}, ptr {at}.address, align {lanes.bytes}
+  {at}.first = insertelement {lanes.vector} poison, {lanes.scalar} {at}.value, i64 0""")
     zeros = lanes.splat("i32 0")
-    return writer.emit(f"shufflevector {lanes.vector} {first}, {lanes.vector} poison, <{lanes.width} x i32> {zeros}")
+    return writer.emit(f"shufflevector {lanes.vector} {at}.first, {lanes.vector} poison, <{lanes.width} x i32> {zeros}")
 
 
 def _write_log(writer: Writer, names: list[str]) -> None:
     """Store the logged outputs of every ``%every``-th step: log[step / every][output][lane]."""
     lanes = writer.lanes
-    rest = writer.emit("urem i64 %i, %every")
-    due = writer.emit(f"icmp eq i64 {rest}, 0")
-    writer.do(f"  br i1 {due}, label %write, label %written")
-    writer.do("write:")
-    entry = writer.emit("udiv i64 %i, %every")
-    line = writer.emit(f"mul i64 {entry}, {len(names)}")
+    writer.do(f"""
+  %log.rest = urem i64 %i, %every
+  %log.due = icmp eq i64 %log.rest, 0
+  br i1 %log.due, label %write, label %written
+write:
+  %log.entry = udiv i64 %i, %every
+  %log.line = mul i64 %log.entry, {len(names)}""")
     for i, name in enumerate(names):
-        variable = writer.emit(f"add i64 {line}, {i}")
-        skip = writer.emit(f"mul i64 {variable}, %lanes")
-        place = writer.emit(f"add i64 {skip}, %offset")
-        address = writer.emit(f"getelementptr {lanes.scalar}, ptr %log, i64 {place}")
-        writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
-    writer.do("  br label %written")
-    writer.do("written:")
+        at = writer.fresh()
+        writer.do(f"""
+  {at}.variable = add i64 %log.line, {i}
+  {at}.skip = mul i64 {at}.variable, %lanes
+  {at}.place = add i64 {at}.skip, %offset
+  {at} = getelementptr {lanes.scalar}, ptr %log, i64 {at}.place
+  store {lanes.vector} {name}, ptr {at}, align {lanes.bytes}""")
+    writer.do("  br label %written\nwritten:")

@@ -100,8 +100,8 @@ class Writer:
         return name
 
     def do(self, text: str) -> None:
-        """One instruction without a value, or a label."""
-        self.lines.append(text)
+        """Instructions without a value, or labels, one a line."""
+        self.lines += [line for line in text.split("\n") if line]
 
     def program(self, nodes: Iterable[Node]) -> None:
         """All operations of a lowered program; inputs must have names already."""
