@@ -337,8 +337,6 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     fields.done()
     if not stands:
         return state
-    from skyarm.scenario.standing_start import standing
-
     from skyarm.contact.static_equilibrium import stand_vehicle
 
     return stand_vehicle(scenario.plant.vehicle, float(scenario.plant.gravity), scenario.worlds[0], state)
