@@ -106,7 +106,7 @@ REFUSED = {
     ),
     "mimic": (
         ("hummingbird", "arm.urdf", "-o", "v.toml", "--mimic", "loose"),
-        "mimic = 'loose': must be 'lock' or 'couple'",
+        "mimic = 'loose': must be one of lock, couple",
     ),
     "xacro": (("hummingbird", "arm.xacro", "-o", "v.toml"), "must be expanded first: xacro arm.xacro -o arm.urdf"),
 }

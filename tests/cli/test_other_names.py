@@ -37,13 +37,6 @@ def study(*controllers: str, **more: str):
     )
 
 
-def test_the_old_name_of_a_precision_is_the_same_study() -> None:
-    with pytest.warns(OldNameWarning) as caught:
-        before = study("paper_ct", precision="exact")
-    old(caught, "'bit_exact'")
-    assert before.document == study("paper_ct", precision="bit_exact").document
-
-
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
     from skyarm.cli.compare_command import _entrants
     from skyarm.compare.entrants import ENTRANTS

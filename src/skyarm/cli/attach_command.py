@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,7 +53,7 @@ def attach(
     table = {name: value for name, value in mount.items() if value not in ("", "base", 0.0, [0.0, 0.0, 0.0])}
     document["attach"] = [{"arm": _named_from(written, arm), **table}]
     vehicle = vehicle_of_text(toml_text(document), written)
-    found = _tip(_Arm(alone, vehicle, prefix), tip, arm)
+    found = _tip(alone, vehicle, prefix, tip, arm)
     if found in [frame.name for frame in vehicle.frames]:
         document = {**document, "end_effector": found}
     elif found:
@@ -80,55 +79,36 @@ def attach(
     tell(told + (f"; {len(vehicle.notes)} notes: skyarm show {written}" if vehicle.notes else ""))
 
 
-@dataclass(frozen=True, slots=True)
-class _Arm:
-    """What an arm adds to an airframe: links and frames of the whole that the airframe alone does not have."""
+def _tip(alone: Record, whole: Record, prefix: str, wanted: str | None, file: str) -> str:
+    """Frame or link of the arm that becomes the tip; empty where the arm has no single end.
 
-    alone: Record
-    whole: Record
-    prefix: str
-
-    @property
-    def links(self) -> list[str]:
-        """Names, in the order of the vehicle."""
-        there = {link.name for link in self.alone.moving}
-        return [link.name for link in self.whole.moving if link.name not in there]
-
-    @property
-    def frames(self) -> dict[str, str]:
-        """Name -> the link that carries it; "base" for the airframe."""
-        there = {frame.name for frame in self.alone.frames}
-        names = ["base", *(link.name for link in self.whole.moving)]
-        return {frame.name: names[frame.link + 1] for frame in self.whole.frames if frame.name not in there}
-
-    @property
-    def ends(self) -> list[str]:
-        """Links of the arm that carry no other one."""
-        moving = self.whole.moving
-        carrying = {moving[link.parent].name for link in moving if link.parent >= 0}
-        return [name for name in self.links if name not in carrying]
-
-
-def _tip(arm: _Arm, wanted: str | None, file: str) -> str:
-    """Frame or link that becomes the tip; empty where the arm has no single end."""
-    known = [*arm.frames, *arm.links]
+    Args:
+        alone: the airframe.
+        whole: with the arm.
+        prefix: of the arm's names.
+        wanted: the tip that was asked for.
+        file: of the arm.
+    """
+    moving, carriers = whole.moving, ["base", *(link.name for link in whole.moving)]
+    there = {each.name for each in (*alone.moving, *alone.frames)}
+    links = [link.name for link in moving if link.name not in there]
+    frames = {frame.name: carriers[frame.link + 1] for frame in whole.frames if frame.name not in there}
     if wanted is not None:
-        for name in (arm.prefix + wanted, wanted):
-            if name in known:
+        for name in (prefix + wanted, wanted):
+            if name in (*frames, *links):
                 return name
-        plain = [name.removeprefix(arm.prefix) for name in known]
+        plain = [name.removeprefix(prefix) for name in (*frames, *links)]
         raise ValueError(f"--tip = {shown(wanted)}: {must_be_one_of(plain, wanted)}")
     if file.endswith(".toml") and load_vehicle(file).end_effector:
-        return arm.prefix + load_vehicle(file).end_effector
+        return prefix + load_vehicle(file).end_effector
     for ending in TIPS:
-        usual = [name for name in arm.frames if name.endswith(ending)]
+        usual = [name for name in frames if name.endswith(ending)]
         if usual:
             return usual[-1]
-    if len(arm.ends) > 1:
-        return ""
-    end = arm.ends[0] if arm.ends else ""
-    held = [name for name, link in arm.frames.items() if not end or link == end]
-    return held[-1] if held else end
+    carrying = {moving[link.parent].name for link in moving if link.parent >= 0}
+    end, *others = [name for name in links if name not in carrying] or [""]
+    held = [name for name, link in frames.items() if not end or link == end]
+    return "" if others else held[-1] if held else end
 
 
 def _named_from(written: Path, name: str) -> str:

@@ -322,7 +322,4 @@ def _reach(vehicle: Vehicle, found: float | None) -> str:
 def _tried(joints: int, quantities: int) -> str:
     """Joint values over which a largest value was searched for, in words."""
     search = search_of(joints, quantities)
-    if search.whole:
-        return "all joint values"
-    near = f", and {search.rounds} rounds of {search.around} near the best" if search.rounds else ""
-    return f"{search.samples} random joint values{near} (shortened: {joints} joints)"
+    return "all joint values" if search.whole else f"{search.samples} random joint values, then near the best"

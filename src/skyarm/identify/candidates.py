@@ -67,9 +67,6 @@ def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0
 AT_ONCE = 8192
 """Lanes of one call."""
 
-MILD = 1.5
-"""Friction up to so many times as fast as the family's shares its code, and the length of its steps."""
-
 
 class Flown:
     """A flight whose numbers at some paths differ from candidate to candidate.
@@ -158,10 +155,11 @@ class Candidates:
         """(lanes, metrics) of a flight, whose machine code serves every setting of the study's own family."""
         numbers = self.study.numbers(flight, {**fixed, **columns})
         table = self.study.tables(flight, fixed)
-        names = self._served(flight, table, [*fixed, *columns], numbers)
+        names = self._family
+        if not set(numbers) <= self._paths(flight, names):  # a rival's may be faster, and has code of its own
+            names = tuple(dict.fromkeys([*names, *(name for name in (*fixed, *columns) if name in self._rivals)]))
         paths = tuple(sorted({*self._paths(flight, names), *numbers}))
-        effort = 2 if names == self._family else 1 if len(names) > len(self._family) + 1 else 0
-        effort = 0 if self._restructured(fixed) else effort
+        effort = 2 if names == self._family else 0
         planned, stiffest, fastest = self._bounded(flight, table, fixed, [*names, *fixed, *columns])
         # all that the machine code is made of: who asks first, as after a stop, makes no other one
         key = (flight, json.dumps(table, sort_keys=True), fastest, effort, *paths)
@@ -172,21 +170,6 @@ class Candidates:
         for i, path in enumerate(paths):
             rows[:, i] = numbers.get(path, flown.base[path])
         return flown.values(rows, self._threads)
-
-    def _served(self, flight: str, table: Any, names: Sequence[str], numbers: Mapping[str, Any]) -> tuple[str, ...]:
-        """Parameters that one machine code serves: the family, or it and every rival that needs no shorter steps.
-
-        A rival whose friction is faster than the family's has a code of its own.
-        """
-        if set(numbers) <= self._paths(flight, self._family):
-            return self._family
-        planned = scenario_from(table, self.study.flight(flight).folder)
-        _, fastest = _stiffest(planned, self._ends(flight, {}, self._family))
-        mild = [
-            name for name in self._rivals if _stiffest(planned, self._ends(flight, {}, [name]))[1] <= MILD * fastest
-        ]
-        own = [name for name in names if name in self._rivals and name not in self._family]
-        return (*self._family, *(mild if set(own) <= set(mild) else own))
 
     def _bounded(
         self, flight: str, table: Any, fixed: Settings, names: Sequence[str]
@@ -203,10 +186,6 @@ class Candidates:
             ends = [*self._ends(flight, {}, own), *self._ends(flight, options, own)]
             self._bounds[key] = (planned, *_stiffest(planned, ends))
         return self._bounds[key]
-
-    def _restructured(self, fixed: Settings) -> bool:
-        """Whether an option lays tables over the scenarios."""
-        return any(option.tables for option in self.study.taken(fixed))
 
     def _paths(self, flight: str, names: Sequence[str]) -> set[str]:
         """Paths of a flight that some parameters, and every choice, set."""

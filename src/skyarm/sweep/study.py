@@ -18,9 +18,6 @@ PRECISIONS = ("double", "single", "bit_exact")
 LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
 """Episodes of one file, which is held in memory, about 300 bytes each; and in all: the noise generator has 32 bits."""
 
-OLD_PRECISIONS = {"exact": "bit_exact"}
-"""Names of the last version."""
-
 
 class StudyError(ValueError):
     """A study's description is wrong, or its folder holds another one."""

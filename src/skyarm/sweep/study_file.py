@@ -44,7 +44,6 @@ from skyarm.files import (
     shown,
 )
 from skyarm.files.names import names_in, read_named
-from skyarm.files.old_names import renamed
 from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.metrics.windows import windows_from
 from skyarm.registry.plugins import is_law_of_file
@@ -59,7 +58,6 @@ from skyarm.sweep.study import (
     DESIGNS,
     LARGEST_CHUNK,
     MOST_EPISODES,
-    OLD_PRECISIONS,
     PRECISIONS,
     Study,
     StudyError,
@@ -142,8 +140,6 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     _say_grid(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
-    if "precision" in top.table:
-        top.table["precision"] = renamed(top.at("precision"), top.table["precision"], OLD_PRECISIONS)
     chosen: dict[str, Any] = {
         "design": design,
         "episodes": _episodes(top, design, vary),
