@@ -38,10 +38,6 @@ class View:
         """Points (..., 3) on paper (..., 2), m."""
         return np.asarray(points @ np.array([self.right, self.up]).T)
 
-    def depth(self, point: Array) -> float:
-        """How near a point is to the observer, m."""
-        return float(self.toward @ point)
-
 
 def axonometric(azimuth: float, elevation: float) -> View:
     """A view from a direction: azimuth from x towards y, elevation above the horizon, rad."""

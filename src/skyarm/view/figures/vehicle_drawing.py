@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
+from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.drawing_marks import TRIAD, DrawnFrame, Marks, Posed, pose
-from skyarm.view.figures.projection import SIDE, TOP, View, axonometric, hull, surface
+from skyarm.view.figures.projection import SIDE, TOP, View, across, arc, axonometric, hull, surface
 from skyarm.view.figures.style import Picture, PictureStyle, picture_style
 from skyarm.view.scene.shapes import Shape
-from skyarm.view.scene.vehicle_shapes import rotor_radius, vehicle_shapes
+from skyarm.view.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 
-FILLS = {
-    False: {
-        "hull": "#c5cfda",
-        "boom": "#aab6c2",
-        "rotor": "#8fb8d8",
-        "link": "#eab277",
-        "joint": "#6c7a89",
-        "tip": "#b2182b",
-        "payload": "#8a6d3b",
-    },
-    True: {
-        "hull": "#3d4853",
-        "boom": "#55626f",
-        "rotor": "#3a6d94",
-        "link": "#b8793c",
-        "joint": "#93a1af",
-        "tip": "#ff7d8b",
-        "payload": "#c9a86a",
-    },
+ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload")
+
+FILLS: Mapping[bool, Mapping[str, str]] = {
+    dark: dict(zip(ROLES, colors.split(), strict=True))
+    for dark, colors in (
+        (False, "#c5cfda #aab6c2 #8fb8d8 #eab277 #6c7a89 #b2182b #8a6d3b"),
+        (True, "#3d4853 #55626f #3a6d94 #b8793c #93a1af #ff7d8b #c9a86a"),
+    )
 }
 """Role of a shape -> fill, on light and on dark ground."""
+
+AXIS_COLORS = {False: ("#c0262d", "#1a7f37", "#1f5fbf"), True: ("#ff7d8b", "#6fce8f", "#79b0ee")}
+"""x, y, z, as in every robot viewer; letters say it without colour."""
 
 AZIMUTH, ELEVATION = -math.radians(58.0), math.radians(24.0)
 """Of the axonometric view: from the right and a little from the front, so that x, y and z all show."""
@@ -49,6 +45,26 @@ HEIGHTS = {"paper": 3.9, "talk": 7.5}
 
 MARGINS = np.array([0.14, 0.08])
 """Room for labels left and right of a view, and above and below it, as shares of its width and height."""
+
+BENT = 0.5
+"""rad: angle of the joints whose motion the side view shows."""
+
+TRIAD = 0.34
+"""Length of the axes of a frame, as a share of the vehicle's reach; those without letters are shorter."""
+
+SEEN, FLAT = 0.25, 0.97
+"""Least share of its length on paper at which an axis is drawn, and from which a rod's length is written there."""
+
+MERGED = 0.02
+"""Share of the reach within which names stand together at one point."""
+
+DISTANCES = (0.9, 1.4, 2.0, 2.8, 3.8, 5.0, 6.5)
+"""Of a label from its point, in font sizes, nearest first; in so many directions."""
+
+DIRECTIONS = 16
+
+GAP, LEADER = 0.12, 1.6
+"""Font sizes: least gap between two labels; distance from which a thin line leads from a label to its point."""
 
 
 def vehicle_drawing(
@@ -74,28 +90,35 @@ def vehicle_drawing(
     figure = chosen.blank(chosen.wide, HEIGHTS[style])
     figure.set_layout_engine("none")  # every view has its place
     shapes = vehicle_shapes(vehicle)
-    for view, place, draw in (
-        (axonometric(AZIMUTH, ELEVATION), (0.005, 0.01, 0.575, 0.91), _solid),
-        (SIDE, (0.585, 0.5, 0.41, 0.38), _side),
-        (TOP, (0.585, 0.01, 0.41, 0.43), _top),
+    for view, place, title, draw in (
+        (axonometric(AZIMUTH, ELEVATION), (0.005, 0.01, 0.575, 0.91), "", _draw_solid),
+        (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _draw_side),
+        (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _draw_top),
     ):
         ax = figure.add_axes(place)
         ax.set_axis_off()
+        ax.set_title(title, **chosen.small_words)
         outlines = _outlines(shapes, posed, view)
-        world = _world(outlines, posed, view) if draw is _solid else None
-        _fit(ax, outlines, posed, view, world)
-        _draw_shapes(ax, outlines, chosen)
+        corners = np.concatenate([each for _, each in outlines])
+        # the axes of the world stand below the vehicle, to its left on paper
+        low = corners.min(axis=0) - posed.reach * np.array([0.15, 0.2])
+        world = Frame("world", low[0] * np.array(view.right) + low[1] * np.array(view.up), np.eye(3))
+        frames = [posed.frames[0], *([world] if draw is _draw_solid else [])]
+        ends = [view.flat(frame.at + TRIAD * posed.reach * frame.R.T) for frame in frames]
+        _fit(ax, np.concatenate([corners, *ends]))
         marks = Marks(ax, view, chosen, posed.reach)
-        for shape, corners in outlines:
-            marks.avoid(shape, corners)
+        for i, (shape, outline) in enumerate(outlines):
+            drawn = Polygon(outline, closed=True, facecolor=FILLS[chosen.dark][shape.role], edgecolor=chosen.frame)
+            alpha = 0.4 if shape.role == "rotor" else 1.0
+            drawn.set(linewidth=0.06 * chosen.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
+            ax.add_patch(drawn)
+            if shape.role in ("link", "boom", "joint", "tip"):
+                marks.avoid(outline)
         draw(marks, vehicle, posed, world)
-        ax.set_title(TITLES[view.name], **chosen.small_words)
+        marks.write()
     parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
     figure.suptitle(f"{vehicle.name}: {', '.join(parts)}", **chosen.words)
     return figure
-
-
-TITLES = {"axonometric": "", "side": "from the right", "top": "from above"}
 
 
 def _outlines(shapes: Sequence[Shape], posed: Posed, view: View) -> list[tuple[Shape, Array]]:
@@ -104,55 +127,36 @@ def _outlines(shapes: Sequence[Shape], posed: Posed, view: View) -> list[tuple[S
     for shape in shapes:
         R, p = posed.poses[shape.body]
         points = surface(shape) @ R.T + p
-        placed.append((view.depth(points.mean(axis=0)), shape, hull(view.flat(points))))
+        placed.append((float(view.toward @ points.mean(axis=0)), shape, hull(view.flat(points))))
     return [(shape, corners) for _, shape, corners in sorted(placed, key=lambda each: each[0])]
 
 
-def _world(outlines: Sequence[tuple[Shape, Array]], posed: Posed, view: View) -> DrawnFrame:
-    """Where the axes of the world are drawn: below the vehicle, to its left on paper."""
-    flat = np.concatenate([corners for _, corners in outlines])
-    low = flat.min(axis=0) - posed.reach * np.array([0.15, 0.2])
-    return DrawnFrame("world", low[0] * np.array(view.right) + low[1] * np.array(view.up), np.eye(3))
-
-
-def _fit(ax: Axes, outlines: Sequence[tuple[Shape, Array]], posed: Posed, view: View, world: DrawnFrame | None) -> None:
-    """Limits of a view: all that is drawn in the middle, with room for labels, at one scale on both axes."""
-    ends = [frame.at + TRIAD * posed.reach * frame.R.T for frame in (posed.frames[0], *([world] if world else []))]
-    flat = np.concatenate([*(corners for _, corners in outlines), *(view.flat(each) for each in ends)])
+def _fit(ax: Axes, flat: Array) -> None:
+    """Limits of a view: all points (N, 2) in the middle, with room for labels, at one scale on both axes."""
     low, high = flat.min(axis=0), flat.max(axis=0)
-    middle = 0.5 * (low + high)
     size = np.maximum(high - low, 0.3 * float(np.max(high - low)))
     box = ax.get_window_extent()
-    scale = float(np.max(size / (1.0 - 2.0 * MARGINS) / np.array([box.width, box.height])))
-    half = 0.5 * scale * np.array([box.width, box.height])
-    ax.set_xlim(middle[0] - half[0], middle[0] + half[0])
-    ax.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    pixels = np.array([box.width, box.height])
+    half = 0.5 * float(np.max(size / (1.0 - 2.0 * MARGINS) / pixels)) * pixels
+    middle = 0.5 * (low + high)
+    ax.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))
 
 
-def _draw_shapes(ax: Axes, outlines: Sequence[tuple[Shape, Array]], style: PictureStyle) -> None:
-    """Outlines of the solids, the farthest first."""
-    for i, (shape, corners) in enumerate(outlines):
-        outline = Polygon(corners, closed=True, facecolor=FILLS[style.dark][shape.role], edgecolor=style.frame)
-        clear = shape.role == "rotor"
-        outline.set(linewidth=0.06 * style.small, alpha=0.4 if clear else 1.0, zorder=1.0 + 1e-3 * i, label=shape.name)
-        ax.add_patch(outline)
-
-
-def _solid(marks: Marks, vehicle: Vehicle, posed: Posed, world: DrawnFrame | None) -> None:
+def _draw_solid(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
     """Axonometric: the world, the base, every named frame, the joints' positive directions, the rotors' numbers."""
-    if world is not None:
-        marks.way(world.at, posed.frames[0].at, "p_WB")
-        marks.triad(world, letters=True)
+    way = marks.view.flat(np.array([world.at, posed.frames[0].at]))
+    marks.arrow(way, marks.style.frame, 0.07, dashed=True)
+    marks.label("p_WB", way.mean(axis=0), marks.style.frame)
+    marks.triad(world, letters=True)
     for i, frame in enumerate(posed.frames):
         marks.triad(frame, letters=i == 0 or frame.name == vehicle.end_effector)
     for joint in posed.joints:
-        marks.positive(joint, posed.joints)
-    for i, rotor in enumerate(vehicle.rotors):
-        marks.rotor(rotor, rotor_radius(vehicle), str(i + 1))
-    marks.write()
+        marks.positive_direction(joint, posed.joints)
+    for i in range(len(vehicle.rotors)):
+        marks.rotor(vehicle, i, str(i + 1))
 
 
-def _side(marks: Marks, vehicle: Vehicle, posed: Posed, world: DrawnFrame | None) -> None:
+def _draw_side(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
     """From the right: angles from zero, and lengths between joints."""
     del world, vehicle
     marks.triad(posed.frames[0], letters=True)
@@ -160,16 +164,272 @@ def _side(marks: Marks, vehicle: Vehicle, posed: Posed, world: DrawnFrame | None
         marks.angle(joint)
     for rod in posed.rods:
         marks.length(rod)
-    marks.write()
 
 
-def _top(marks: Marks, vehicle: Vehicle, posed: Posed, world: DrawnFrame | None) -> None:
+def _draw_top(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
     """From above: numbers and names of rotors, the sense in which they turn, the length of the booms."""
     del world
     marks.triad(posed.frames[0], letters=True)
     for i, rotor in enumerate(vehicle.rotors):
-        sense = "ccw" if rotor.direction > 0 else "cw"
-        marks.rotor(rotor, rotor_radius(vehicle), f"{i + 1} {rotor.name}\n{sense}", outside=True)
-    if vehicle.rotors:
-        marks.boom(np.array([float(c) for c in vehicle.rotors[0].position]))
-    marks.write()
+        marks.rotor(vehicle, i, f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", outside=True)
+    for rotor in vehicle.rotors[:1]:
+        hub = marks.view.flat(_vector(rotor.position))
+        if (size := float(np.linalg.norm(hub))) > 0.05 * marks.reach:
+            marks.label(_millimetres(size), 0.5 * hub, marks.style.frame)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Axes to draw: a name, their origin (3,), m, and R (3, 3), whose columns are x, y and z in the world."""
+
+    name: str
+    at: Array
+    R: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PosedJoint:
+    """A joint to draw.
+
+    Attributes:
+        name: as in the vehicle. revolute: it turns; else it slides. value: rad or m.
+        at: origin (3,), m. axis: unit vector (3,) of positive motion. zero: (3,) where its rod would point at zero, m;
+            of no length where its link carries nothing.
+    """
+
+    name: str
+    revolute: bool
+    value: float
+    at: Array
+    axis: Array
+    zero: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Posed:
+    """A vehicle in a pose, level, its base at the world's origin.
+
+    Attributes:
+        poses: body -> (R_WB, p_WB). frames: base first, then the named ones. joints: in their order.
+        rods: (2, 3) m, from each joint to the next joint or frame.
+        reach: the longest distance from the base to anything that is named, m.
+    """
+
+    poses: dict[int, tuple[Array, Array]]
+    frames: tuple[Frame, ...]
+    joints: tuple[PosedJoint, ...]
+    rods: tuple[Array, ...]
+    reach: float
+
+
+def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
+    """Joint values for a drawing: BENT where the axis lies across the side view at zero, else zero; within limits."""
+    level = _at_origin(vehicle, [0.0] * vehicle.n)
+    found = []
+    for i, link in enumerate(vehicle.links):
+        bent = link.joint.kind == "revolute" and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
+        found.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
+    return tuple(found)
+
+
+def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
+    """A vehicle as it is drawn.
+
+    Args:
+        vehicle: with concrete numbers.
+        joints: rad or m; :func:`drawing_angles` if left out.
+
+    Raises:
+        ValueError: one line: another number of joints.
+    """
+    values = drawing_angles(vehicle) if joints is None else tuple(float(q) for q in joints)
+    if len(values) != vehicle.n:
+        raise ValueError(f"joints = {list(values)}: must be {vehicle.n} numbers, one a joint of {vehicle.name}")
+    poses = _at_origin(vehicle, values)
+    frames = [Frame("base", poses[BASE][1], poses[BASE][0])]
+    for frame in vehicle.frames:
+        R, p = poses[frame.link]
+        local = np.array([_vector(row) for row in frame.rotation.rows])
+        frames.append(Frame(frame.name, p + R @ _vector(frame.position), R @ local))
+    ends = [_carried_ends(vehicle, i, *poses[i]) for i in range(len(vehicle.moving))]
+    posed = []
+    for i, link in enumerate(vehicle.links):
+        (R, p), joint = poses[i], link.joint
+        axis, rod = R @ _vector(joint.axis), ends[i][0] - p if ends[i] else np.zeros(3)
+        if joint.kind == "revolute":
+            # the rod turned back by the joint's own angle
+            along = axis * (axis @ rod)
+            rod = along + math.cos(values[i]) * (rod - along) - math.sin(values[i]) * np.cross(axis, rod)
+        posed.append(PosedJoint(joint.name, joint.kind == "revolute", values[i], p, axis, rod))
+    rods = tuple(np.array([poses[i][1], end]) for i, each in enumerate(ends) for end in each)
+    named = [
+        *(frame.at for frame in frames),
+        *(each.at for each in posed),
+        *(_vector(r.position) for r in vehicle.rotors),
+    ]
+    return Posed(poses, tuple(frames), tuple(posed), rods, max(float(np.linalg.norm(each)) for each in named) or 0.1)
+
+
+def _carried_ends(vehicle: Vehicle, i: int, R: Array, p: Array) -> list[Array]:
+    """Joints and frames that a link carries away from its own joint."""
+    found = [R @ _vector(other.joint.position) for other in vehicle.moving if other.parent == i]
+    found += [R @ _vector(frame.position) for frame in vehicle.frames if frame.link == i]
+    return [p + each for each in found if np.linalg.norm(each) > 1e-6]
+
+
+def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> dict[int, tuple[Array, Array]]:
+    """Body -> (R_WB, p_WB) of a level base at the origin."""
+    level = np.array([[1.0, 0.0, 0.0, 0.0]])
+    found = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
+    return {body: (R[0], p[0]) for body, (R, p) in found.items()}
+
+
+def _vector(v: Iterable[Any]) -> Array:
+    return np.array([float(c) for c in v])
+
+
+def _millimetres(length: float) -> str:
+    return f"{round(1e3 * length, 1):g} mm"
+
+
+class Marks:
+    """Marks over the shapes of one view: axes, arrows, angles, lengths and their labels.
+
+    Args:
+        ax: with its limits set. view: of it. style: of the picture. reach: of the vehicle, m.
+    """
+
+    def __init__(self, ax: Axes, view: View, style: PictureStyle, reach: float) -> None:
+        self.ax, self.view, self.style, self.reach = ax, view, style, reach
+        self._labels: list[tuple[str, Array, str]] = []
+        self._names: list[tuple[Array, list[str]]] = []
+        self._points: list[Array] = [np.zeros((0, 2))]
+        self._taken: list[Bbox] = []
+        self._dots = style.small * ax.figure.dpi / 72.0
+
+    def avoid(self, corners: Array) -> None:
+        """Keep labels off a solid, where there is room."""
+        closed, middle = np.concatenate([corners, corners[:1]]), corners.mean(axis=0)
+        self._points += [middle + share * (closed - middle) for share in (0.5, 1.0)]
+
+    def label(self, text: str, at: Array, color: str = "") -> None:
+        """Ask for a label near a point (2,) on paper."""
+        self._labels.append((text, at, color or self.style.ink))
+
+    def triad(self, frame: Frame, *, letters: bool) -> None:
+        """Axes of a frame, with the letters of those that are not seen end on."""
+        size = (TRIAD if letters else 0.6 * TRIAD) * self.reach
+        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS[self.style.dark], strict=True):
+            ends = self.view.flat(np.array([frame.at, frame.at + size * axis]))
+            if np.linalg.norm(ends[1] - ends[0]) >= SEEN * size:
+                self.arrow(ends, color, 0.13)
+                if letters:
+                    self.label(letter, ends[1], color)
+        self._name(frame.at, frame.name)
+
+    def positive_direction(self, joint: PosedJoint, others: Sequence[PosedJoint]) -> None:
+        """An arrow about, or along, the axis of a joint in its positive direction; smaller where others are near."""
+        apart = [float(np.linalg.norm(joint.at - other.at)) for other in others]
+        size = min([0.13 * self.reach, *(0.8 * each for each in apart if each > MERGED * self.reach)])
+        way = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
+        if joint.revolute:
+            way = arc(joint.at, joint.axis, size * across(joint.axis), 1.5 * math.pi)
+        self.arrow(self.view.flat(way), self.style.ink, 0.1)
+        self._line(np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis]), (6, 2, 1, 2))
+        self._name(joint.at, joint.name)
+
+    def angle(self, joint: PosedJoint) -> None:
+        """The angle of a joint whose axis is seen end on: from where its rod points at zero, in the positive sense."""
+        end_on = joint.revolute and abs(joint.axis @ self.view.toward) >= FLAT
+        if not end_on or np.linalg.norm(joint.zero) < MERGED * self.reach or abs(joint.value) < 0.05:
+            return
+        self._line(np.array([joint.at, joint.at + 0.85 * joint.zero]), (3, 2))
+        along = joint.zero - joint.axis * (joint.axis @ joint.zero)
+        flat = self.view.flat(arc(joint.at, joint.axis, 0.6 * along, joint.value))
+        self.arrow(flat, self.style.ink, 0.1)
+        # beside the beginning of the arrow, away from the link
+        begin, centre = flat[len(flat) // 5], self.view.flat(joint.at)
+        self.label(f"{joint.name} {'>' if joint.value > 0.0 else '<'} 0", centre + 1.1 * (begin - centre))
+
+    def length(self, rod: Array) -> None:
+        """The length of a rod that lies in the paper; of two arms one behind the other it stands once."""
+        flat, whole = self.view.flat(rod), float(np.linalg.norm(rod[1] - rod[0]))
+        if np.linalg.norm(flat[1] - flat[0]) < FLAT * whole or whole < 0.05 * self.reach:
+            return
+        words, at = _millimetres(whole), flat.mean(axis=0)
+        if not any(text == words and math.dist(p, at) < MERGED * self.reach for text, p, _ in self._labels):
+            self.label(words, at, self.style.frame)
+
+    def rotor(self, vehicle: Vehicle, i: int, words: str, *, outside: bool = False) -> None:
+        """A bow with a head in the sense in which a rotor turns, and its words at the hub or beyond the disc."""
+        rotor, radius = vehicle.rotors[i], rotor_radius(vehicle)
+        hub, axis = _vector(rotor.position), _vector(rotor.axis)
+        axis = axis / np.linalg.norm(axis)
+        bow = arc(hub, axis, 0.72 * radius * across(axis), rotor.direction * 1.35 * math.pi)
+        self.arrow(self.view.flat(bow), self.style.ink, 0.11)
+        at = self.view.flat(hub)
+        away = float(np.linalg.norm(at))
+        self.label(words, at * (1.0 + 0.95 * radius / away) if outside and away > 0.0 else at)
+
+    def arrow(self, flat: Array, color: str, width: float, *, dashed: bool = False) -> None:
+        """A line through points (N, 2) with a head at its end."""
+        look: dict[str, Any] = {"color": color, "linewidth": width * self.style.small, "zorder": 5.0}
+        dash = (0, (3.0, 2.0)) if dashed else "-"
+        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", linestyle=dash, **look)
+        # the head alone: its shaft would end before the point
+        options: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 0.9 * self.style.small, "shrinkA": 0.0}
+        head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), color=color, shrinkB=0.0, **options)
+        head.set(linewidth=0.0, zorder=5.1)
+        self.ax.add_patch(head)
+        self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
+
+    def write(self) -> None:
+        """Place every label, one after the other; names of what stands at one point are one label."""
+        points = self.ax.transData.transform(np.concatenate(self._points))
+        names = [(", ".join(names), at, self.style.ink) for at, names in self._names]
+        # the letters of axes first: they have the least room
+        order = [*names, *self._labels]
+        for text, at, color in sorted(order, key=lambda each: each[0] not in ("x", "y", "z")):
+            self._place(text, at, color, points)
+
+    def _name(self, at: Array, name: str) -> None:
+        flat = self.view.flat(at)
+        near = (names for place, names in self._names if math.dist(place, flat) < MERGED * self.reach)
+        if (names := next(near, None)) is not None:
+            names.append(name)
+        else:
+            self._names.append((flat, [name]))
+
+    def _line(self, points: Array, dash: tuple[float, ...]) -> None:
+        look: dict[str, Any] = {"color": self.style.frame, "linewidth": 0.08 * self.style.small, "zorder": 4.5}
+        self.ax.plot(*self.view.flat(points).T, linestyle=(0, dash), label="_mark", **look)
+
+    def _place(self, text: str, at: Array, color: str, points: Array) -> None:
+        """Write a label where it covers no other one and as few points (N, 2), dots, as can be."""
+        words: dict[str, Any] = {**self.style.small_words, "color": color, "ha": "center", "va": "center"}
+        label = self.ax.text(float(at[0]), float(at[1]), text, zorder=9.0, linespacing=1.0, **words)
+        label.set_path_effects([withStroke(linewidth=0.3 * self.style.small, foreground=self.style.face, alpha=0.8)])
+        here, drawn = self.ax.transData.transform(at), label.get_window_extent()
+        size = np.array([drawn.width, drawn.height])
+        best = math.inf
+        for distance in DISTANCES:
+            for angle in 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS:
+                centre = here + np.array([math.cos(angle), math.sin(angle)]) * (distance * self._dots + 0.5 * size)
+                tried = Bbox([centre - 0.5 * size, centre + 0.5 * size])
+                if (cost := distance + self._cost(tried, points)) < best:
+                    best, middle, box = cost, centre, tried
+        label.set_position(tuple(self.ax.transData.inverted().transform(middle)))
+        self._taken.append(box.padded(GAP * self._dots))
+        if math.dist(middle, here) > LEADER * self._dots + 0.5 * box.width:
+            edge = np.clip(here, box.min, box.max)
+            ends = self.ax.transData.inverted().transform([edge, here])
+            self.ax.plot(
+                *ends.T, color=self.style.frame, linewidth=0.07 * self.style.small, zorder=8.0, label="_leader"
+            )
+
+    def _cost(self, box: Bbox, points: Array) -> float:
+        wide, inside = box.padded(GAP * self._dots), self.ax.bbox
+        covered = sum(wide.overlaps(each) for each in self._taken)
+        out = box.x0 < inside.x0 or box.y0 < inside.y0 or box.x1 > inside.x1 or box.y1 > inside.y1
+        hits = np.all((points >= box.min) & (points <= box.max), axis=1).sum()
+        return 1000.0 * covered + 500.0 * out + min(int(hits), 8)
