@@ -15,7 +15,15 @@ import typer
 
 from skyarm.cli.arguments import Scenario
 from skyarm.cli.output import tell
-from skyarm.view.studio.server import Guard, StudioError, bound, close_server, is_loopback, open_server, require_viser
+from skyarm.view.studio.server import (
+    Guard,
+    StudioError,
+    close_server,
+    is_loopback,
+    listening_socket,
+    open_server,
+    require_viser,
+)
 
 
 def studio(
@@ -45,7 +53,7 @@ def studio(
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     require_viser()
-    listening = bound(host, port)
+    listening = listening_socket(host, port)
     try:
         from skyarm.view.studio.fleet import fleet_under
         from skyarm.view.studio.page import Page

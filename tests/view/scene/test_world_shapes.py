@@ -20,7 +20,7 @@ from skyarm.environment.signal_vector import SignalVector
 from skyarm.reference.signals import Constant, Sine
 from skyarm.view.figures.projection import surface as outline_points
 from skyarm.view.scene.shapes import AROUND, mesh_of
-from skyarm.view.scene.vehicle_shapes import body_poses, disc_name, rotor_turns, turned_shape, vehicle_shapes
+from skyarm.view.scene.vehicle_shapes import body_poses, disc_name, rotor_turns, shape_rotation, vehicle_shapes
 from skyarm.view.scene.world_shapes import (
     PATCH,
     ground_height,
@@ -249,10 +249,10 @@ def test_discs_are_turned_as_the_servos_turn_the_thrust() -> None:
     shapes = {each.name: each for each in vehicle_shapes(vehicle)}
     for k, row in enumerate(angles):
         for before, after in zip(vehicle.rotors, turned(vehicle, tuple(row)).rotors, strict=True):
-            R = turned_shape(shapes[disc_name(before.name)], turns)
+            R = shape_rotation(shapes[disc_name(before.name)], turns)
             axis = (R[k] if before.tilt is not None else R)[:, 2]
             np.testing.assert_allclose(axis, [float(c) for c in after.axis], atol=1e-12)
-    assert turned_shape(shapes["hull"], turns).shape == (3, 3)
+    assert shape_rotation(shapes["hull"], turns).shape == (3, 3)
     assert rotor_turns(vehicle, np.zeros((3, 0))) == {}
 
 

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet, load_fleet
 from skyarm.view.studio.page import Page
-from skyarm.view.studio.server import NARROW, Guard, bound, close_server, open_server
+from skyarm.view.studio.server import NARROW, Guard, close_server, listening_socket, open_server
 
 TOKEN = "0123456789abcdef"
 
@@ -26,7 +26,7 @@ class Open:
     """A page that is open."""
 
     def __init__(self, folder: Path) -> None:
-        listening = bound("127.0.0.1", 0)
+        listening = listening_socket("127.0.0.1", 0)
         self.port = listening.getsockname()[1]
         self.server = open_server(listening, Guard("127.0.0.1", self.port, TOKEN), "test")
         self.page = Page(self.server, load_fleet("case2"), ["paper_ct", "paper_pd"], folder, plain=True)

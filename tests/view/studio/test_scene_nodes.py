@@ -12,11 +12,11 @@ from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
 from skyarm.view.scene.vehicle_shapes import place
-from skyarm.view.studio.picture import FlightNodes, toned
+from skyarm.view.studio.picture import FlightNodes, tones_of
 from skyarm.view.studio.scene_nodes import STILL, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Load
 
-PAINT = toned((10, 20, 30))
+PAINT = tones_of((10, 20, 30))
 
 
 @pytest.mark.parametrize("step", [STILL / 7.0, 3.0 * STILL])

@@ -20,7 +20,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.scene.vehicle_shapes import place, rotor_turns
 from skyarm.view.scene.world_shapes import held_poses, world_shapes
 from skyarm.view.studio.controls import Chart, charts
-from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, toned, touch_arrows
+from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Watched, sight
 from world_flights import DOCUMENT, WALL_ANGLE
@@ -156,7 +156,7 @@ def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
 
 def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
     vehicle, scene = load_vehicle("voliro_like"), Scene()
-    nodes = VehicleNodes(scene, "/law1", vehicle, toned((10, 20, 30)), blades=True)
+    nodes = VehicleNodes(scene, "/law1", vehicle, tones_of((10, 20, 30)), blades=True)
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     turns = rotor_turns(vehicle, angles[None])
     nodes.tilt({name: turn[0] for name, turn in turns.items()})

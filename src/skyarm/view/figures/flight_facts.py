@@ -144,7 +144,7 @@ def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[s
     if isinstance(flights, Log):
         flights = [flights]
     if isinstance(flights, Mapping):
-        return {shortened(str(label)): log for label, log in flights.items()}
+        return {shorten_label(str(label)): log for label, log in flights.items()}
     return dict(zip(flight_labels(flights), flights, strict=True))
 
 
@@ -167,14 +167,14 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
     ]
     choices.append([str(file) for file in files])
     for labels in choices:
-        short = [shortened(label) for label in labels]
+        short = [shorten_label(label) for label in labels]
         if len(short) == len(logs) == len(set(short)):
             return short
-    return [shortened(f"{i + 1}: {law}") for i, law in enumerate(laws)]
+    return [shorten_label(f"{i + 1}: {law}") for i, law in enumerate(laws)]
 
 
-def shortened(text: str) -> str:
-    """A label that is no longer than a legend bears, cut in its middle."""
+def shorten_label(text: str) -> str:
+    """Cut a label in its middle to the length of a legend's line."""
     half = (LONGEST - 1) // 2
     return text if len(text) <= LONGEST else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[-half:]}"
 

@@ -106,7 +106,7 @@ def _panels_figure(
 
 
 def _title(named: Mapping[str, Log]) -> str:
-    """What was flown, where all flights flew the same."""
+    """Title of the scenario, where all flights have one."""
     titles = {str(log.info.get("title") or log.info.get("scenario", "")) for log in named.values()}
     return titles.pop() if len(titles) == 1 else ""
 
@@ -271,7 +271,7 @@ def _shade(
 
 
 def events_of(facts: Mapping[str, FlightFacts]) -> dict[Event, str]:
-    """Every event once with its words; one that only some flights have says whose it is."""
+    """Every event once with its words, and the flights that it belongs to where these are not all."""
     found: dict[Event, list[str]] = {}
     for label, each in facts.items():
         for event in each.events:

@@ -151,7 +151,7 @@ def _draw(
         label = curve.controller
         if one_law and curve.by:
             label = _class_words(each.by, curve.by, " = ")
-        handles[label] = _banded(ax, (curve.x, curve.low, curve.middle, curve.high), look, label, style)
+        handles[label] = _draw_band(ax, (curve.x, curve.low, curve.middle, curve.high), look, label, style)
     return handles
 
 
@@ -171,7 +171,7 @@ def _ends(each: BandedCurves) -> tuple[float, float]:
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _banded(ax: Axes, curve: Sequence[Array], look: Look, label: str, style: PictureStyle) -> Any:
+def _draw_band(ax: Axes, curve: Sequence[Array], look: Look, label: str, style: PictureStyle) -> Any:
     """Line of x, low, middle and high with its band."""
     x, low, middle, high = curve
     ax.fill_between(x, low, high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0)
@@ -215,7 +215,7 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
         PAPER.dress(ax)
         for k, each in enumerate(lines.curves):
             points = each.x, each.low, each.middle, each.high
-            handles[each.controller] = _banded(ax, points, PAPER.look(k), each.controller, PAPER)
+            handles[each.controller] = _draw_band(ax, points, PAPER.look(k), each.controller, PAPER)
         if lines.over.logarithmic:
             logarithmic(ax.xaxis)
         else:
@@ -279,12 +279,12 @@ def basin_figure(found: Basin) -> Figure:
     figure, ax = PAPER.single(MAP_WIDTH, BASIN_HEIGHT)
     bins, sure = (bins_for(len(found.caught), enough) for enough in (ENOUGH, SURE))
     if bins:
-        edges, share = _binned(found, bins)
+        edges, share = _bin_shares(found, bins)
         _shade(figure, ax, edges, share, "share caught")
     else:
         _starts(ax, found)
     if sure:
-        edges, share = _binned(found, sure)
+        edges, share = _bin_shares(found, sure)
         _boundary(ax, [0.5 * (each[1:] + each[:-1]) for each in edges], share)
     ax.axvline(UPSIDE_DOWN, color=PAPER.frame, linestyle="--", linewidth=0.8)
     ax.set_xlim(0.0, 180.0)
@@ -319,7 +319,7 @@ def _boundary(ax: Axes, centers: Sequence[Any], share: Any) -> None:
         ax.contour(*centers, np.ma.masked_invalid(share), **look).set_label("half succeed")
 
 
-def _binned(found: Basin, bins: tuple[int, int]) -> tuple[tuple[Any, Any], Any]:
+def _bin_shares(found: Basin, bins: tuple[int, int]) -> tuple[tuple[Any, Any], Any]:
     """Edges in degrees of tilt and rad/s of rate, and the share caught of each bin."""
     caught, flown = found.counts(*bins)
     turning, leaning = found.edges(*bins)

@@ -431,5 +431,5 @@ class Marks:
         wide, inside = box.padded(GAP * self._dots), self.ax.bbox
         covered = sum(wide.overlaps(each) for each in self._taken)
         out = box.x0 < inside.x0 or box.y0 < inside.y0 or box.x1 > inside.x1 or box.y1 > inside.y1
-        hits = np.all((points >= box.min) & (points <= box.max), axis=1).sum()
-        return 1000.0 * covered + 500.0 * out + min(int(hits), 8)
+        hits = int(np.all((points >= box.min) & (points <= box.max), axis=1).sum())
+        return float(1000 * covered + 500 * out + min(hits, 8))

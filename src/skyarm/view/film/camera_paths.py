@@ -1,4 +1,4 @@
-"""Where the camera of a film looks from, frame by frame."""
+"""Camera paths of films: place and direction at every frame."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class CameraPath:
 
 def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that stands still and has every vehicle in view all the time."""
-    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     azimuth = free_azimuth(flights)
     view = _axes_of_view(azimuth)
     low, high = ((places @ view).min(axis=0), (places @ view).max(axis=0))
@@ -75,7 +75,7 @@ def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Cam
 
 def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that goes round all of the flight and has it in view from every side."""
-    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
     radius = float(np.linalg.norm(places - middle, axis=1).max()) + _margin(flights)
     still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect), free_azimuth(flights))
@@ -84,8 +84,8 @@ def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Cam
 
 def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
-    places = np.stack([part for flight in flights for part in _seen(flight)])
-    middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
+    places = np.stack([part for flight in flights for part in _places_in_view(flight)])
+    middle = _low_pass(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
     azimuth = free_azimuth(flights)
     return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
 
@@ -94,7 +94,7 @@ def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Camer
     """A close look at the desired place of the tip."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
     distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
-    return _path(_smoothed(desired, seconds), distance, free_azimuth(flights))
+    return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
 CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
@@ -117,8 +117,8 @@ def vehicle_reach(flight: FilmedFlight) -> float:
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
-def _seen(flight: FilmedFlight) -> list[Array]:
-    """What shall be in view, four times (F, 3): base and tip, where they are and where they should be."""
+def _places_in_view(flight: FilmedFlight) -> list[Array]:
+    """Actual and desired places of base and tip (F, 3), which shall be in view."""
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
     # a lost vehicle leaves the picture
@@ -137,7 +137,7 @@ def _margin(flights: Sequence[FilmedFlight]) -> float:
 
 
 def _at_most(offset: Array, length: float) -> Array:
-    """Vectors (F, 3), shortened to a length where they are longer."""
+    """Vectors (F, 3), cut to a length where they are longer."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
     return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 
@@ -150,7 +150,7 @@ def _to_hold(radius: float, aspect: float) -> float:
 
 
 def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
-    """Distance from which vehicles at places (N, 3), told from the middle of the picture, are inside it."""
+    """Distance from which vehicles at places (N, 3) about the middle of the picture are inside it."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     margin, height = _margin(flights), _height(flights)
@@ -161,7 +161,7 @@ def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimu
     return float(np.max(needed))
 
 
-def _smoothed(places: Array, seconds: Array) -> Array:
+def _low_pass(places: Array, seconds: Array) -> Array:
     """Low-pass of a path (F, 3), the same forwards and backwards, so that it does not lag."""
     step = float(seconds[1] - seconds[0]) if len(seconds) > 1 else 1.0
     keep = math.exp(-step / SMOOTH)

@@ -172,7 +172,7 @@ class Captions:
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:
-    """What is said of a flight at frame k, ``time`` s: its error, and after its end that, or why it was lost."""
+    """State of a flight at frame k, ``time`` s, in words: its error, after its end that, or the reason of its loss."""
     if time >= flight.end:
         return flight.lost or f"ended at {flight.end:g} s"
     touch = f"contact {force:.1f} N, " if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0 else ""

@@ -83,7 +83,7 @@ def picture_settings(given: Mapping[str, Any], also: Iterable[str] = ()) -> Film
 
 
 def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample) -> InstantLog:
-    """What a log holds of some control instants; of commands and measurements, which no picture shows, it has none.
+    """Log of some control instants without commands and measurements, which no picture shows.
 
     Args:
         inputs: of the episode.

@@ -17,7 +17,7 @@ from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import flight_labels, wanted_push
 from skyarm.view.scene.shapes import RGBA, Shape, Solid
-from skyarm.view.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, turned_shape, vehicle_shapes
+from skyarm.view.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, shape_rotation, vehicle_shapes
 from skyarm.view.scene.world_shapes import (
     PATCH,
     CarriedPoses,
@@ -311,7 +311,7 @@ class Mark:
 
 
 def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark]:
-    """Where the tip was in the last seconds, fading."""
+    """Fading trail of the tip over the last seconds."""
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
@@ -323,7 +323,7 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
 
 
 def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
-    """Where the tip should be all through the film."""
+    """Desired path of the tip over the film."""
     at = _apart(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
@@ -375,7 +375,7 @@ def wind_words(flight: FilmedFlight, k: int) -> str:
 
 
 def _apart(places: Array) -> Array:
-    """Those of the places (F, 3), in order, that are apart from one another."""
+    """Thin out places (F, 3) to those that are apart from one another."""
     chosen = [places[0]]
     for place in places[1:]:
         if np.linalg.norm(place - chosen[-1]) > LEAST_STEP:
@@ -445,7 +445,7 @@ def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Ar
     for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.points)):
         R, p = poses[shape.body]
         color = role_color(shape.role, flight.color, ghost=ghost)
-        found.append(Solid(shape, p + R @ np.array(shape.position), R @ turned_shape(shape, turns), color))
+        found.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))
     return found
 
 

@@ -57,7 +57,7 @@ def make_film(
     logs = [flights] if isinstance(flights, Log) else list(flights)
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
-    frames = film_frames(filmed, times, _titled(chosen, logs), progress)
+    frames = film_frames(filmed, times, _with_title(chosen, logs), progress)
     return write(path, frames, (chosen.width, chosen.height), chosen.fps, len(times))
 
 
@@ -128,7 +128,7 @@ def _cameras(
     return [replace(each, distance=distance) for each in paths]
 
 
-def _titled(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
+def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
     """With a title: the scenarios', where none is given."""
     if settings.title is not None:
         return settings

@@ -24,7 +24,7 @@ _Pointer = ctypes.c_void_p
 
 
 class NoDisplayError(ValueError):
-    """Nothing can be drawn on this machine; one line says what is missing and how to get it."""
+    """No renderer on this machine: one line names the missing library and how to install it."""
 
 
 @contextmanager

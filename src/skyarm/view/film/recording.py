@@ -105,7 +105,7 @@ def record(
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
     with _server() as server:
-        content = _recorded(server, filmed, times, chosen, progress)
+        content = _serialize(server, filmed, times, chosen, progress)
     return Recording(content, len(times) / chosen.fps, lambda: page_with(content))
 
 
@@ -136,7 +136,7 @@ def _server() -> Iterator[Any]:
             server.stop()
 
 
-def _recorded(
+def _serialize(
     server: Any,
     flights: Sequence[FilmedFlight],
     times: Array,

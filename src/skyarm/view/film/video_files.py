@@ -57,17 +57,17 @@ def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count
 
 def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
     """Animated WebP that repeats for ever."""
-    first, rest = _held(frames, size, count, path)
+    first, rest = _frames_in_memory(frames, size, count, path)
     options: dict[str, Any] = {"quality": WEBP_QUALITY, "method": 4, "allow_mixed": True, "kmax": 60}
-    return _animated(path, "WEBP", first, rest, fps, options)
+    return _write_animation(path, "WEBP", first, rest, fps, options)
 
 
 def write_gif(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
     """Animated GIF that repeats for ever; of one palette, so that what stands still costs nothing."""
-    first, rest = _held(frames, size, count, path)
+    first, rest = _frames_in_memory(frames, size, count, path)
     palette = _palette([first, *rest])
     first, *rest = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in (first, *rest))
-    return _animated(path, "GIF", first, rest, fps, {"optimize": False})
+    return _write_animation(path, "GIF", first, rest, fps, {"optimize": False})
 
 
 Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]
@@ -112,7 +112,9 @@ def import_av() -> Any:
     return av
 
 
-def _held(frames: Frames, size: tuple[int, int], count: int, path: Path) -> tuple[Image.Image, list[Image.Image]]:
+def _frames_in_memory(
+    frames: Frames, size: tuple[int, int], count: int, path: Path
+) -> tuple[Image.Image, list[Image.Image]]:
     """All frames as pictures.
 
     Raises:
@@ -128,7 +130,7 @@ def _held(frames: Frames, size: tuple[int, int], count: int, path: Path) -> tupl
     return first, rest
 
 
-def _animated(
+def _write_animation(
     path: Path, kind: str, first: Image.Image, rest: list[Image.Image], fps: int, options: dict[str, Any]
 ) -> Path:
     buffer = io.BytesIO()

@@ -1,1 +1,1 @@
-"""What a vehicle and its world look like, from their records alone: shapes, and where they are."""
+"""Shapes of a vehicle and its world, and their poses, from the records alone."""

@@ -131,20 +131,20 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
     if own is not None:
         vertices, faces = own
     elif shape.kind in ("sphere", "ellipsoid"):
-        vertices, faces = _revolved([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
+        vertices, faces = _revolve([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
         vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
     elif shape.kind == "cylinder":
         radius, half = size[0], 0.5 * size[1]
-        vertices, faces = _revolved([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
+        vertices, faces = _revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
     elif shape.kind == "capsule":
         lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
-        vertices, faces = _revolved([*lower, *((r, -z) for r, z in reversed(lower))], around)
+        vertices, faces = _revolve([*lower, *((r, -z) for r, z in reversed(lower))], around)
     elif shape.kind == "box":
         vertices, faces = _box(np.array(size))
     elif shape.kind == "hole":
         radius, depth, chamfer, outer, length = size
         plate = [(0.0, -length), (outer, -length), (outer, 0.0), (radius + chamfer, 0.0)]
-        vertices, faces = _revolved([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
+        vertices, faces = _revolve([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
     elif shape.kind == "patch":
         vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*size, 0.0]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
@@ -178,7 +178,7 @@ def _box(half: Array) -> tuple[Array, Faces]:
     return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
 
 
-def _revolved(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
+def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
     """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
     angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)

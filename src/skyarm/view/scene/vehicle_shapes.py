@@ -243,7 +243,7 @@ def disc_name(rotor: str) -> str:
     return f"rotor/{rotor}"
 
 
-def turned_shape(shape: Shape, turns: dict[str, Array]) -> Array:
+def shape_rotation(shape: Shape, turns: dict[str, Array]) -> Array:
     """R_BS of a shape: (N, 3, 3) of a disc that is turned, (3, 3) of any other."""
     still = np.array(shape.rotation)
     return turns[shape.name] @ still if shape.name in turns else still

@@ -106,10 +106,10 @@ def world_shapes(
     """
     surfaces = [surface for contact in contacts for surface in contact.surfaces]
     below = ground_of(surfaces)
-    found = [_placed(each, times, np.array(around, float), patch) for each in surfaces if each is not below]
+    found = [_surface_solid(each, times, np.array(around, float), patch) for each in surfaces if each is not below]
     for carrier in (carrier for contact in contacts for carrier in contact.carriers):
         if carrier.name in carried:
-            found += [_carried(each, *carried[carrier.name]) for each in carrier.surfaces]
+            found += [_carrier_solid(each, *carried[carrier.name]) for each in carrier.surfaces]
     return tuple(found)
 
 
@@ -160,7 +160,7 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves, mesh=surface.mesh)
 
 
-def _placed(surface: Surface, times: Array, around: Array, patch: float) -> Solid:
+def _surface_solid(surface: Surface, times: Array, around: Array, patch: float) -> Solid:
     """A surface at every instant; a patch keeps the point of its plane that was nearest at first."""
     rotation, place = matrices(surface.rotation, len(times)), vectors(surface.place(times)[0], len(times))
     if surface.shape == "plane" and len(times):
@@ -169,7 +169,7 @@ def _placed(surface: Surface, times: Array, around: Array, patch: float) -> Soli
     return Solid(surface_shape(surface, patch), place, rotation)
 
 
-def _carried(surface: Surface, rotation: Array, position: Array) -> Solid:
+def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
     """A surface that a carrier carries, of its poses (N, 3, 3) and (N, 3)."""
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))

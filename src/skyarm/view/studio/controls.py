@@ -21,7 +21,7 @@ DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 
 
 
 class Orders(Protocol):
-    """What the controls ask of the studio; every call may come from any thread."""
+    """Orders of the controls to the page, from any thread."""
 
     def do(self, work: Callable[[Fleet], None]) -> None:
         """Do something with the fleet before the next picture."""
@@ -63,12 +63,12 @@ class Controls:
         """Play, step, speed, and the way back."""
         do = self._orders.do
         buttons = self._gui.add_button_group("clock", ("play / pause", "step", "reset"))
-        _clicked(buttons, lambda value: do(CLOCK[value]))
+        _on_click(buttons, lambda value: do(CLOCK[value]))
         speeds = [f"{speed:g}x" for speed in SPEEDS]
         speed = self._gui.add_dropdown("speed", speeds, initial_value="1x")
-        _clicked(speed, lambda value: do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
+        _on_click(speed, lambda value: do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
         self.time = self._gui.add_slider("time (s)", 0.0, 30.0, 0.005, 0.0, hint="scrub back, and forward again")
-        _clicked(self.time, lambda value: do(lambda fleet: _scrub(fleet, value)))
+        _on_click(self.time, lambda value: do(lambda fleet: _scrub(fleet, value)))
 
     def _push(self) -> None:
         """A push and a gust, and where they go."""
@@ -80,7 +80,7 @@ class Controls:
             direction = DIRECTIONS[self._where.value]
             self._orders.do(lambda fleet: fleet.push(direction, *words[value]))
 
-        _clicked(buttons, pushed)
+        _on_click(buttons, pushed)
 
     def _laws(self, laws: list[str]) -> None:
         """A menu for each law that may fly."""
@@ -94,22 +94,22 @@ class Controls:
                 self._menu(menu, place)
 
     def _menu(self, menu: Any, place: int) -> None:
-        _clicked(menu, lambda value: self._orders.choose_law(place, None if value == NO_LAW else value))
+        _on_click(menu, lambda value: self._orders.choose_law(place, None if value == NO_LAW else value))
 
     def _cases(self) -> None:
         """The shipped scenarios, and saving."""
         with self._gui.add_folder("cases"):
             menu = self._gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
-            _clicked(menu, self._case)
+            _on_click(menu, self._case)
             save = self._gui.add_button("Save as scenario", hint="with every change by hand, at its control period")
-            _clicked(save, lambda _: self._orders.save())
+            _on_click(save, lambda _: self._orders.save())
 
     def _case(self, name: str) -> None:
         if name != NO_CASE:
             self._orders.choose_case(name)
 
     def _view(self) -> None:
-        """What of the picture is shown."""
+        """Check boxes of the picture's parts."""
         with self._gui.add_folder("view"):
             names = ("follow", "beside", "ghost", "arrows", "trails", "dark")
             boxes = {name: self._gui.add_checkbox(name, name in ("ghost", "arrows", "trails")) for name in names}
@@ -120,7 +120,7 @@ class Controls:
             self._orders.choose_view(View(**shown), dark)
 
         for box in boxes.values():
-            _clicked(box, chosen)
+            _on_click(box, chosen)
 
 
 CLOCK: dict[str, Callable[[Fleet], None]] = {
@@ -136,7 +136,7 @@ def _scrub(fleet: Fleet, time: float) -> None:
     fleet.go(min(round(time * fleet.rate), fleet.furthest))
 
 
-def _clicked(handle: Any, work: Callable[[Any], None]) -> None:
+def _on_click(handle: Any, work: Callable[[Any], None]) -> None:
     """Do something when a hand, not the studio, has used an input."""
 
     async def by_hand(event: Any) -> None:

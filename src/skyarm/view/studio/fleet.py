@@ -188,7 +188,7 @@ def push_paths(prepared: Prepared) -> list[str]:
 
 
 def shared_knobs(prepared: Prepared) -> tuple[Knob, ...]:
-    """Knobs of what every flight meets: all but those of the law and of what it believes."""
+    """Knobs of the surroundings, common to all flights: all but those of the law and its model."""
     return tuple(k for k in knobs_of(prepared.scenario, prepared.push) if not k.path.startswith(OF_LAW))
 
 

@@ -103,7 +103,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Where the number of a path stands; empty where there is none that can vary."""
+    """Places of the number of a path; empty where none can vary."""
     try:
         number_at(scenario, path)
         return ((path,),) if ".payload." in path else places_of(scenario, path)

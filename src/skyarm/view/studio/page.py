@@ -20,7 +20,15 @@ from skyarm.simulate.loop_state import LoopState
 from skyarm.view.studio.controls import HERTZ, Chart, Controls, KnobPanel, charts, literal
 from skyarm.view.studio.fleet import Fleet, Flight, law_knobs, load_fleet, make_flight, save_flights, shared_knobs
 from skyarm.view.studio.picture import TRAIL, Picture, View
-from skyarm.view.studio.server import LOOPBACK, Guard, StudioError, bound, close_server, open_server, require_viser
+from skyarm.view.studio.server import (
+    LOOPBACK,
+    Guard,
+    StudioError,
+    close_server,
+    listening_socket,
+    open_server,
+    require_viser,
+)
 from skyarm.view.studio.sights import Sight, Watched, sight
 
 FRAME = 1.0 / 60.0
@@ -144,7 +152,7 @@ class Page:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _obey(self) -> None:
-        """Carry out what tabs have asked for; what cannot be is said, and changes nothing."""
+        """Carry out the orders of tabs; an impossible one is reported and changes nothing."""
         while True:
             try:
                 order = self._orders.get_nowait()
@@ -179,9 +187,9 @@ class Page:
     def _make(self, fleet: Fleet, law: str | None, place: int) -> None:
         """Make a flight beside the loop; it joins when it is ready."""
         self._making += 1
-        self._worker.submit(self._made, fleet, law, place)
+        self._worker.submit(self._compile_flight, fleet, law, place)
 
-    def _made(self, fleet: Fleet, law: str | None, place: int) -> None:
+    def _compile_flight(self, fleet: Fleet, law: str | None, place: int) -> None:
         try:
             flight: Flight | None = make_flight(fleet.prepared, law)
             words = ""
@@ -241,7 +249,7 @@ class Page:
         self._controls.status.content = self._status()
 
     def _status(self) -> str:
-        """What is measured now, in words."""
+        """Clock, errors and contact forces in words."""
         fleet = self.fleet
         clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
         state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
@@ -352,7 +360,7 @@ class EpisodePage:
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
         require_viser()
-        listening = bound(LOOPBACK[0], port)
+        listening = listening_socket(LOOPBACK[0], port)
         try:
             guard = Guard(LOOPBACK[0], int(listening.getsockname()[1]), secrets.token_hex(16))
             self._server: Any = open_server(listening, guard, title)

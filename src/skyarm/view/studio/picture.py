@@ -73,7 +73,7 @@ class View:
     trails: bool = True
 
 
-def toned(color: Sequence[int], opacity: float = 1.0) -> Paint:
+def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
     """Colours of a vehicle's shapes: tones of one colour, rotors see-through."""
 
     def paint(role: str) -> RGBA:
@@ -95,7 +95,7 @@ class FlightNodes:
     def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
         vehicle, end = scenario.plant.vehicle, number + 1
         self._vehicle, self._number, self._around, self._lost = vehicle, number, placed.tip, False
-        self._paint, points = toned(COLORS[number]), point_shapes(scenario.worlds, vehicle)
+        self._paint, points = tones_of(COLORS[number]), point_shapes(scenario.worlds, vehicle)
         self.vehicle = VehicleNodes(
             scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, blades=True, cast=not plain
         )
@@ -154,7 +154,7 @@ class FlightNodes:
                 self._trail.points = trail([seen.tip for seen in flight.seen(TRAIL)], beside)
             if bool(flight.lost) != self._lost:
                 self._lost = bool(flight.lost)
-                self.vehicle.color(toned(LOST) if self._lost else self._paint)
+                self.vehicle.color(tones_of(LOST) if self._lost else self._paint)
             self._label.text = f"{flight.title}: lost" if self._lost else flight.title
             if np.isfinite(placed.positions[0]).all():
                 self._label.position = placed.positions[0] + beside + self._above
@@ -262,7 +262,7 @@ class Picture:
         self._flights = [
             FlightNodes(self._scene, i, scenario, title, placed, plain=self._plain) for i, title in enumerate(titles)
         ]
-        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, toned(GHOST, 0.25))
+        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
         self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
         self._ground.position = (0.0, 0.0, ground_height(scenario.worlds))
         self.choose(self.view)

@@ -58,7 +58,7 @@ def require_viser() -> None:
         raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
 
 
-def bound(host: str, port: int) -> socket.socket:
+def listening_socket(host: str, port: int) -> socket.socket:
     """A socket at an address; port 0 takes a free one.
 
     Raises:
@@ -100,7 +100,7 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
 
 
 def close_server(server: Any) -> None:
-    """Stop a server, without the words that it says to a terminal."""
+    """Stop a server silently."""
     with _silent():
         server.stop()
 
@@ -113,16 +113,16 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
         page = options.pop("process_request")
 
-        async def sifted(connection: Any) -> None:
+        async def handle(connection: Any) -> None:
             await handler(Sieve(connection, inputs))
 
         def answer(connection: Any, request: Any) -> Any:
             try:
-                return answered(connection, request)
+                return respond(connection, request)
             except (ValueError, LookupError, OSError):  # no address, a header twice, no text, a name beyond the disk's
                 return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
 
-        def answered(connection: Any, request: Any) -> Any:
+        def respond(connection: Any, request: Any) -> Any:
             websocket = request.headers.get("Upgrade", "").lower() == "websocket"
             # of a name that stands twice no one is asked
             first = {name: request.headers.get_all(name)[0] for name in request.headers}
@@ -146,7 +146,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             return response
 
         options["max_size"] = MOST_BYTES
-        return plain(sifted, sock=listening, process_request=answer, **options)
+        return plain(handle, sock=listening, process_request=answer, **options)
 
     module.serve = serve
     try:
@@ -181,11 +181,11 @@ class Sieve:
         """The next frame that is allowed, its numbers within their sliders."""
         while True:
             frame = await self._connection.recv()
-            passed = self.passed(frame)
+            passed = self.admit(frame)
             if passed is not None:
                 return passed
 
-    def passed(self, frame: Any) -> bytes | None:
+    def admit(self, frame: Any) -> bytes | None:
         """A frame as it is handed on; None where it is dropped."""
         import msgspec
 
@@ -288,7 +288,7 @@ class Guard:
         return None
 
     def _token(self, path: str, headers: Mapping[str, str]) -> bool:
-        """Whether a request bears the token, in its address or its cookie."""
+        """Whether a request has the token, in its address or its cookie."""
         given = parse_qs(urlsplit(path).query).get("token", [])
         try:
             kept = SimpleCookie(headers.get("Cookie", "")).get(self.cookie)
@@ -303,7 +303,7 @@ class Guard:
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def address(self) -> str:
-        """What a user opens."""
+        """Address for the user's browser."""
         shown = self.host if ":" not in self.host else f"[{self.host}]"
         return f"http://{shown}:{self.port}/?token={self.token}"
 
