@@ -90,7 +90,7 @@ def _tip(alone: Record, whole: Record, prefix: str, wanted: str | None, file: st
         file: of the arm.
     """
     moving, carriers = whole.moving, ["base", *(link.name for link in whole.moving)]
-    there = {each.name for each in (*alone.moving, *alone.frames)}
+    there = {*(link.name for link in alone.moving), *(frame.name for frame in alone.frames)}
     links = [link.name for link in moving if link.name not in there]
     frames = {frame.name: carriers[frame.link + 1] for frame in whole.frames if frame.name not in there}
     if wanted is not None:
