@@ -12,7 +12,7 @@ import pytest
 
 import skyarm
 
-OF_CONTACT = ("skyarm.plant.mujoco_contacts", "skyarm.plant.mujoco_world", "skyarm.plant.mujoco_material")
+OF_CONTACT = ("skyarm.plant.mujoco_contacts", "skyarm.plant.mujoco_world")
 """Modules elsewhere that belong to contact: the plant that finds contacts itself."""
 
 PROGRAM = """

@@ -143,7 +143,10 @@ def test_a_share_of_thrust_is_a_signal_within_none_and_all():
     [
         ({"rotor": "front", "stuck": True}, r"stuck = True: must be of a joint"),
         ({"joint": "joint1", "stuck": 1}, r"stuck = 1: must be true or false"),
-        ({"joint": "joint1", "stuck": True, "effectiveness": 0.5}, r"effectiveness: must be left out beside stuck"),
+        (
+            {"joint": "joint1", "stuck": True, "effectiveness": 0.5},
+            r"effectiveness = 0.5: must be left out beside stuck",
+        ),
         ({"rotor": "front", "effectiveness": {"kind": "sin"}}, r"effectiveness\.kind = 'sin': "),
         ({"rotor": "front", "effectiveness": [1.0, "x"]}, r"effectiveness\[1\] = 'x': must be a finite number"),
     ],

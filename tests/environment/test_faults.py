@@ -42,13 +42,13 @@ def test_tables_become_faults():
     [
         ({}, "environment.faults = {}: must be a list of tables"),
         ([3], r"environment.faults\[0\] = 3: must be a table"),
-        ([{"effectiveness": 0.5}], r"environment.faults\[0\]: rotor = '', joint = '': must name one of the two"),
+        ([{"effectiveness": 0.5}], r"environment.faults\[0\].rotor = '', joint = '': must name one of the two"),
         ([{"rotor": "a", "joint": "b", "effectiveness": 0.5}], "must name one of the two"),
-        ([{"rotor": 7, "effectiveness": 0.5}], r"\[0\]: rotor = 7: must be a name"),
+        ([{"rotor": 7, "effectiveness": 0.5}], r"\[0\].rotor = 7: must be "),
         ([{"rotor": "a", "effectiveness": -0.1}], r"effectiveness = -0.1: must be at least 0"),
         (
             [{"rotor": "a", "effectiveness": 1.01}],
-            r"\[0\]: effectiveness = 1.01: must be at most 1; a fault adds no force",
+            r"\[0\].effectiveness = 1.01: must be at most 1",
         ),
         ([{"rotor": "a", "effectiveness": 0.5, "start": -0.1}], r"\[0\].start = -0.1: must be at least 0"),
         ([{"rotor": "a"}], "effectiveness: is missing"),
@@ -65,7 +65,7 @@ def test_wrong_tables_are_refused_by_name(tables, words):
     [("effectiveness", "a"), ("effectiveness", None), ("effectiveness", [1]), ("start", (1.0,)), ("start", True)],
 )
 def test_a_fault_holds_numbers(field, value):
-    with pytest.raises(ValueError, match=rf"^{field} = .*: must be a finite number$"):
+    with pytest.raises(ValueError, match=rf"^{field} = .*: must be a number$"):
         Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))
 
 
@@ -74,7 +74,7 @@ def test_a_fault_holds_numbers(field, value):
     [
         ("start", -1.0, "at least 0"),
         ("effectiveness", -0.5, "at least 0"),
-        ("effectiveness", 1.5, "at most 1; a fault adds no force"),
+        ("effectiveness", 1.5, "at most 1"),
     ],
 )
 def test_a_fault_takes_force_away_in_flight(field, value, words):
@@ -85,11 +85,11 @@ def test_a_fault_takes_force_away_in_flight(field, value, words):
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"effectiveness": 0.5}, r"effectiveness = 0\.5: must be 1"),
-        ({"signal": Sine(amplitude=0.5, frequency_hz=1.0)}, "signal = Sine"),
+        ({"effectiveness": 0.5}, r"effectiveness = 0\.5"),
+        ({"signal": Sine(amplitude=0.5, frequency_hz=1.0)}, "effectiveness = Sine"),
     ],
 )
 def test_a_joint_that_is_stuck_has_no_share_of_its_effort(fields, words):
-    with pytest.raises(ValueError, match=rf"^{words}.* for a joint that is stuck: "):
+    with pytest.raises(ValueError, match=rf"^{words}.*: must be left out beside stuck"):
         Fault(joint="joint1", stuck=True, **fields)
     assert Fault(joint="joint1", stuck=True).effectiveness == 1.0

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import numbers
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from skyarm.environment.effectiveness import Effectiveness
-from skyarm.files import Fields, number, shown
-from skyarm.records.coerce import concrete, plain_number
+from skyarm.files import Fields, shown
+from skyarm.files.fields import list_of_tables
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Signal
@@ -38,34 +40,15 @@ class Fault:
     signal: Signal | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
-        for actuator in ("rotor", "joint"):
-            if not isinstance(getattr(self, actuator), str):
-                raise ValueError(f"{actuator} = {shown(getattr(self, actuator))}: must be a name")
+        accept_fields(self, "")
         if bool(self.rotor) == bool(self.joint):
             raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
-        for name in ("effectiveness", "start"):
-            value = plain_number(getattr(self, name))
-            several = isinstance(value, (str, bytes, list, tuple))
-            if isinstance(value, numbers.Number) or several or not hasattr(value, "__mul__"):
-                object.__setattr__(self, name, number(value, name, low=0.0))
-        if concrete(self.effectiveness) and self.effectiveness > 1.0:
-            raise ValueError(f"effectiveness = {self.effectiveness!r}: must be at most 1; a fault adds no force")
-        if not isinstance(self.stuck, bool):
-            raise ValueError(f"stuck = {shown(self.stuck)}: must be true or false")
         if self.stuck and not self.joint:
             raise ValueError(f"stuck = True: must be of a joint, not of the rotor {self.rotor!r}")
-        if not isinstance(self.signal, (Signal, type(None))):
-            raise ValueError(f"signal = {shown(self.signal)}: must be a Signal of time")
-        if self.stuck:
-            self._require_all_of_a_stuck_drive()
-
-    def _require_all_of_a_stuck_drive(self) -> None:
-        """Refuse a share of the effort of a joint that is held, which would have no effect."""
-        words = "for a joint that is stuck: nothing that its drive gives moves it"
-        if self.signal is not None:
-            raise ValueError(f"signal = {shown(self.signal)}: must be None {words}")
-        if not (concrete(self.effectiveness) and self.effectiveness == 1.0):
-            raise ValueError(f"effectiveness = {shown(self.effectiveness)}: must be 1 {words}")
+        whole = self.signal is None and concrete(self.effectiveness) and self.effectiveness == 1.0
+        if self.stuck and not whole:
+            given = self.effectiveness if self.signal is None else self.signal
+            raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
 
     @property
     def name(self) -> str:
@@ -107,38 +90,19 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> Eff
     return Effectiveness(tuple(rotors.values()), tuple(joints.values()), held)
 
 
-def _what_is_left(fields: Fields) -> dict[str, Any]:
-    """Share of the force: a number, or a signal of time; or a joint that is stuck."""
-    if "stuck" in fields.table:
-        stuck = fields.take("stuck")
-        if "effectiveness" in fields.table:
-            raise ValueError(f"{fields.at('effectiveness')}: must be left out beside stuck")
-        return {"stuck": stuck, "effectiveness": 1.0}
-    if isinstance(fields.table.get("effectiveness"), (dict, list)):
-        return {"signal": signal_from(fields.take("effectiveness"), fields.at("effectiveness")), "effectiveness": 1.0}
-    return {"effectiveness": fields.number("effectiveness", low=0.0)}
-
-
 def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
     """Faults that a list of tables describes: { rotor or joint, effectiveness or stuck, start }.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    if not isinstance(tables, list):
-        raise ValueError(f"{where} = {shown(tables)}: must be a list of tables")
     found = []
-    for i, table in enumerate(tables):
-        fields = Fields(table, f"{where}[{i}]")
-        values = {
-            "rotor": fields.take("rotor", ""),
-            "joint": fields.take("joint", ""),
-            "start": fields.number("start", 0.0, low=0.0),
-            **_what_is_left(fields),
-        }
-        fields.done()
-        try:
-            found.append(Fault(**values))
-        except ValueError as error:
-            raise ValueError(f"{fields.where}: {error}") from None
+    for fields in list_of_tables(tables, where):
+        values, share = dict(fields.table), fields.table.get("effectiveness")
+        if "stuck" not in values and share is None:
+            fields.number("effectiveness", low=0.0)  # is missing
+        signal = None
+        if isinstance(share, (dict, list)):
+            signal = signal_from(values.pop("effectiveness"), fields.at("effectiveness"))
+        found.append(replace(record_from(Fault, Fields(values, fields.where)), signal=signal))
     return tuple(found)

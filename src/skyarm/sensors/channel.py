@@ -8,9 +8,10 @@ Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, thei
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from functools import cache
+from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
@@ -18,7 +19,7 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList
 from skyarm.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.scalars.philox import normals
@@ -245,9 +246,13 @@ class ChannelSensor(Sensor):
         """The same of some state: names and numbers of components count."""
         return self.quantities(*_example(vehicle))
 
+    record: ClassVar[type]
+    """Record of a reading: the instant, then a field for each channel."""
+
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
         """Memory of the kind of sensor, and the record of a reading from the components of each channel."""
-        raise NotImplementedError(f"{type(self).__name__} must say how it reads")
+        fields = zip(_makers(self.record).items(), values, strict=True)
+        return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
     def first_own(self, vehicle: Vehicle) -> Any:
         """Memory of the kind of sensor before the first reading."""
@@ -318,6 +323,13 @@ class ChannelSensor(Sensor):
             own=own,
         )
         return following, reading
+
+
+@cache
+def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
+    """Field of a reading behind its instant -> its value from a channel's components."""
+    types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
+    return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
 
 
 def _example(vehicle: Vehicle) -> tuple[State, Vec3]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
@@ -99,6 +99,8 @@ TURN = 6.283185307179586
 class Imu(ChannelSensor):
     """An inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
 
+    record: ClassVar[type] = ImuReading
+
     gyro: Channel = Channel(density=0.005, walk=1e-4)
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
 
@@ -106,11 +108,6 @@ class Imu(ChannelSensor):
         """Angular rate and specific force."""
         force = tuple(data(c) for c in specific_force)
         return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
-
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
-        """Both, at one instant."""
-        rate, force = values
-        return own, ImuReading(time=t, rate=Vec3(*rate), specific_force=Vec3(*force))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -147,6 +144,8 @@ class Pose(ChannelSensor):
 class Position(ChannelSensor):
     """Satellite navigation: position of the base origin, m."""
 
+    record: ClassVar[type] = PositionReading
+
     frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
     position: Channel = Channel(sigma=0.02)
 
@@ -154,14 +153,12 @@ class Position(ChannelSensor):
         """Position."""
         return (("position", self.position, tuple(state.position)),)
 
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
-        """Position."""
-        return own, PositionReading(time=t, position=Vec3(*values[0]))
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Heading(ChannelSensor):
     """A compass, or two satellite antennas: heading (yaw of the base's x axis), rad."""
+
+    record: ClassVar[type] = HeadingReading
 
     frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
     heading: Channel = Channel(sigma=0.02)
@@ -169,10 +166,6 @@ class Heading(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Yaw."""
         return (("heading", self.heading, (euler_angles(state.quaternion.rotation())[2],)),)
-
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
-        """Yaw, not wrapped."""
-        return own, HeadingReading(time=t, heading=values[0][0])
 
 
 RATES = ("difference", "measured")
@@ -286,16 +279,14 @@ class FramedSensor(ChannelSensor):
 class ForceTorque(FramedSensor):
     """A force-torque sensor: force (N) and torque (N m) at a frame, in its axes."""
 
+    record: ClassVar[type] = ForceReading
+
     force: Channel = Channel()
     torque: Channel = Channel()
 
     def felt(self, push: Push) -> Quantities:
         """Force and torque."""
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
-
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
-        """Both as read."""
-        return own, ForceReading(time=t, force=Vec3(*values[0]), torque=Vec3(*values[1]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
