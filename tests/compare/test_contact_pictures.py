@@ -10,9 +10,9 @@ import pytest
 import skyarm
 from film_flights import needs_display
 from skyarm.compare.cells import episode_scenario
-from skyarm.compare.contact_laws import FLAGSHIP, MOTION
 from skyarm.compare.contact_report import contact_report
 from skyarm.compare.contact_suite import ContactSuite, fly_contact, shown_flights
+from skyarm.compare.contact_tasks import FLAGSHIP, MOTION
 
 
 def test_a_task_is_shown_by_its_first_law_under_noise():

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.compare.cells import Cell
-from skyarm.compare.contact_record import HANDLE, SHOWN, cell_record, lacks
-from skyarm.compare.contact_report import handle_rows
+from skyarm.compare.contact_report import HANDLES, NUMBERS, cell_record, handle_rows, lacks
 from skyarm.compare.contact_suite import ContactSuite
 from skyarm.compare.contact_tasks import TASKS
 from skyarm.compare.run_suite import write_suite
@@ -19,7 +18,7 @@ from skyarm.pages import number
 GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
     "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
-    **dict.fromkeys(SHOWN.values(), 0.5), **dict.fromkeys(HANDLE.values(), np.nan),
+    **{metric: 0.5 for metric, *_ in NUMBERS.values()}, **{metric: np.nan for metric, *_ in HANDLES.values()},
 }  # fmt: skip
 WEIGHT = 10.0
 
@@ -85,7 +84,7 @@ def test_numbers_are_medians_over_whole_flights_and_none_where_there_are_none():
 def test_handles_have_a_median_and_what_nearly_all_stay_below():
     count = 21
     found = cell(*["completed"] * count, "lost")
-    for name in HANDLE.values():
+    for name, *_ in HANDLES.values():
         found.metrics[name][:] = [*np.arange(count), 1e3]
     told = cell_record(TASKS["pull_door"], found, WEIGHT, 3, np.zeros(count + 1))
     assert (told["radial"], told["radial_most"], told["lag_most"]) == (10.0, 19.0, 19.0)

@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 
 from skyarm.compare.cells import fly, fly_episode
-from skyarm.compare.contact_laws import (
+from skyarm.compare.contact_suite import ContactSuite, worlds_of
+from skyarm.compare.contact_tasks import (
     BEHIND,
     FLAGSHIP,
+    FRICTION,
     LOAD,
     MOTION,
     RIVALS,
+    TASKS,
     as_positions,
     document_of,
     flies_its_own,
     scenario_of,
 )
-from skyarm.compare.contact_suite import ContactSuite, worlds_of
-from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
 from skyarm.contact.material import Material
 from skyarm.control.catalogue import make_controller

@@ -6,14 +6,20 @@ import numpy as np
 
 from skyarm.compare.cells import Cell
 from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
-from skyarm.compare.envelope_record import JUDGED, lost_at, point_of_plants, points_of, sentence, violations, within
 from skyarm.compare.envelope_report import (
+    JUDGED,
     axis_rows,
     cell_text,
     envelope_report,
+    lost_at,
+    point_of_plants,
+    points_of,
+    sentence,
     summary_rows,
     summary_section,
     violation_rows,
+    violations,
+    within,
 )
 
 

@@ -15,8 +15,7 @@ from typing import Any
 
 from PIL import Image
 
-from skyarm.compare.envelope_record import FLAGSHIP, violations
-from skyarm.compare.envelope_report import summary_head, summary_rows, violation_rows
+from skyarm.compare.envelope_report import FLAGSHIP, summary_head, summary_rows, violation_rows, violations
 from skyarm.pages import markdown, number
 
 ROOT = Path(__file__).resolve().parents[2]

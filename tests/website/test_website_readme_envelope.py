@@ -9,8 +9,7 @@ from pathlib import Path
 from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
 
 from skyarm.compare.envelope import Envelope
-from skyarm.compare.envelope_record import FLAGSHIP
-from skyarm.compare.envelope_report import summary_rows
+from skyarm.compare.envelope_report import FLAGSHIP, summary_rows
 
 README = (ROOT / "README.md").read_text("utf-8")
 FLOWN = ("circle", "payload")

@@ -20,10 +20,9 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.output import bar, give, tell
 from skyarm.compare.comparison import SUITE, Comparison
-from skyarm.compare.contact_laws import LAWS as CONTACT_LAWS
-from skyarm.compare.contact_laws import OWN
 from skyarm.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
-from skyarm.compare.contact_tasks import TASKS
+from skyarm.compare.contact_tasks import LAWS as CONTACT_LAWS
+from skyarm.compare.contact_tasks import OWN, TASKS
 from skyarm.compare.entrants import ENTRANTS, Entrant, own_entrant
 from skyarm.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope
 from skyarm.compare.envelope_axes import AXES

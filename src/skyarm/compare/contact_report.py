@@ -1,16 +1,123 @@
-"""The contact suite's report: successes of every law in every task, what the others lacked, and numbers."""
+"""Judgement and report of the contact suite: successes, what each flight lacked, medians, and tables."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.compare.contact_laws import TITLES
-from skyarm.compare.contact_record import HELD, MOST, NEAR, SOON
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compare.cells import Cell
+from skyarm.compare.contact_tasks import TITLES, Task
 from skyarm.files import versions
 from skyarm.metrics.contact_totals import BAND
 from skyarm.pages import DASH, Report, Section, Table, image, number
+from skyarm.sweep.intervals import wilson
+
+Array = npt.NDArray[Any]
+Flags = npt.NDArray[np.bool_]
+
+HELD = 0.9
+"""Share of the time that a force must be within 30 % of the wanted one."""
+
+NEAR = 0.010
+"""m, of the place where an object is set down."""
+
+APART = 0.05
+"""m, of a vehicle that stands from where it shall."""
+
+SOON = 0.005
+"""s: worlds whose commands are late by at most this are counted by themselves, too."""
+
+METRICS = ("contact", "phases_done")
+"""Beside what every comparison counts."""
+
+MOST = 95.0
+"""Percent of the flights that stay below a largest value."""
+
+
+NUMBERS: Mapping[str, tuple[str, str, float]] = {
+    "force_error": ("contact_error_mean", "force error, N", 1.0),
+    "ripple": ("contact_ripple", "ripple, N", 1.0),
+    "peak": ("contact_largest", "peak, N", 1.0),
+    "tip": ("contact_tip_mean", "tip, mm", 1e3),
+    "losses": ("contact_losses", "losses", 1.0),
+    "time": ("phases_time", "time, s", 1.0),
+}
+"""Number of a cell -> metric, head, factor from SI to its unit: medians of flights that came to their end."""
+
+HANDLES: Mapping[str, tuple[str, str, float]] = {
+    "radial": ("grip_force_mean", "radial force, mean, N", 1.0),
+    "radial_most": ("grip_force_max", f"largest, in {MOST:g} %, N", 1.0),
+    "lag_most": ("grip_lag_max", f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
+}
+"""The same of a handle that is held; the first a median, the others in 95 % of the flights."""
+
+
+def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
+    """What each flight lacked, by a word, in the order in which it is asked for.
+
+    Args:
+        task: says what counts.
+        cell: its flights.
+        weight: of the vehicle, N.
+        phases: of the scenario that was flown; 0 where none waits.
+    """
+    m, late = cell.metrics, cell.status == "phase_failed"
+    found = {"lost": ~(cell.flown | (late & cell.upright))}
+    found["phases"] = late | ~(m["phases_done"] >= phases)
+    if task.held:
+        found["force"] = ~(m["contact_held"] >= HELD)
+    if task.angle is not None:
+        found["opening"] = ~(m["mechanism_furthest"] >= task.angle)
+    if task.depth is not None:
+        found["depth"] = ~(m["tip_lowest"] <= task.depth)
+    if task.place is not None:
+        x, y = task.place
+        found["place"] = ~(np.hypot(m["object_last_x"] - x, m["object_last_y"] - y) <= NEAR)
+    if task.stands is not None:
+        found["standing"] = ~(m["contact_last"] >= task.stands * weight)
+        found["place"] = ~(m["ee_error_last_mean_continuous"] <= APART)
+    return found
+
+
+def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> dict[str, Any]:
+    """A cell as plain data: success with its interval, causes, and medians over flights that came to their end.
+
+    Args:
+        task: as of :func:`lacks`; a flight that lacks several things counts under the first.
+        cell: its flights.
+        weight: N, of the vehicle.
+        phases: of the scenario.
+        delays: of the commands in each flight, s.
+    """
+    bad = np.zeros(len(cell.status), dtype=bool)
+    causes: Counter[str] = Counter()
+    for word, flags in lacks(task, cell, weight, phases).items():
+        for k in np.flatnonzero(flags & ~bad):
+            causes[str(cell.status[k]) if word == "lost" and not cell.completed[k] else word] += 1
+        bad |= flags
+    count, good = len(bad), int((~bad).sum())
+    found: dict[str, Any] = {"flights": count, "successes": good, "success_rate": good / count}
+    found["success_interval"] = list(wilson(good, count))
+    soon = np.asarray(delays) <= SOON
+    found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}
+    found["causes"] = dict(causes.most_common())
+    for name, (metric, *_) in {**NUMBERS, **HANDLES}.items():
+        values = cell.metrics[metric][cell.completed]
+        inside = values[np.isfinite(values)]
+        found[name] = None
+        if inside.size and name in HANDLES:
+            found[name] = float(np.percentile(inside, MOST if name.endswith("_most") else 50.0))
+        elif inside.size:
+            found[name] = float(np.median(np.abs(inside)))
+    if not phases:  # the plan says when it is over
+        found["time"] = None
+    return found
+
 
 CONDITIONS = {"perfect": "perfect state", "noisy": "noisy measurements"}
 """Both in the same perturbed worlds, with a delay of up to 10 ms that no law knows of."""
@@ -37,23 +144,6 @@ SHOWN_NOTE = (
     "dashed where that is at last. The flights are in the folder flights beside this page."
 )
 
-NUMBERS: Mapping[str, tuple[str, float]] = {
-    "force_error": ("force error, N", 1.0),
-    "ripple": ("ripple, N", 1.0),
-    "peak": ("peak, N", 1.0),
-    "tip": ("tip, mm", 1e3),
-    "losses": ("losses", 1.0),
-    "time": ("time, s", 1.0),
-}
-"""Number of a cell -> head, factor from SI to the unit of the head: medians over flights that came to their end."""
-
-HANDLES: Mapping[str, tuple[str, float]] = {
-    "radial": ("radial force, mean, N", 1.0),
-    "radial_most": (f"largest, in {MOST:g} %, N", 1.0),
-    "lag_most": (f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
-}
-"""Number of a cell -> head, factor: of a handle that is held."""
-
 MEDIANS = "Medians over the flights that came to their end; the force error by its size."
 
 HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
@@ -77,12 +167,12 @@ def contact_report(found: Mapping[str, Any], pictures: Mapping[str, bytes] | Non
             continue
         successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
         flown.append(Section(title=f"Successes, {title}", tables=[successes]))
-        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for h, _ in NUMBERS.values()))
+        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, _ in NUMBERS.values()))
         table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
         numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
         rows = handle_rows(found, name)
         if rows:
-            table = Table(head=("task", "law", *(f">{head}" for head, _ in HANDLES.values())), rows=rows)
+            table = Table(head=("task", "law", *(f">{head}" for _, head, _ in HANDLES.values())), rows=rows)
             handles.append(Section(title=f"Handles, {title}", remark=HANDLE_NOTE, tables=[table]))
     titles = [(law, TITLES[law]) for law in found["laws"] if law in TITLES]
     only = [Section(title="Laws", tables=[Table(head=("law", "what"), rows=titles)])]
@@ -125,7 +215,7 @@ def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     return [
         [
             task["title"], law, _successes(cell), _successes(cell["soon"]),
-            *(number(cell[name], factor) for name, (_, factor) in NUMBERS.items()), _causes(cell) or DASH,
+            *(number(cell[name], factor) for name, (_, _, factor) in NUMBERS.items()), _causes(cell) or DASH,
         ]
         for task in found["tasks"].values()
         for law, cell in task["conditions"][condition].items()
@@ -135,7 +225,7 @@ def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
 def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     """One row per task with a handle and law; the first number is a median."""
     return [
-        [task["title"], law, *(number(cell[name], factor) for name, (_, factor) in HANDLES.items())]
+        [task["title"], law, *(number(cell[name], factor) for name, (_, _, factor) in HANDLES.items())]
         for task in found["tasks"].values()
         for law, cell in task["conditions"][condition].items()
         if cell["radial"] is not None

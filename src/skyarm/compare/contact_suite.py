@@ -13,10 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
-from skyarm.compare.contact_laws import FLAGSHIP, LAWS, flies_its_own, scenario_of
-from skyarm.compare.contact_record import METRICS, cell_record
-from skyarm.compare.contact_report import CONDITIONS, contact_report
-from skyarm.compare.contact_tasks import TASKS, Task
+from skyarm.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
+from skyarm.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite

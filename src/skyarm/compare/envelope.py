@@ -18,8 +18,14 @@ import numpy.typing as npt
 from skyarm.compare.cells import Cell, Cells, Flights
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
-from skyarm.compare.envelope_record import axis_record, points_of, sentence, violations
-from skyarm.compare.envelope_report import envelope_picture, envelope_report
+from skyarm.compare.envelope_report import (
+    axis_record,
+    envelope_picture,
+    envelope_report,
+    points_of,
+    sentence,
+    violations,
+)
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.compare.run_suite import Progress, Refused, Suite, fly_suite
 from skyarm.compare.suite import Case, Condition
