@@ -157,20 +157,6 @@ def one(kind: type) -> Rule:
     return rule
 
 
-def several(kind: type) -> Rule:
-    """Rule: any sequence of records of this kind, held as a tuple."""
-
-    def rule(field: str, value: Any) -> Any:
-        if not is_sequence(value):
-            refuse(field, value, f"must be a sequence of {kind.__name__}")
-        held = tuple(value)
-        for index, each in enumerate(held):
-            one(kind)(f"{field}[{index}]", each)
-        return value if isinstance(value, tuple) else held
-
-    return rule
-
-
 def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
     """Pairs of texts, or a mapping of texts."""
     items = tuple(value.items()) if isinstance(value, Mapping) else value

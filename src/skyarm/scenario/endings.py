@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
@@ -33,10 +33,8 @@ class Ending:
 
     __slots__ = ()
 
-    @property
-    def status(self) -> str:
-        """One word for the log."""
-        raise NotImplementedError(f"{type(self).__name__} must say its status")
+    status: ClassVar[str]
+    """One word for the log."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """True while the episode may go on; pure, over any scalar, and false for NaN.
@@ -58,10 +56,7 @@ class Ending:
 class Divergence(Ending):
     """Numbers that no flight has."""
 
-    @property
-    def status(self) -> str:
-        """Diverged."""
-        return "diverged"
+    status: ClassVar[str] = "diverged"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Everything finite and near."""
@@ -99,10 +94,7 @@ class JointLimits(Ending):
 
     stops: bool = True
 
-    @property
-    def status(self) -> str:
-        """Joint limit."""
-        return "joint_limit"
+    status: ClassVar[str] = "joint_limit"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every joint between its limits."""
@@ -131,10 +123,7 @@ class JointLimits(Ending):
 class LawUndefined(Ending):
     """An attitude at which the law is not defined."""
 
-    @property
-    def status(self) -> str:
-        """Controller undefined."""
-        return "controller_undefined"
+    status: ClassVar[str] = "controller_undefined"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """The law's own margin; a law without one is defined everywhere."""
@@ -150,10 +139,7 @@ class LawUndefined(Ending):
 class Ground(Ending):
     """The lowest point at z = 0, where the scenario has a ground and no plane of its world is one."""
 
-    @property
-    def status(self) -> str:
-        """Ground."""
-        return "ground"
+    status: ClassVar[str] = "ground"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every point above the ground."""
@@ -169,10 +155,7 @@ class Ground(Ending):
 class RotorContact(Ending):
     """A rotor's disc at a surface of the world that stands still."""
 
-    @property
-    def status(self) -> str:
-        """Rotor contact."""
-        return "rotor_contact"
+    status: ClassVar[str] = "rotor_contact"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every disc clear of every surface."""
@@ -191,10 +174,7 @@ class RotorContact(Ending):
 class BodyContact(Ending):
     """The base's origin or a joint inside a surface that stands still; only contact points may be there."""
 
-    @property
-    def status(self) -> str:
-        """Body contact."""
-        return "body_contact"
+    status: ClassVar[str] = "body_contact"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """All of them outside."""

@@ -211,22 +211,32 @@ def couple(
     return tuple(kept), tuple(followers), moved
 
 
-def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
-    """What a joint follows in the end, through joints that follow themselves."""
-    known = [link.joint.name for link in links]
+def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
+    """The joint at the end of a chain of joints that follow each other, and how a joint follows that one.
+
+    Raises:
+        VehicleError: the chain is a ring.
+    """
     passed, ratio, offset = [name], 1.0, 0.0
-    while passed[-1] in mimics:
-        mimic = mimics[passed[-1]]
-        if mimic.joint not in known:
-            refuse(f"joint[{passed[-1]}].mimic.joint", mimic.joint, f"must be one of {', '.join(known)}")
+    while (mimic := mimics.get(passed[-1])) is not None:
         ratio, offset = ratio * mimic.ratio, offset + ratio * mimic.offset
         if mimic.joint in passed:
-            ring = " -> ".join([*passed, mimic.joint])
-            refuse(f"joint[{name}].mimic.joint", mimic.joint, f"must not lead back ({ring})")
+            refuse(
+                f"joint[{name}].mimic.joint", mimic.joint, f"must not lead back ({' -> '.join([*passed, mimic.joint])})"
+            )
         passed.append(mimic.joint)
-    if ratio == 0.0:
-        refuse(f"joint[{name}].mimic.ratio", ratio, "must not be 0; a joint that never moves is fixed")
     return Mimic(passed[-1], ratio, offset)
+
+
+def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
+    """As :func:`follow`, of a joint that moves with another one of the links."""
+    known, found = [link.joint.name for link in links], follow(name, mimics)
+    if found.joint not in known:
+        last = next(each for each in mimics if mimics[each].joint == found.joint)
+        refuse(f"joint[{last}].mimic.joint", found.joint, f"must be one of {', '.join(known)}")
+    if found.ratio == 0.0:
+        refuse(f"joint[{name}].mimic.ratio", found.ratio, "must not be 0; a joint that never moves is fixed")
+    return found
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:

@@ -20,7 +20,7 @@ from typing import Any
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3, axis_rotation
 from skyarm.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame
@@ -235,7 +235,10 @@ def _read_child(tree: _Tree, body: int) -> None:
 def _held(tree: _Tree, joint: int) -> bool:
     """Whether a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
     name = joint_name(tree.model, joint)
-    return name in tree.mimics and (tree.mimic == "lock" or stands_still(name, tree.mimics))
+    if name not in tree.mimics or tree.mimic == "lock":
+        return name in tree.mimics
+    found = follow(name, tree.mimics)
+    return not found.joint or found.ratio == 0.0
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
@@ -378,37 +381,15 @@ def mimics_of(model: Any) -> dict[str, Mimic]:
     return found
 
 
-def stands_still(name: str, mimics: Mapping[str, Mimic]) -> bool:
-    """Whether a joint that follows never moves: an equality holds it, or the one that it follows in the end."""
-    passed = [name]
-    while passed[-1] in mimics:
-        mimic = mimics[passed[-1]]
-        if not mimic.joint or mimic.ratio == 0.0:
-            return True
-        if mimic.joint in passed:  # a ring is refused where it is followed
-            return False
-        passed.append(mimic.joint)
-    return False
-
-
 def resting(model: Any, name: str, mimics: Mapping[str, Mimic]) -> float:
     """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
-    passed = [name]
-    while passed[-1] in mimics and mimics[passed[-1]].joint:
-        leader = mimics[passed[-1]].joint
-        if leader in passed:
-            refuse(f"equality of joint[{name}]", leader, f"must not lead back ({' -> '.join([*passed, leader])})")
-        passed.append(leader)
-    value = 0.0
-    joint = model.joint(passed[-1]).id if passed[-1] not in mimics else -1
+    found, value = follow(name, mimics), 0.0
+    joint = model.joint(found.joint).id if found.joint else -1
     if joint >= 0 and model.jnt_limited[joint]:
         zero = float(model.qpos0[model.jnt_qposadr[joint]])
         lower, upper = (float(each) - zero for each in model.jnt_range[joint])
         value = min(max(0.0, lower), upper)
-    for each in reversed(passed):
-        if each in mimics:
-            value = mimics[each].ratio * value + mimics[each].offset
-    return value
+    return found.ratio * value + found.offset
 
 
 SPRINGS = ("jnt_stiffness", "jnt_stiffnesspoly")

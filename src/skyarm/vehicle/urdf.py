@@ -20,7 +20,7 @@ from typing import Any
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
@@ -145,8 +145,8 @@ def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float 
     follows = tree.mimics.get(name)
     if follows is None:
         return fixed_at(joint)
-    value = resting(name, tree.joints, tree.mimics)
-    leader = _leader(name, tree)
+    last = follow(name, tree.mimics)
+    value, leader = resting(last, tree.joints), last.joint
     if mimic == "couple" and leader not in tree.joints:
         refuse(f"joint[{name}].mimic.joint", leader, f"must be one of {', '.join(tree.joints)}")
     if mimic == "couple" and fixed_at(tree.joints[leader]) is None:
@@ -154,13 +154,6 @@ def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float 
         return None
     notes.add(f"follows {follows.joint}: fixed at {value:g}; mimic = 'couple' lets it move", name)
     return value
-
-
-def _leader(name: str, tree: _Tree) -> str:
-    """The joint that another one follows in the end."""
-    while name in tree.mimics:
-        name = tree.mimics[name].joint
-    return name
 
 
 def _read_tree(robot: ET.Element) -> _Tree:
@@ -316,22 +309,14 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
     return found
 
 
-def resting(name: str, joints: Mapping[str, ET.Element], mimics: Mapping[str, Mimic]) -> float:
+def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
     """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
-    passed = [name]
-    while passed[-1] in mimics:
-        leader = mimics[passed[-1]].joint
-        if leader in passed:
-            refuse(f"joint[{name}].mimic.joint", leader, f"must not lead back ({' -> '.join([*passed, leader])})")
-        passed.append(leader)
     value = 0.0
-    if passed[-1] in joints:
-        lower, upper = limits(joints[passed[-1]])
-        fixed = fixed_at(joints[passed[-1]])
+    if follows.joint in joints:
+        lower, upper = limits(joints[follows.joint])
+        fixed = fixed_at(joints[follows.joint])
         value = min(max(0.0, lower), upper) if fixed is None else fixed
-    for each in reversed(passed[:-1]):
-        value = mimics[each].ratio * value + mimics[each].offset
-    return value
+    return follows.ratio * value + follows.offset
 
 
 PACKAGE, FILE = "package://", "file://"
