@@ -97,7 +97,7 @@ def test_machine_code_has_the_bits_of_the_loop_in_python():
 
 def test_a_fault_is_in_the_log():
     log = run(faulty(Fault(rotor="left", effectiveness=0.7, start=0.1), duration=0.05))
-    (fault,) = log.info["scenario_record"]["faults"]
+    (fault,) = log.info["scenario_record"]["agent"]["faults"]
     assert (fault["rotor"], fault["effectiveness"], fault["start"]) == ("left", 0.7, 0.1)
 
 

@@ -328,7 +328,7 @@ def test_a_press_has_the_force_depth_and_place_of_ours(pressed):
 
 def test_what_it_cannot_do_is_refused_in_one_line():
     ours = scenario_from(DOCUMENT)
-    theirs = {"plant": "mujoco_contacts", "integrator": "euler"}
+    theirs = {"kind": "mujoco_contacts", "integrator": "euler"}
     dataclasses.replace(ours, **theirs)
     hole = Surface(name="h", shape="hole", size=(0.01, 0.02, 0.001, 0.05, 0.03), position=(5.0, 5.0, 0.0))
     part = Mechanism(name="m", kind="slide", axis=(1.0, 0.0, 0.0), mass=1.0, parts=(hole,))

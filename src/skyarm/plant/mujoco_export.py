@@ -42,13 +42,38 @@ ALWAYS = ("pos", "axis", "gear")
 """Attributes that are written even where MuJoCo's own writer takes six digits for a default."""
 
 
-def exact_xml(spec: Any) -> str:
+LOOKS = """
+<mujoco>
+  <visual>
+    <global offwidth="1280" offheight="720"/>
+  </visual>
+  <asset>
+    <texture type="2d" name="grid" builtin="checker" rgb1="0.85 0.86 0.88" rgb2="0.75 0.77 0.8" width="300"
+      height="300"/>
+    <material name="floor" texture="grid" texuniform="true"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1" material="floor" contype="0" conaffinity="0"/>
+    <light name="sun" type="directional" pos="0 0 10" dir="0.3 0.2 -1" diffuse="0.6 0.6 0.6"/>
+  </worldbody>
+</mujoco>
+"""
+"""A sun, and a floor that nothing touches."""
+
+
+def exact_xml(spec: Any, looks: str = "<mujoco/>") -> str:
     """XML of a spec that has been compiled, with every number of its mechanics written so that it reads back the same.
 
     Args:
         spec: ``mujoco.MjSpec`` whose bodies, joints, sites, actuators and equalities have names.
+        looks: elements that are added, without mechanics.
     """
     root = ET.fromstring(spec.to_xml())
+    for section in ET.fromstring(looks):
+        there = root.find(section.tag)
+        if there is None:
+            there = ET.SubElement(root, section.tag)
+        there[:0] = list(section)
     root.insert(0, ET.Comment(f" {HEADER} "))
     option = root.find("option")
     if option is None:
@@ -131,9 +156,9 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
     names = _add_actuators(spec, vehicle)
     model = spec.compile()
     qpos = _add_start(spec, vehicle, model, start, gravity)
-    _add_looks(spec, bodies[spec.worldbody.first_body().name], _extent(model, qpos))
+    _add_views(bodies[spec.worldbody.first_body().name], _extent(model, qpos))
     spec.compile()
-    return Exported(exact_xml(spec), len(vehicle.bodies), len(vehicle.moving), names)
+    return Exported(exact_xml(spec, LOOKS), len(vehicle.bodies), len(vehicle.moving), names)
 
 
 def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
@@ -213,12 +238,9 @@ def _extent(model: Any, qpos: Any) -> float:
     return float(distances.max())
 
 
-def _add_looks(spec: Any, base: Any, size: float) -> None:
-    """A sun, a lamp and a camera that follow, and a floor that nothing touches."""
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
-    sun, lamp = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, mujoco.mjtLightType.mjLIGHT_SPOT
-    spec.worldbody.add_light(name="sun", type=sun, pos=[0.0, 0.0, 10.0], dir=[0.3, 0.2, -1.0], diffuse=[0.6] * 3)
-    follow = mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
+def _add_views(base: Any, size: float) -> None:
+    """A lamp and a camera that follow."""
+    lamp, follow = mujoco.mjtLightType.mjLIGHT_SPOT, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
     above = [0.0, 0.0, 5.0 * size]
     base.add_light(
         name="lamp", type=lamp, mode=follow, pos=above, dir=[0.0, 0.0, -1.0], diffuse=[0.15] * 3, cutoff=60.0
@@ -230,23 +252,6 @@ def _add_looks(spec: Any, base: Any, size: float) -> None:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).ravel())
     base.add_camera(name=CAMERA, mode=follow, pos=away, quat=quaternion, fovy=FIELD)
-    grid = spec.add_texture(
-        name="grid",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.85, 0.86, 0.88],
-        rgb2=[0.75, 0.77, 0.80],
-        width=300,
-        height=300,
-    )
-    material = spec.add_material(name="floor", texrepeat=[1.0, 1.0], texuniform=True)
-    textures = list(material.textures)
-    textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = grid.name
-    material.textures = textures
-    plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(
-        name="floor", type=plane, size=[0.0, 0.0, 1.0], material="floor", contype=0, conaffinity=0, group=0
-    )
 
 
 def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> Any:

@@ -128,7 +128,7 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
     writer.do(f"""
-define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline {{
+define internal void @{BODY}({", ".join(ARGUMENTS)}) noinline {{
 entry:
   br label %blocks
 blocks:
