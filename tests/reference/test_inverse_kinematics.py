@@ -103,19 +103,21 @@ def test_a_goal_that_moves_evenly_moves_the_joints_evenly_to_the_stretched_arm_a
 
 def test_a_tip_in_the_world_asks_for_no_violent_arm():
     """Sideways motion of a planar arm, most of it the base's: joint accelerations stay those of the path."""
-    from skyarm.reference import Constant, Trajectory
+    from skyarm.reference import Constant
     from skyarm.reference.signals import Ramp
-    from skyarm.reference.tip_plan import with_tip
+    from skyarm.reference.tip_motion import TipMotion, arm_of
+    from skyarm.reference.tip_plan import plan
 
     choices = TipChoices(posture=(0.3, -0.6), base_share=0.8, arm_range=0.08)
-    path = Trajectory(
+    path = TipMotion(
+        arm=arm_of(ARM2),
         x=Ramp(start=1.0, duration=2.0, height=0.6, shape="quintic"),
         y=Ramp(start=1.0, duration=2.0, height=0.2, shape="quintic"),
         z=Constant(1.0),
     )
-    planned = with_tip(Trajectory(), ARM2, path, choices, 5.0, relative=False)
+    joints = plan(ARM2, path, Constant(0.0), choices, 5.0)
     times = np.arange(0.0, 5.0, 0.02)
-    fastest = [max(abs(float(joint.derivatives(float(t))[2])) for t in times) for joint in planned.joints]
+    fastest = [max(abs(float(joint.derivatives(float(t))[2])) for t in times) for joint in joints]
     assert max(fastest) < 12.0, fastest
-    late = [[float(joint.derivatives(t)[2]) for t in (4.0, 4.5)] for joint in planned.joints]
+    late = [[float(joint.derivatives(t)[2]) for t in (4.0, 4.5)] for joint in joints]
     np.testing.assert_allclose(late, 0.0, atol=0.05)

@@ -69,8 +69,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import itertools
-import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -84,9 +83,6 @@ from skyarm.reference.trajectory import Trajectory, circle, hover
 from skyarm.registry import find
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-
-if TYPE_CHECKING:
-    from skyarm.reference.tip_plan import TipChoices
 
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
@@ -244,7 +240,17 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     push = push_from(own["push"], f"{where}.push", setting.duration) if "push" in own else None
     load = signal_from(own["load"], f"{where}.load") if "load" in own else None
     if isinstance(rest, dict) and "tip" in rest:
-        found = _of_tip(rest, n_joints, where, setting)
+        from skyarm.reference.tip_plan import tip_trajectory
+
+        base = trajectory_from({k: v for k, v in rest.items() if k not in ("tip", "joints")}, n_joints, where, setting)
+        fields = Fields(rest["tip"], f"{where}.tip")
+        vehicle = _vehicle(setting, fields.where)
+        if "joints" in rest:
+            raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
+        path = motion_from(fields.take("path"), fields.at("path"), setting)
+        found = tip_trajectory(fields, base, path, vehicle, setting)
+        if "base" in rest and not found.tip.relative:
+            raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
         found = trajectory_from(rest, n_joints, where, setting)
         if setting.joint_moves:
@@ -257,31 +263,6 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     return dataclasses.replace(found, push=push, load=load)
 
 
-def _of_tip(table: dict[str, Any], n_joints: int, where: str, setting: Setting) -> Trajectory:
-    """The trajectory of a reference with a tip, from its heading and the motion of its base."""
-    from skyarm.reference.phases import with_joint_moves
-    from skyarm.reference.tip_plan import with_tip
-
-    rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
-    base = trajectory_from(rest, n_joints, where, setting)
-    fields = Fields(table["tip"], f"{where}.tip")
-    vehicle = _vehicle(setting, fields.where)
-    if "joints" in table:
-        raise ValueError(f"{where}.joints = {shown(table['joints'])}: must be left out beside tip; see tip.posture")
-    relative = fields.choice("relative_to", ("world", "base"), "world") == "base"
-    if "base" in table and not relative:
-        raise ValueError(f"{where}.base = {shown(table['base'])}: must be left out, the base follows from tip.path")
-    path = motion_from(fields.take("path"), fields.at("path"), setting)
-    choices = _choices(fields, vehicle, relative)
-    fields.done()
-    try:
-        found = with_tip(base, vehicle, path, choices, setting.duration, relative=relative)
-    except ValueError as error:
-        raise ValueError(f"{fields.where}.{error}") from None
-    found = with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
-    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
-
-
 def _vehicle(setting: Setting, where: str) -> Vehicle:
     vehicle = setting.vehicle
     if vehicle is None or not vehicle.end_effector:
@@ -292,52 +273,3 @@ def _vehicle(setting: Setting, where: str) -> Vehicle:
         held = "the base" if link == BASE else "a link that follows others"
         raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {held}")
     return vehicle
-
-
-def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
-    from skyarm.reference.tip_plan import TipChoices
-
-    usual = TipChoices(posture=())
-    share = fields.number("base_share", 0.0 if relative else usual.base_share, low=0.0)
-    if share > 1.0 or (relative and share):
-        allowed = "must be left out of a tip that is relative to the base" if relative else "must be from 0 to 1"
-        raise ValueError(f"{fields.at('base_share')} = {share!r}: {allowed}")
-    turn = fields.take("orientation", None)
-    if turn is not None and (not isinstance(turn, list) or len(turn) != 3):
-        raise ValueError(f"{fields.at('orientation')} = {shown(turn)}: must be three signals: roll, pitch, yaw")
-    signals = None
-    if turn is not None:
-        roll, pitch, yaw = (signal_from(entry, f"{fields.at('orientation')}[{i}]") for i, entry in enumerate(turn))
-        signals = roll, pitch, yaw
-    return TipChoices(
-        posture=_posture(fields, vehicle),
-        base_share=share,
-        arm_range=_bounded(fields, "arm_range", usual.arm_range),
-        joint_speed=_bounded(fields, "joint_speed", usual.joint_speed),
-        orientation=signals,
-        rate=_bounded(fields, "rate", usual.rate),
-    )
-
-
-def _bounded(fields: Fields, name: str, usual: float) -> float:
-    """A number that is not absurd."""
-    from skyarm.reference.waypoints import within
-
-    return within(fields.number(name, usual), fields.at(name), 1e-3)
-
-
-def _posture(fields: Fields, vehicle: Vehicle) -> tuple[float, ...]:
-    """Joints that the arm prefers, within their limits."""
-    bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
-    if fields.take("posture", None) is None:
-        return tuple(
-            0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds
-        )
-    posture = fields.numbers("posture")
-    if len(posture) != vehicle.n:
-        raise ValueError(f"{fields.at('posture')} = {len(posture)} numbers: must be one for each of {vehicle.n} joints")
-    for i, (q, (low, high), link) in enumerate(zip(posture, bounds, vehicle.links, strict=True)):
-        if not low <= q <= high:
-            name = link.joint.name
-            raise ValueError(f"{fields.at('posture')}[{i}] = {q:g}: must be within {low:g} and {high:g} of {name!r}")
-    return posture

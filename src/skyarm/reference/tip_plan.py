@@ -19,16 +19,25 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import reach
+from skyarm.files import Fields
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.read_table import record_from
+from skyarm.records.units import Unit
+from skyarm.reference.phases import with_joint_moves
+from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.splines import interpolating_points, uniform_curve
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import TipMotion, arm_of
 from skyarm.reference.trajectory import Trajectory
+from skyarm.scalars import Scalar
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
@@ -217,12 +226,18 @@ class TipChoices:
         rate: Hz of the plan's samples.
     """
 
-    posture: tuple[float, ...]
-    base_share: float = 1.0
-    arm_range: float = 0.1
-    joint_speed: float = 2.0
-    orientation: tuple[Signal, Signal, Signal] | None = None
-    rate: float = 10.0
+    posture: Annotated[tuple[Scalar, ...], Unit("rad or m", "of each joint")] = ()
+    base_share: Annotated[float, Unit("", "of the tip's way that the base takes", low=0.0, high=1.0)] = 1.0
+    arm_range: Annotated[float, Unit("m", "of the tip's way that the arm takes", low=1e-3, high=1e6)] = 0.1
+    joint_speed: Annotated[float, Unit("rad/s or m/s", "largest of a plan", low=1e-3, high=1e6)] = 2.0
+    orientation: SignalList | None = None
+    rate: Annotated[float, Unit("Hz", "of the plan's samples", low=1e-3, high=1e6)] = 10.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        if self.orientation is not None and len(self.orientation.signals) != 3:
+            said = f"{len(self.orientation.signals)} signals"
+            raise ValueError(f"orientation = {said}: must be three signals: roll, pitch, yaw")
 
 
 def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, duration: float) -> tuple[Signal, ...]:
@@ -248,7 +263,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     if choices.orientation is not None:
         turns = [
             (Mat3.identity() if tip.relative else _heading(-h))
-            @ _turn(*(float(s.derivatives(t)[0]) for s in choices.orientation))
+            @ _turn(*(float(angle) for angle in choices.orientation.at(t)))
             for t, h in zip(times, headings, strict=True)
         ]
     samples = follow(task, positions, turns, step)
@@ -320,18 +335,48 @@ def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
     )
 
 
-def with_tip(
-    base: Trajectory, vehicle: Vehicle, path: Trajectory, choices: TipChoices, duration: float, *, relative: bool
+def tip_trajectory(
+    fields: Fields, base: Trajectory, path: Trajectory, vehicle: Vehicle, setting: Setting
 ) -> Trajectory:
     """The trajectory whose tip follows the path of another one's base.
 
     Args:
+        fields: table ``tip`` of the reference.
         base: heading, and for a relative tip the motion of the base.
-        vehicle: whose arm carries the tip.
         path: x, y, z of the tip.
-        choices: how its motion is shared.
-        duration: s, for which it is planned.
-        relative: whether the path is relative to the base.
+        vehicle: whose arm carries the tip.
+        setting: of the flight.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
     """
+    relative = fields.choice("relative_to", ("world", "base"), "world") == "base"
+    choices = record_from(TipChoices, fields)
+    if relative and choices.base_share and "base_share" in fields.table:
+        allowed = "must be left out of a tip that is relative to the base"
+        raise ValueError(f"{fields.at('base_share')} = {choices.base_share!r}: {allowed}")
+    share = 0.0 if relative else choices.base_share
+    choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields), base_share=share)
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle), relative=relative)
-    return dataclasses.replace(base, joints=plan(vehicle, tip, base.yaw, choices, duration), tip=tip)
+    try:
+        joints = plan(vehicle, tip, base.yaw, choices, setting.duration)
+    except ValueError as error:
+        raise ValueError(f"{fields.where}.{error}") from None
+    found = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
+    return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
+
+
+def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
+    """Joints that the arm prefers, within their limits; the middle of these where none are given."""
+    bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
+    if not given and "posture" not in fields.table:
+        return tuple(
+            0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds
+        )
+    if len(given) != vehicle.n:
+        raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
+    for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):
+        if not low <= q <= high:
+            name = link.joint.name
+            raise ValueError(f"{fields.at('posture')}[{i}] = {q:g}: must be within {low:g} and {high:g} of {name!r}")
+    return given
