@@ -14,10 +14,10 @@ from skyarm.control.blocks.attitude import Attitude, upright
 from skyarm.control.blocks.motor_lag import led
 from skyarm.control.blocks.series_kinematics import moving, posture
 from skyarm.control.laws.centroidal import com_tracking
-from skyarm.control.laws.centroidal.com_tracking import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, followed
 from skyarm.control.laws.centroidal.make import make_centroidal
-from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated, goal
-from skyarm.control.laws.centroidal.tip_tasks import level_motion, orientation_error
+from skyarm.control.laws.centroidal.shift_motion import ShiftMotion, differentiate
+from skyarm.control.laws.centroidal.tip_tasks import goal, level_motion, orientation_error
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.environment import NO_WIND, Force, Wrench
@@ -119,11 +119,11 @@ def test_links_stay_level_while_the_base_turns():
 def test_the_arms_motion_is_made_good_in_full_below_the_limit():
     h = [vec(x) for x in RNG.normal(size=(5, 3))]
     slow = ArmMotion(size=3.0, mean=Vec3(0.3, 0.0, 0.0))
-    assert made_good(slow, 20.0, h) == h
-    halved = made_good(dataclasses.replace(slow, size=40.0), 20.0, h)
+    assert compensated_motion(slow, 20.0, h) == h
+    halved = compensated_motion(dataclasses.replace(slow, size=40.0), 20.0, h)
     assert [v.z for v in halved] == [v.z for v in h]
     assert halved[0].x == pytest.approx(0.5 * (h[0].x + 0.3))
-    none = made_good(dataclasses.replace(slow, size=1e12), 20.0, h)
+    none = compensated_motion(dataclasses.replace(slow, size=1e12), 20.0, h)
     # the mean, and how its filter of 1 rad/s moves it
     moved = [0.3, h[0].x - 0.3, h[1].x - h[0].x + 0.3]
     assert [v.x for v in none[:3]] == pytest.approx(moved, abs=1e-6)
@@ -148,7 +148,7 @@ def test_the_size_of_the_arms_motion_is_that_of_its_snap():
 def test_two_differentiators_give_jerk_and_snap():
     memory, w, dt = ShiftMotion(acceleration=Vec3(0.0, 0.0, 0.0), jerk=Vec3(0.0, 0.0, 0.0)), 1.0, 0.005
     for k in range(1000):
-        memory, jerk, snap = differentiated(memory, Vec3(np.sin(w * k * dt), 0.0, 0.0), 60.0, dt)
+        memory, jerk, snap = differentiate(memory, Vec3(np.sin(w * k * dt), 0.0, 0.0), 60.0, dt)
     t = 999 * dt
     assert jerk.x == pytest.approx(np.cos(w * t), abs=0.03)
     assert snap.x == pytest.approx(-np.sin(w * t), abs=0.05)

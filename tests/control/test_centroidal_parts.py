@@ -22,8 +22,16 @@ from skyarm.control.blocks.series_kinematics import derivative, moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
 from skyarm.control.laws.centroidal.demands import Demand, Planned
-from skyarm.control.laws.centroidal.tip_reference import Goal, goal, move_goal, shift
-from skyarm.control.laws.centroidal.tip_tasks import Now, joint_accelerations, level_joints, orientation_error
+from skyarm.control.laws.centroidal.tip_tasks import (
+    Goal,
+    Now,
+    goal,
+    joint_accelerations,
+    level_joints,
+    move_goal,
+    orientation_error,
+    shift,
+)
 from skyarm.control.laws.centroidal.torques import needed, reaction
 from skyarm.control.model import Model
 from skyarm.dynamics import State

@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor

@@ -14,8 +14,16 @@ from skyarm.control.catalogue import preset
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import _course
-from skyarm.control.laws.centroidal.path_shift import ABOVE, AT_REST, BELOW, moved_axis, moved_path, with_shift
-from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace
+from skyarm.control.laws.centroidal.shift_motion import (
+    ABOVE,
+    AT_REST,
+    BELOW,
+    SwingPace,
+    axis_step,
+    path_step,
+    swing_pace,
+    with_shift,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.metrics.windows import Window, Windows
@@ -49,7 +57,7 @@ def flown(lever, w, seconds=3.0):
         answered = with_shift(path, base, level, G)
         asked = per * answered[3].y, per * answered[4].y
         kept = path, base, answered
-        y = moved_axis(path[1], tuple(each.y for each in base), asked, per, 5.0, DT)
+        y = axis_step(path[1], tuple(each.y for each in base), asked, per, 5.0, DT)
         path = (AT_REST, y)
     return kept
 
@@ -79,7 +87,7 @@ def test_the_pace_of_a_sine_has_no_ripple():
     found = []
     axis = AT_REST
     for k in range(400):
-        axis = moved_axis(axis, tuple(each.y for each in sine(k * DT, 3.0)), (0.0, 0.0), 0.03, 2.0, DT)
+        axis = axis_step(axis, tuple(each.y for each in sine(k * DT, 3.0)), (0.0, 0.0), 0.03, 2.0, DT)
         found.append(axis.change / axis.size)
     assert found == pytest.approx([9.0] * len(found), rel=1e-9)
 
@@ -90,8 +98,8 @@ def test_means_that_are_faster_than_the_law_stay_means(rate):
     axis, pace = AT_REST, SwingPace(rate=0.0, acceleration=0.0)
     for k in range(200):
         base = sine(0.05 * k, 3.0)
-        axis = moved_axis(axis, tuple(each.y for each in base), (0.0, 0.0), 0.03, rate, 0.05)
-        pace = followed_pace(pace, [0.3, *(each.y for each in base[:4])], rate, 0.05)
+        axis = axis_step(axis, tuple(each.y for each in base), (0.0, 0.0), 0.03, rate, 0.05)
+        pace = swing_pace(pace, [0.3, *(each.y for each in base[:4])], rate, 0.05)
     assert axis.size == pytest.approx((SIZE * 9.0) ** 2, rel=1e-9)
     assert axis.change == pytest.approx((SIZE * 27.0) ** 2, rel=1e-9)
     assert 0.0 <= pace.rate <= SIZE**2
@@ -102,7 +110,7 @@ def test_a_path_at_rest_is_answered_as_it_is():
     """Whatever a wind that changes asks for: that is no motion along the path."""
     path, level, base = (AT_REST, AT_REST), hanging(0.3), [Vec3(0.0, 0.0, 1.5), *[Vec3(0.0, 0.0, 0.0)] * 4]
     for _ in range(400):
-        path = tuple(moved_axis(axis, tuple(each.y for each in base), (0.1, 0.5), 0.03, 2.0, DT) for axis in path)
+        path = tuple(axis_step(axis, tuple(each.y for each in base), (0.1, 0.5), 0.03, 2.0, DT) for axis in path)
     assert path[0].rate == pytest.approx(0.1)
     answered = with_shift(path, base, level, G)
     assert (answered[0], answered[2:]) == (base[0], base[2:])
@@ -122,12 +130,12 @@ def test_a_swing_under_a_steady_tilt_is_no_motion_along_the_path():
     with pytest.raises(ControllerError, match=r"controller\.path_rate = 2\.0: must be 0 without shift_bandwidth"):
         make_centroidal(model, path_rate=2.0)
     base = sine(0.0, 2.0)
-    _, y = moved_path((AT_REST, AT_REST), base, asked, *arguments, par, DT)
+    _, y = path_step((AT_REST, AT_REST), base, asked, *arguments, par, DT)
     assert abs(y.rate) < 0.02 * abs(asked[1].y)
     # the same without a swing, of a base that turns: all of it is motion along the path, less the centre of mass's own
     turning, lower = Attitude(R, Vec3(0.5, 0.0, 0.0), zero), hanging(0.3, 0.0, -0.05)
     asked[1] = Vec3(0.0, -0.5 * 0.3 * c, 0.0)
-    _, y = moved_path((AT_REST, AT_REST), base, asked, arguments[0], lower, lower, turning, par, DT)
+    _, y = path_step((AT_REST, AT_REST), base, asked, arguments[0], lower, lower, turning, par, DT)
     assert y.rate == pytest.approx(-0.5 * (0.3 - 0.05) * c)
 
 
@@ -135,10 +143,10 @@ def test_one_step_finds_the_rate_of_a_known_pace():
     """Of u' = (l / g) (a' - w^2 u'), whatever it was before: a Newton step of a linear equation."""
     per, w2, jerk = 0.03, 9.0, 7.0
     axis = dataclasses.replace(AT_REST, size=1e6, change=w2 * 1e6, rate=0.4)
-    found = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (per * (jerk - w2 * axis.rate), 0.0), per, 2.0, 1e-9)
+    found = axis_step(axis, (0.0, 0.0, 1.0, jerk, 0.0), (per * (jerk - w2 * axis.rate), 0.0), per, 2.0, 1e-9)
     assert found.rate == pytest.approx(per * jerk / (1.0 + per * w2), rel=1e-6)
     # of an arm above the base a Newton step would be a longer one, up to twice: what is asked for is taken as it is
-    above = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (-0.1, 0.0), -per, 2.0, 1e-9)
+    above = axis_step(axis, (0.0, 0.0, 1.0, jerk, 0.0), (-0.1, 0.0), -per, 2.0, 1e-9)
     assert above.rate == pytest.approx(-0.1, rel=1e-6)
 
 

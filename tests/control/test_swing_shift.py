@@ -9,7 +9,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.catalogue import preset
-from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace, levers, shift_for_swing
+from skyarm.control.laws.centroidal.shift_motion import SwingPace, levers, shift_for_swing, swing_pace
 from skyarm.control.model import Model
 from skyarm.environment import ForceWind
 from skyarm.metrics.windows import Window, Windows
@@ -70,7 +70,7 @@ def test_an_arm_above_the_base_passes_its_resonance(w):
 def test_the_pace_of_a_sine_is_its_frequency():
     memory, dt = SwingPace(rate=0.0, acceleration=0.0), 0.005
     for k in range(800):
-        memory = followed_pace(memory, levers(hanging(k * dt)), 2.0, dt)
+        memory = swing_pace(memory, levers(hanging(k * dt)), 2.0, dt)
     assert np.sqrt(memory.acceleration / memory.rate) == pytest.approx(W, rel=0.1)
 
 

@@ -194,7 +194,7 @@ def followed(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
     )
 
 
-def made_good(memory: ArmMotion, limit: Any, h: list[Vec3]) -> list[Vec3]:
+def compensated_motion(memory: ArmMotion, limit: Any, h: list[Vec3]) -> list[Vec3]:
     """h and its derivatives as the centre of mass follows them, base axes; the mean moves as its filter says."""
     left = 1.0 - minimum(1.0, divide(limit, memory.size + SMALL))
     mean = [memory.mean]

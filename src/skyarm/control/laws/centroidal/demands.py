@@ -13,16 +13,22 @@ from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attit
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
-from skyarm.control.laws.centroidal import tip_reference, tip_tasks
+from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.gust_shift import shift_acceleration
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.path_shift import AT_REST, PathShift, moved_path, with_shift
+from skyarm.control.laws.centroidal.shift_motion import (
+    AT_REST,
+    PathShift,
+    ShiftMotion,
+    SwingPace,
+    move_shift,
+    path_step,
+    with_shift,
+)
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
-from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
-from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.scalars import add, mul, sub
@@ -114,7 +120,7 @@ class Course:
     following: Following
     changes: tuple[Vec3, Vec3]
     reach: Reach | None
-    goal: tip_reference.Goal | None = None
+    goal: tip_tasks.Goal | None = None
 
 
 def demands(step: Step) -> Demand:
@@ -129,7 +135,7 @@ def demands(step: Step) -> Demand:
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
         arm = center_of_mass.followed(arm, course.level.com, model.gravity, step.dt)
-        h = center_of_mass.made_good(arm, par.center.arm_turn, h)
+        h = center_of_mass.compensated_motion(arm, par.center.arm_turn, h)
     wanted = center_of_mass.goal(course.base, h, course.still, par.tip.shift is not None)
     push = center_of_mass.thrust(
         par,
@@ -159,7 +165,7 @@ def demands(step: Step) -> Demand:
             com_acceleration=push.acceleration,
         )
         base = course.base
-        goal = tip_reference.move_goal(
+        goal = tip_tasks.move_goal(
             course.goal,
             [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]],
             par.tip.reach,
@@ -222,13 +228,13 @@ def _course(step: Step) -> Course:
     if par.mode != "tip":
         following = Following()
         return Course(base, still, level, joints, following, changes, reach)
-    goal = tip_reference.goal(vehicle, base, yaw, joints, level)
+    goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
-    offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
-    path = moved_path(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
+    offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
+    path = path_step(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
     own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
-    shift, pace, offset = moved_shift(moves, model.gravity, before.shift, before.pace, offset, upright_posture, dt, own)
+    shift, pace, offset = move_shift(moves, model.gravity, before.shift, before.pace, offset, upright_posture, dt, own)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
     following = Following(shift=shift, pace=pace, path=path)
     return Course(base, still, level, turned, following, changes, reach, goal)

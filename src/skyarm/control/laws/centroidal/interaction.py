@@ -56,7 +56,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
-from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
 from skyarm.records.units import Unit

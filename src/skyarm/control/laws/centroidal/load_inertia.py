@@ -33,8 +33,8 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import posture
 from skyarm.control.laws.centroidal.tip_force import LeastSquares
-from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
 from skyarm.control.laws.centroidal.tip_rotation import tip_rotation, turning, values_of
+from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit

@@ -29,8 +29,7 @@ from skyarm.control.blocks.series_kinematics import Posture, derivative, moving,
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.joint_room import Ends, towards
 from skyarm.control.laws.centroidal.tip_force import LeastSquares
-from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
-from skyarm.control.laws.centroidal.tip_tasks import orientation_error
+from skyarm.control.laws.centroidal.tip_tasks import orientation_error, turn_by_yaw
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.files import shown
 from skyarm.records.units import Unit
