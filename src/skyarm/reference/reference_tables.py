@@ -249,7 +249,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
             raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
         path = motion_from(fields.take("path"), fields.at("path"), setting)
         found = tip_trajectory(fields, base, path, vehicle, setting)
-        if "base" in rest and not found.tip.relative:
+        if "base" in rest and found.tip is not None and not found.tip.relative:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
         found = trajectory_from(rest, n_joints, where, setting)

@@ -37,7 +37,6 @@ from skyarm.reference.splines import interpolating_points, uniform_curve
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import TipMotion, arm_of
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scalars import Scalar
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
@@ -226,7 +225,7 @@ class TipChoices:
         rate: Hz of the plan's samples.
     """
 
-    posture: Annotated[tuple[Scalar, ...], Unit("rad or m", "of each joint")] = ()
+    posture: Annotated[tuple[float, ...], Unit("rad or m", "of each joint")] = ()
     base_share: Annotated[float, Unit("", "of the tip's way that the base takes", low=0.0, high=1.0)] = 1.0
     arm_range: Annotated[float, Unit("m", "of the tip's way that the arm takes", low=1e-3, high=1e6)] = 0.1
     joint_speed: Annotated[float, Unit("rad/s or m/s", "largest of a plan", low=1e-3, high=1e6)] = 2.0
