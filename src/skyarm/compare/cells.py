@@ -254,7 +254,7 @@ def key(flights: Flights) -> str:
     facts = {
         "versions": versions("numpy", "llvmlite"),
         "source": _source(),
-        "metrics": flights.counted(()),
+        "metrics": sorted(flights.counted(())),
         "code": own_files([find("metric", name) for name in registered("metric")]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
