@@ -216,7 +216,7 @@ def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
     [
         ({"metrics": "position_error_men"}, "metric = 'position_error_men': must be one of these rows; did you mean"),
         ({"over": "plant.payload.mas"}, "over = 'plant.payload.mas': at 1: 'plant.payload.mas' must be a named number"),
-        ({"over": f"x = {MASS} / 0"}, "at 25: must not divide by zero"),
+        ({"over": f"x = {MASS} / 0"}, "must not divide by zero"),
         ({"over": f"sqrt({LOADS} - 1)"}, "must take the root of a number of at least 0"),
         ({"over": f"x = {MASS}.__class__"}, "must be a named number"),
         ({"by": "eval(1)"}, "by = 'eval(1)': at 1: 'eval' must not be called"),

@@ -151,7 +151,7 @@ def _draw(
         label = curve.controller
         if one_law and curve.by:
             label = _class_words(each.by, curve.by, " = ")
-        handles[label] = _draw_band(ax, (curve.x, curve.low, curve.middle, curve.high), look, label, style)
+        handles[label] = _draw_band(ax, curve, look, label, style)
     return handles
 
 
@@ -171,13 +171,14 @@ def _ends(each: BandedCurves) -> tuple[float, float]:
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _draw_band(ax: Axes, curve: Sequence[Array], look: Look, label: str, style: PictureStyle) -> Any:
-    """Line of x, low, middle and high with its band."""
-    x, low, middle, high = curve
-    ax.fill_between(x, low, high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0)
-    for end in (low, high):
-        ax.plot(x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
-    (line,) = ax.plot(x, middle, label=label, **look.line, **_marks(x, style))
+def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str, style: PictureStyle) -> Any:
+    """Line of a curve with its band."""
+    ax.fill_between(
+        curve.x, curve.low, curve.high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0
+    )
+    for end in (curve.low, curve.high):
+        ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
+    (line,) = ax.plot(curve.x, curve.middle, label=label, **look.line, **_marks(curve.x, style))
     return line
 
 
@@ -213,9 +214,7 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
     handles: dict[str, Any] = {}
     for i, (ax, lines) in enumerate(zip(panels, curves, strict=False)):
         PAPER.dress(ax)
-        for k, each in enumerate(lines.curves):
-            points = each.x, each.low, each.middle, each.high
-            handles[each.controller] = _draw_band(ax, points, PAPER.look(k), each.controller, PAPER)
+        handles |= _draw(ax, lines.curves, lines, PAPER, one_law=False)
         if lines.over.logarithmic:
             logarithmic(ax.xaxis)
         else:

@@ -252,19 +252,16 @@ class Chart:
         rows = [flight.seen(SECONDS) for flight in self._flights]
         longest = max(rows, key=len, default=[])
         count = max(2, len(longest))
-        time = np.full(count, math.nan)
-        time[: len(longest)] = [seen.time for seen in longest]
-        if len(longest) < 2:
-            time[:] = [0.0, 1e-3] if not longest else [longest[0].time, longest[0].time + 1e-3]
-        curves = []
-        for seen in rows:
-            for column in self._columns:
-                curve = np.full(count, math.nan)
-                curve[: len(seen)] = [round(column(one), DECIMALS) for one in seen]
-                curves.append(curve)
-        if self._limit is not None:
-            curves.append(np.full(count, self._limit))
-        return (time, *curves)
+
+        def filled(values: Sequence[float]) -> Any:
+            return np.array([*values, *[math.nan] * (count - len(values))])
+
+        times = [seen.time for seen in longest]
+        start = times[0] if times else 0.0
+        time = filled(times) if len(times) > 1 else np.array([start, start + 1e-3])
+        curves = [filled([round(column(one), DECIMALS) for one in seen]) for seen in rows for column in self._columns]
+        limit = [] if self._limit is None else [np.full(count, self._limit)]
+        return (time, *curves, *limit)
 
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
