@@ -21,7 +21,7 @@ import numpy as np
 import skyarm
 import skyarm.env as learn
 from skyarm.compare.perturbed_plants import Spread, draw
-from skyarm.control.laws.learned.network import Network
+from skyarm.control.laws.learned.law import Network
 from skyarm.metrics.shortfall import LARGEST_ERROR
 from skyarm.simulate.batch import Batch
 

@@ -12,7 +12,7 @@ from typing import Any
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.laws.paper import (
     geometric_accelerations,
     joint_accelerations,

@@ -10,9 +10,18 @@ import numpy.typing as npt
 from shooting import Shooting
 from skyarm.compile import trace
 from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
-from skyarm.control.laws.predictive.linearise import Bounds, Stages, examples
 from skyarm.control.laws.predictive.prediction import Inputs
-from skyarm.control.laws.predictive.riccati import Linear, NoPlanError, Plan, Problem, linear_problem, policy
+from skyarm.control.laws.predictive.solver import (
+    Bounds,
+    Linear,
+    NoPlanError,
+    Plan,
+    Problem,
+    Stages,
+    examples,
+    linear_problem,
+    policy,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 

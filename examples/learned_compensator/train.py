@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,9 +27,19 @@ from skyarm.algebra import ZERO3, Force, Quaternion, Vec3
 from skyarm.compare.suite import NOISE
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, preset
 from skyarm.control.controller import Controller
-from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered
-from skyarm.control.laws.learned.law import make_learned_controller
-from skyarm.control.laws.learned.network import Layer, Network, numbers_of, write_network
+from skyarm.control.laws.learned.law import (
+    HISTORY,
+    SCHEMA,
+    Layer,
+    Network,
+    feature_names,
+    features,
+    make_learned_controller,
+    no_history,
+    numbers_of,
+    with_command,
+    with_motion,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics import array_front as arrays
@@ -190,7 +201,7 @@ def samples(model: Model, logs: Sequence[Log], noisy: Sequence[bool], rng: np.ra
         outputs.append(filtered)
         efforts = tuple(_column(logs, "efforts", k))
         command = Command(rotor_speeds=tuple(_column(logs, "rotor_commands", k)), efforts=efforts)
-        history = remembered(vehicle, history, m, command, PERIOD)
+        history = with_command(vehicle, with_motion(history, m, PERIOD), command, PERIOD)
     return np.stack(inputs, axis=1), np.stack(outputs, axis=1)
 
 
@@ -360,6 +371,21 @@ def learn(budget: Budget, progress: Progress = lambda _line: None) -> Learned:
         error = np.sqrt(np.mean((told - truth) ** 2, axis=0))
         progress(f"  loss {losses[0]:.4f} -> {losses[-1]:.4f}; held-out RMS {np.array2string(error, precision=4)}")
     return Learned(network, losses, error, np.sqrt(np.mean(truth**2, axis=0)), sum(x.shape[0] for x in xs))
+
+
+def write_network(network: Network, training: dict[str, Any]) -> str:
+    """The text of a network's file; six digits are kept, so that it reads back as it is used."""
+    table: dict[str, Any] = {"schema": SCHEMA, "training": training}
+    table |= {name: _rounded(getattr(network, name)) for name in ("means", "factors", "scales", "limits")}
+    table["layers"] = [
+        {"weights": [_rounded(row) for row in layer.weights], "offsets": _rounded(layer.offsets)}
+        for layer in network.layers
+    ]
+    return json.dumps(table, indent=None, separators=(",", ":")).replace("],[", "],\n[") + "\n"
+
+
+def _rounded(values: Sequence[Any]) -> list[float]:
+    return [float(f"{float(value):.6g}") for value in values]
 
 
 def training_record(budget: Budget, learned: Learned) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from commanded import Outcome, skyarm
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.compile.machine_code import NoMachineCodeError, llvm_needed
-from skyarm.control.laws.predictive import engine
+from skyarm.control.laws.predictive import law
 
 ADVICE = "python -m pip install --upgrade llvmlite"
 PARSING = "LLVM IR parsing error\n<string>:7:21: error: expected type\n  %0 = load ptr\n       ^"
@@ -91,7 +91,7 @@ def cause(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mo
     # test modules may hold the library: what they hold must not be what is asked for
     with monkeypatch.context() as patch:
         native._features.cache_clear()
-        engine._engine.cache_clear()
+        law._engine.cache_clear()
         yield BREAKAGES[request.param](patch)
     native._features.cache_clear()
 

@@ -18,9 +18,9 @@ from skyarm.actuation.servo import PositionServo
 from skyarm.actuation.tilting import turned
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
-from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import innermost, with_innermost
+from skyarm.control.law_estimates import observed_push
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters

@@ -12,9 +12,8 @@ from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.compare import envelope_axes as motions
 from skyarm.compare.envelope_setting import setting_of
-from skyarm.control.blocks.air_drag import BelievedAir, hull_drag_along
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed, observe
+from skyarm.control.blocks.prediction import BelievedAir, Disturbance, hull_drag_along
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import demands

@@ -10,7 +10,7 @@ import pytest
 import skyarm
 from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import interaction, make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, wanted_of
 from skyarm.control.laws.centroidal.part import Step

@@ -11,7 +11,7 @@ from centroidal_flights import fly, planned
 import skyarm
 from law_parts import step_of, with_parts
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, adapt, first_learned, unit_load
 from skyarm.control.laws.centroidal.demands import Planned, demands

@@ -10,9 +10,8 @@ from skyarm.actuation import make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import setting_of
-from skyarm.control.blocks.attitude import Attitude, upright
-from skyarm.control.blocks.motor_lag import led
-from skyarm.control.blocks.series_kinematics import moving, posture
+from skyarm.control.blocks.actuators import led
+from skyarm.control.blocks.attitude import Attitude, moving, posture, upright
 from skyarm.control.laws.centroidal import com_tracking
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, followed
 from skyarm.control.laws.centroidal.make import make_centroidal

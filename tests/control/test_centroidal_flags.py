@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from law_parts import step_of
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.saturation import all_follow, joints_follow, rotors_follow
+from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import Demand, Planned, demands
 from skyarm.control.laws.centroidal.torques import TRIM, actuate

@@ -13,12 +13,19 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.control.blocks.attitude import Attitude, BaseGains, angular_acceleration, attitude, reachable
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.actuators import command_for
+from skyarm.control.blocks.attitude import (
+    Attitude,
+    BaseGains,
+    angular_acceleration,
+    attitude,
+    derivative,
+    moving,
+    posture,
+    reachable,
+)
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
-from skyarm.control.blocks.motor_lag import command_for
-from skyarm.control.blocks.prediction import predict
-from skyarm.control.blocks.series_kinematics import derivative, moving, posture
+from skyarm.control.blocks.prediction import Disturbance, predict
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
 from skyarm.control.laws.centroidal.demands import Demand, Planned

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Force, Quaternion, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.actuators import command_for
 from skyarm.control.blocks.disturbance_observer import filter_pose, first_observed, nearer_sign, observe
-from skyarm.control.blocks.motor_lag import command_for
-from skyarm.control.blocks.prediction import acceleration, predict, with_side
+from skyarm.control.blocks.prediction import Disturbance, acceleration, predict, with_side
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import ObserverGains

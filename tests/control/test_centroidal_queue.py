@@ -13,7 +13,7 @@ import skyarm
 from law_parts import with_parts
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.centroidal import make_centroidal

@@ -12,9 +12,16 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance as Unknown
-from skyarm.control.blocks.disturbance_observer import ObserverGains, beyond, first_observed, observe
-from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
+from skyarm.control.blocks.disturbance_observer import (
+    AccelerometerGains,
+    Felt,
+    ObserverGains,
+    beyond,
+    feel,
+    first_observed,
+    observe,
+)
+from skyarm.control.blocks.prediction import Disturbance as Unknown
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness

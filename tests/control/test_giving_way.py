@@ -16,7 +16,7 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.law_estimates import observed_push
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.admittance import shift_reference
 from skyarm.control.laws.centroidal.tip_force import levers

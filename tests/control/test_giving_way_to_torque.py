@@ -17,7 +17,7 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from law_parts import with_parts
 from skyarm.algebra import E_Z, Quaternion, Vec3, axis_rotation
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import senses_torque
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.admittance import shift_reference

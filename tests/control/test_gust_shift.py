@@ -12,8 +12,7 @@ import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import setting_of
-from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.series_kinematics import posture
+from skyarm.control.blocks.attitude import Attitude, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import believed_share, first_trend

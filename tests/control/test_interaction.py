@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal

@@ -24,9 +24,17 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered
-from skyarm.control.laws.learned.law import compensated
-from skyarm.control.laws.learned.network import read_network, shipped_network, write_network
+from skyarm.control.laws.learned.law import (
+    HISTORY,
+    compensated,
+    feature_names,
+    features,
+    no_history,
+    read_network,
+    shipped_network,
+    with_command,
+    with_motion,
+)
 from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.model import Model
 from skyarm.dynamics import array_front as arrays
@@ -36,10 +44,8 @@ from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 TRAINING = runpy.run_path(str(Path(__file__).parents[2] / "examples/learned_compensator/train.py"))
-Budget, Trainer, random_scenario, residuals, samples, learn, training_record = (
-    TRAINING[name]
-    for name in ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record")
-)
+NAMES = ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record", "write_network")
+Budget, Trainer, random_scenario, residuals, samples, learn, training_record, write_network = map(TRAINING.get, NAMES)
 TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
 
 
@@ -133,7 +139,7 @@ def test_the_history_is_the_filtered_motion_and_its_rise_the_acceleration():
     for k in range(400):
         now = dataclasses.replace(case, v=acceleration * k * 0.005)
         seen = features(now.measurement(), now.reference(), history)
-        history = remembered(ARM2, history, now.measurement(), command, 0.005)
+        history = with_command(ARM2, with_motion(history, now.measurement(), 0.005), command, 0.005)
     # a ramp runs ahead of its filter by acceleration over HISTORY, up to half a period of sampling
     expected = case.R.T @ acceleration * (HISTORY * 0.005 / (1.0 - math.exp(-HISTORY * 0.005)))
     np.testing.assert_allclose(seen[place : place + 3], expected, rtol=1e-6)

@@ -11,9 +11,9 @@ import pytest
 import skyarm
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Motion, Quaternion, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError, learns_load
-from skyarm.control.found_by_law import found_by_law
+from skyarm.control.law_estimates import found_by_law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.load import (
     LoadGains,

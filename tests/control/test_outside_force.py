@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.centroidal.admittance import AdmittanceMemory, Channel, Detection, detect
 
 DT, GAINS, ZERO = 0.005, Detection(), Vec3(0.0, 0.0, 0.0)

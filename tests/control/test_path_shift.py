@@ -8,8 +8,7 @@ import pytest
 import skyarm
 from law_parts import step_of
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.series_kinematics import Posture
+from skyarm.control.blocks.attitude import Attitude, Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal

@@ -16,23 +16,26 @@ from skyarm.compare.cells import Flights
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.suite import CASES, conditions
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import input_residuals, state_residuals
-from skyarm.control.laws.predictive.engine import WEIGHTS, engine_for, stage_lengths
-from skyarm.control.laws.predictive.linearise import Bounds, Rollouts, Stages, examples
+from skyarm.control.laws.predictive.law import WEIGHTS, engine_for, stage_lengths
 from skyarm.control.laws.predictive.observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.laws.predictive.prediction import Inputs, carried, command_for, motors
-from skyarm.control.laws.predictive.riccati import (
+from skyarm.control.laws.predictive.solver import (
+    Bounds,
     Linear,
     NoPlanError,
     Plan,
     Policy,
     Problem,
     Riccati,
+    Rollouts,
+    Stages,
     damped,
+    examples,
     policy,
     rollout,
     shifted,

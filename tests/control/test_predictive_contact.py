@@ -15,17 +15,16 @@ import skyarm
 from flown import MODEL, cases, vec
 from law_flights import scalars
 from skyarm.compile import leaves, rebuild
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.observed_push import PushAlone, observed_push
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
+from skyarm.control.law_estimates import PushAlone, observed_push
 from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Contact, input_residuals, state_residuals, under_contact
-from skyarm.control.laws.predictive.engine import WEIGHTS
-from skyarm.control.laws.predictive.law import problem_at
-from skyarm.control.laws.predictive.linearise import examples
+from skyarm.control.laws.predictive.law import WEIGHTS, problem_at
 from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.laws.predictive.solver import examples
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.scenario.controller_table import controller_by_name

@@ -18,7 +18,7 @@ import skyarm
 from flown import MODEL, cases
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.predictive.engine import Purpose, engine_for
+from skyarm.control.laws.predictive.law import Purpose, engine_for
 from skyarm.environment import Force, ForceWind, Wrench
 from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, Sum, Trajectory

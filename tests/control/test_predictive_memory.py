@@ -20,15 +20,14 @@ from law_flights import scalars
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.law import PredictiveMemory, _seen, make_predictive_controller, nmpc
-from skyarm.control.laws.predictive.linearise import Bounds
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, advance, motors
-from skyarm.control.laws.predictive.riccati import Plan
+from skyarm.control.laws.predictive.solver import Bounds, Plan
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference, Trajectory

@@ -13,13 +13,11 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
-from skyarm.control.laws.predictive.engine import engine_for
-from skyarm.control.laws.predictive.law import BEARABLE, bearable
-from skyarm.control.laws.predictive.linearise import examples
+from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_for
 from skyarm.control.laws.predictive.observer import Fresh, filled, frozen, taken_over
 from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, carried
 from skyarm.control.laws.predictive.preview import shift
-from skyarm.control.laws.predictive.riccati import NoPlanError, Plan
+from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
 from skyarm.dynamics import frame_pose
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement

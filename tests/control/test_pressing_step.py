@@ -14,8 +14,8 @@ from law_parts import with_parts
 from skyarm.actuation import Command
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, slid, wanted_of

@@ -14,8 +14,13 @@ from flown import pushes
 from law_flights import make_law, scalars
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
-from skyarm.control.blocks.underactuated import forces_under_thrust
+from skyarm.control.blocks.center_of_mass import (
+    arm_reaction,
+    center_velocity,
+    central_inertia,
+    forces_under_thrust,
+    locked_inertia,
+)
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.published.guo import center_reference

@@ -17,9 +17,9 @@ from skyarm.actuation import make_mixer
 from skyarm.actuation.rotor import speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
+from skyarm.control.blocks.actuators import command_for, led
 from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.motor_lag import command_for, led
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import demands

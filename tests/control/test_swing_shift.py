@@ -7,7 +7,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.series_kinematics import Posture
+from skyarm.control.blocks.attitude import Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.laws.centroidal.shift_motion import SwingPace, levers, shift_for_swing, swing_pace
 from skyarm.control.model import Model

@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_wrench
 from skyarm.dynamics.kinematics import frame_pose
 

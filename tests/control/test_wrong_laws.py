@@ -12,8 +12,7 @@ from added_components import registry_kept, same_logs
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller
-from skyarm.control.law_checks import LawError, checked_law
-from skyarm.control.law_trial import try_law
+from skyarm.control.law_checks import LawError, checked_law, try_law
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.registry.plugins import register_law_of_file

@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.actuation import Command, Mixer
 from skyarm.control.controller import Controller, ControllerError, Law
-from skyarm.control.laws.learned.network import Layer, Network
+from skyarm.control.laws.learned.law import Layer, Network
 from skyarm.control.model import Model
 from skyarm.env.action_kinds import Turn
 from skyarm.env.env_program import observation_of

@@ -25,8 +25,7 @@ from skyarm.compile import Program, leaves, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force, senses_torque
-from skyarm.control.law_checks import check_controller, checked_law
-from skyarm.control.law_trial import level, try_law
+from skyarm.control.law_checks import check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.estimate.error_state_filter import ErrorStateFilter

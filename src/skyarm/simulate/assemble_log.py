@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.compile import leaves
-from skyarm.control.found_by_law import found_by_law
+from skyarm.control.law_estimates import found_by_law
 from skyarm.environment import Component, WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.compile import rebuild
-from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
 from skyarm.reference.trajectory import failure_words

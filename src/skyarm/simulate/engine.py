@@ -22,7 +22,7 @@ from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
-from skyarm.control.blocks.observed_push import PushAlone
+from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED

@@ -9,7 +9,7 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import Graph, Node
-from skyarm.control.blocks.observed_push import PushAlone
+from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Plant

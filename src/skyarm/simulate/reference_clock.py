@@ -21,7 +21,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import blend, leaves, mismatch
 from skyarm.reference.governor.path_time import by_flight_time, offset_reference

@@ -15,8 +15,8 @@ from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.controller import senses_torque
-from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
+from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Component, WindSample, effectiveness_at

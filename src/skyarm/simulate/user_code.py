@@ -23,13 +23,14 @@ from skyarm.control.law_checks import (
     check_controller,
     check_made,
     difference,
+    drifted,
     is_own,
     kind_of,
     made_by,
     memory_mistake,
     mistake_in,
+    try_law,
 )
-from skyarm.control.law_trial import drifted, try_law
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion

@@ -7,8 +7,8 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
-from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.model import Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import divide

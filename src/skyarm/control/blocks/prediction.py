@@ -1,22 +1,109 @@
-"""The model in motion: thrust and torque of its rotors, its acceleration, and its steps across a known delay."""
+"""The model in motion: forces of its rotors and of the air, its acceleration, and its steps across a known delay.
+
+Hub drag and drag of the hull act on the base and depend on the velocity against the air, v - wind: hub drag is
+proportional to it and to the rotors' speeds, drag of the hull to its square (:func:`skyarm.environment.body_drag`).
+Along a reference the second changes with d/dt (|u| u) for u = v - wind, which a series in time gives to second order.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command, friction, limited_effort, rotor_force, speeds_after
 from skyarm.actuation.mixer import allocation_matrix
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.compile.tracing.lower import repeat
-from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.select import data
+from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.environment import body_drag
+from skyarm.records.units import Unit
 from skyarm.scalars import add, sub
+from skyarm.scalars.taylor import Taylor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Disturbance:
+    """Forces that the model does not know: N, world axes, at the base origin; N m, base axes; of the joints."""
+
+    force: Annotated[Vec3, Unit("N", "fed forward, world axes")]
+    torque: Annotated[Vec3, Unit("N m", "fed forward, base axes")]
+    efforts: Annotated[tuple[Any, ...], Unit("N m or N", "fed forward")]
+
+    def __add__(self, other: Disturbance) -> Disturbance:
+        return Disturbance(
+            force=self.force + other.force,
+            torque=self.torque + other.torque,
+            efforts=tuple(add(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
+        )
+
+    def __sub__(self, other: Disturbance) -> Disturbance:
+        return Disturbance(
+            force=self.force - other.force,
+            torque=self.torque - other.torque,
+            efforts=tuple(sub(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
+        )
+
+    def filtered(self, new: Disturbance, share: Any, force_share: Any) -> Disturbance:
+        """A share of the way towards a new one, and another share of its force: as a memory keeps it."""
+        return Disturbance(
+            force=vector_data(self.force + (new.force - self.force) * force_share),
+            torque=vector_data(self.torque + (new.torque - self.torque) * share),
+            efforts=tuple(data(b + (e - b) * share) for b, e in zip(self.efforts, new.efforts, strict=True)),
+        )
+
+
+def no_disturbance(joints: int) -> Disturbance:
+    """None, as a memory keeps it."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BelievedAir:
+    """What a law believes of the air.
+
+    Attributes:
+        wind: mean velocity of the air, m/s, world axes; structural zeros for air that stands still.
+        hull: True counts the drag of the model's hull, False that of the rotors' hubs alone.
+    """
+
+    wind: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes")]
+    hull: bool
+
+
+def against_air(air: BelievedAir | None, velocity: Vec3) -> Vec3:
+    """A velocity (m/s, world axes) against the air that is believed."""
+    return velocity if air is None else velocity - air.wind
+
+
+def hull_drag(model: Model, air: BelievedAir | None, velocity_B: Vec3) -> Vec3:
+    """Drag of the hull at a velocity against the air; N and m/s, base axes."""
+    return body_drag(model.vehicle.drag, velocity_B) if air is not None and air.hull else ZERO3
+
+
+def hull_drag_along(model: Model, air: BelievedAir | None, R: Mat3, motion: Sequence[Vec3]) -> list[Vec3]:
+    """Drag of the hull along a motion, with two derivatives; N, N/s and N/s^2, world axes.
+
+    Args:
+        model: belief.
+        air: belief; no drag without one.
+        R: R_WB, which is held.
+        motion: velocity over ground, acceleration and jerk, world axes.
+    """
+    if air is None or not air.hull:
+        return [ZERO3] * 3
+    turned = [R.apply_T(each) for each in (against_air(air, motion[0]), *motion[1:])]
+    u = Vec3(*(Taylor.of_derivatives(each) for each in zip(*turned, strict=True)))
+    force = hull_drag(model, air, u)
+    if not all(isinstance(each, Taylor) for each in force):
+        return [ZERO3] * 3  # no drag in the description: structure
+    return [R.apply(Vec3(*(each.derivative(k) for each in force))) for k in range(3)]
+
 
 SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""

@@ -22,10 +22,10 @@ from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.attitude import attitude, reachable
-from skyarm.control.blocks.center_of_mass import arm_reaction
+from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import (
     Observed,
     ObserverGains,
@@ -36,11 +36,8 @@ from skyarm.control.blocks.disturbance_observer import (
 )
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
-from skyarm.control.blocks.motor_lag import command_for
-from skyarm.control.blocks.prediction import with_side
-from skyarm.control.blocks.saturation import joints_follow, limit_efforts, rotors_follow
+from skyarm.control.blocks.prediction import Disturbance, with_side
 from skyarm.control.blocks.select import data
-from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters

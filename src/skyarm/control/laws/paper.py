@@ -15,9 +15,9 @@ from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.actuation.drive import friction
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
-from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference

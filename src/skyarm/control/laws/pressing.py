@@ -37,6 +37,7 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
+from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance_observer import (
     Observed,
@@ -46,7 +47,6 @@ from skyarm.control.blocks.disturbance_observer import (
     observe,
     observer_gains,
 )
-from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker, option_numbers
 from skyarm.control.laws.centroidal.interaction import (

@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction import SENSING

@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude, reachable
+from skyarm.control.blocks.attitude import Attitude, derivative, reachable
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.blocks.series_kinematics import derivative
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.sideways_force import Reach, across, applied
 from skyarm.records.units import Unit

@@ -8,10 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag_along
-from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
-from skyarm.control.blocks.prediction import side_wrench
-from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
+from skyarm.control.blocks.attitude import (
+    Attitude,
+    Posture,
+    angular_acceleration,
+    attitude,
+    derivative,
+    moving,
+    posture,
+    upright,
+)
+from skyarm.control.blocks.prediction import BelievedAir, against_air, hull_drag_along, side_wrench
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion

@@ -31,10 +31,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.force_trend import AHEAD, lateness
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, GustGains
 from skyarm.control.laws.centroidal.part import Step

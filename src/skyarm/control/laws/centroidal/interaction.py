@@ -49,9 +49,9 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.part import Part, Step

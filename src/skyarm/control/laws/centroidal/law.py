@@ -17,11 +17,10 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
-from skyarm.control.blocks.prediction import predict, with_side
-from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.blocks.prediction import Disturbance, predict, with_side
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.gust_shift import slow_force, steady_force

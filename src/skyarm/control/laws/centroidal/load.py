@@ -26,9 +26,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance, no_disturbance
+from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction import rested

@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.attitude import posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
-from skyarm.control.blocks.series_kinematics import posture
 from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.tip_rotation import tip_rotation, turning, values_of
 from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw

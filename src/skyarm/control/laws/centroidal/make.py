@@ -9,11 +9,10 @@ from skyarm import dynamics
 from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
-from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
+from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
-from skyarm.control.blocks.felt_acceleration import AccelerometerGains
+from skyarm.control.blocks.prediction import BelievedAir
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains

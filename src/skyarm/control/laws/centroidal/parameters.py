@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.actuation import Mixer
-from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
-from skyarm.control.blocks.disturbance_observer import ObserverGains
-from skyarm.control.blocks.felt_acceleration import AccelerometerGains
+from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains
+from skyarm.control.blocks.prediction import BelievedAir
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
 from skyarm.records.leaves import is_record, parts

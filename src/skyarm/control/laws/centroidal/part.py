@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, Told
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics import State
 from skyarm.reference import Reference
 from skyarm.scalars import mul

@@ -49,10 +49,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
-from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, ShiftGains
 from skyarm.control.laws.centroidal.tip_tasks import needed_shift
 from skyarm.records.units import Unit

@@ -20,8 +20,7 @@ from typing import Any
 
 from skyarm.actuation import Mixer
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.series_kinematics import derivative
+from skyarm.control.blocks.attitude import Attitude, derivative
 from skyarm.scalars import cos, divide, mul, sin, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
 

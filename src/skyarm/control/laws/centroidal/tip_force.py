@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
-from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, mul

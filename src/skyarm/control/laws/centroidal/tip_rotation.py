@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.attitude import Posture, derivative, moving, posture
 from skyarm.control.blocks.select import data
-from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.joint_room import Ends, towards
 from skyarm.control.laws.centroidal.tip_force import LeastSquares

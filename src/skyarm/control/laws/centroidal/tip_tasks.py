@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude
-from skyarm.control.blocks.series_kinematics import Posture, derivative
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses

@@ -9,11 +9,10 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.motor_lag import command_for, led
-from skyarm.control.blocks.prediction import motor_speeds
+from skyarm.control.blocks.actuators import command_for, led
+from skyarm.control.blocks.center_of_mass import forces_under_thrust
+from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.blocks.select import data
-from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.laws.centroidal.demands import Demand
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model

@@ -16,24 +16,254 @@ Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
 
 from __future__ import annotations
 
+import dataclasses
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import resources
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
-from skyarm.algebra import Motion, Vec3
+from skyarm.actuation import Command, rotor_force
+from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
 from skyarm.control.blocks.common import make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
-from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
-from skyarm.control.laws.learned.network import Network, shipped_network, unlike
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
 from skyarm.files import shown
+from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, divide, exp, mul, sub
+from skyarm.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
 from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SCHEMA = 1
+FILE = "hummingbird_arm2.json"
+
+SEEN = 0.2
+"""Share by which masses vary in training."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Layer:
+    """Affine map: weights (outputs x inputs) and offsets (outputs)."""
+
+    weights: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "of a layer, a row an output")]
+    offsets: Annotated[tuple[Scalar, ...], Unit("", "of a layer")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Network:
+    """Layers with tanh between them, on inputs brought to mean 0 and deviation 1.
+
+    Attributes:
+        means, factors: of the inputs; factor is one over the deviation.
+        layers: the last is linear.
+        scales: of the outputs. limits: largest magnitude of each output, in its unit.
+    """
+
+    means: Annotated[tuple[Scalar, ...], Unit("", "of the inputs, in their units")]
+    factors: Annotated[tuple[Scalar, ...], Unit("", "one over the deviation of each input")]
+    layers: tuple[Layer, ...]
+    scales: Annotated[tuple[Scalar, ...], Unit("", "of the outputs: N and N m, base axes, then joint torques")]
+    limits: Annotated[tuple[Scalar, ...], Unit("", "largest magnitude of each output, in its unit")]
+
+    def __call__(self, inputs: Sequence[Any]) -> tuple[Any, ...]:
+        """Outputs within their limits."""
+        values = [mul(sub(x, m), f) for x, m, f in zip(inputs, self.means, self.factors, strict=True)]
+        for i, layer in enumerate(self.layers):
+            sums = [_affine(row, values, offset) for row, offset in zip(layer.weights, layer.offsets, strict=True)]
+            values = [tanh(value) for value in sums] if i + 1 < len(self.layers) else sums
+        return tuple(
+            clip(mul(value, scale), -limit, limit)
+            for value, scale, limit in zip(values, self.scales, self.limits, strict=True)
+        )
+
+
+def _affine(row: Sequence[Any], values: Sequence[Any], offset: Any) -> Any:
+    total = offset
+    for w, x in zip(row, values, strict=True):
+        total = add(total, mul(w, x))
+    return total
+
+
+def read_network(text: str) -> tuple[Network, dict[str, Any]]:
+    """A network and the record of its training, from the text of its file.
+
+    Raises:
+        ValueError: it is not such a file.
+    """
+    try:
+        table = json.loads(text)
+        if table["schema"] != SCHEMA:
+            raise ValueError(f"schema = {shown(table['schema'])}: must be {SCHEMA}")
+        layers = tuple(
+            Layer(weights=tuple(_numbers(row) for row in each["weights"]), offsets=_numbers(each["offsets"]))
+            for each in table["layers"]
+        )
+        parts = {name: _numbers(table[name]) for name in ("means", "factors", "scales", "limits")}
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"network: {error!r}: must be a file that the training wrote") from None
+    return Network(layers=layers, **parts), table["training"]
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
+    """Masses (kg, base first) and places of the joints (m, in their parents), by which a file knows its vehicle."""
+    return {
+        "masses": [float(body.mass) for body in vehicle.bodies],
+        "places": [float(c) for link in vehicle.links for c in link.joint.position],
+    }
+
+
+def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
+    """Numbers of a vehicle outside a network's training range, in words; empty if none are or none are known."""
+    known = training.get("numbers", {})
+    if not concrete(
+        *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
+    ):
+        return ""
+    for name, there in numbers_of(vehicle).items():
+        trained = known.get(name)
+        if trained is None:
+            continue
+        slack = SEEN * max((abs(value) for value in trained), default=0.0) if name == "places" else 0.0
+        near = (abs(a - b) <= SEEN * abs(b) + slack for a, b in zip(there, trained, strict=False))
+        if len(there) != len(trained) or not all(near):
+            return f"{name} {shown([round(value, 4) for value in there])}, trained with {shown(trained)}"
+    return ""
+
+
+def shipped_network() -> tuple[Network, dict[str, Any]]:
+    """The network that comes with the package."""
+    return read_network(resources.files("skyarm.control.laws.learned").joinpath(FILE).read_text(encoding="utf-8"))
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+HISTORY = 15.0
+"""rad/s, of the filters: fast against gusts of some tenths of a second, slow against noise of 1 cm/s."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class History:
+    """Filtered motion and commands.
+
+    Attributes:
+        started: 0 before the first measurement. commanded: 0 before the first command.
+        velocity: world axes, m/s. rate: base axes, rad/s. joint_rates: rad/s or m/s.
+        force, torque: that the commanded rotor speeds make in still air, base axes, N, N m. efforts: N m or N.
+    """
+
+    started: Annotated[Scalar, Unit("", "0 before the first measurement")]
+    commanded: Annotated[Scalar, Unit("", "0 before the first command")]
+    velocity: Annotated[Vec3, Unit("m/s", "world axes, filtered")]
+    rate: Annotated[Vec3, Unit("rad/s", "base axes, filtered")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
+    force: Annotated[Vec3, Unit("N", "base axes, of the commanded rotors in still air, filtered")]
+    torque: Annotated[Vec3, Unit("N m", "base axes, of the commanded rotors in still air, filtered")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "commanded, filtered")]
+
+
+def no_history(joints: int) -> History:
+    """Before the first step."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return History(
+        started=0.0,
+        commanded=0.0,
+        velocity=zero,
+        rate=zero,
+        joint_rates=still,
+        force=zero,
+        torque=zero,
+        efforts=still,
+    )
+
+
+def feature_names(joints: int) -> tuple[str, ...]:
+    """Names of the features, in their order."""
+    axes = ("x", "y", "z")
+    arm = tuple(str(i + 1) for i in range(joints))
+    groups = {
+        **dict.fromkeys(("velocity_B", "up_B", "rate_B"), axes),
+        **dict.fromkeys(("joint", "joint_rate"), arm),
+        **dict.fromkeys(("acceleration_B", "angular_acceleration_B"), axes),
+        "joint_acceleration": arm,
+        **dict.fromkeys(("position_error_B", "velocity_error_B"), axes),
+        **dict.fromkeys(("joint_error", "joint_rate_error"), arm),
+        **dict.fromkeys(("force_B", "torque_B"), axes),
+        "effort": arm,
+    }
+    return tuple(f"{group} {part}" for group, parts in groups.items() for part in parts)
+
+
+def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Any, ...]:
+    """The network's inputs; accelerations are those of the filtered velocities, HISTORY (x - filtered x)."""
+    m, R = measurement, measurement.quaternion.rotation()
+    new = history.started < 0.5
+
+    def rise(x: Any, filtered: Any) -> Any:
+        return where(new, 0.0, HISTORY * (x - filtered))
+
+    acceleration = Vec3(*(rise(a, b) for a, b in zip(m.velocity, history.velocity, strict=True)))
+    turning = [rise(a, b) for a, b in zip(m.rate, history.rate, strict=True)]
+    return (
+        *R.apply_T(m.velocity),
+        *R.apply_T(E_Z),
+        *m.rate,
+        *m.joints,
+        *m.joint_rates,
+        *R.apply_T(acceleration),
+        *turning,
+        *(rise(a, b) for a, b in zip(m.joint_rates, history.joint_rates, strict=True)),
+        *R.apply_T(m.position - reference.position),
+        *R.apply_T(m.velocity - reference.velocity),
+        *(sub(a, b) for a, b in zip(m.joints, reference.joints, strict=True)),
+        *(sub(a, b) for a, b in zip(m.joint_rates, reference.joint_rates, strict=True)),
+        *history.force,
+        *history.torque,
+        *history.efforts,
+    )
+
+
+def with_motion(history: History, measurement: Measurement, dt: Any) -> History:
+    """History with a measurement in it."""
+    new = history.started < 0.5
+    return dataclasses.replace(
+        history,
+        started=where(new, 1.0, history.started),
+        velocity=Vec3(*_followed(new, history.velocity, measurement.velocity, dt)),
+        rate=Vec3(*_followed(new, history.rate, measurement.rate, dt)),
+        joint_rates=_followed(new, history.joint_rates, measurement.joint_rates, dt),
+    )
+
+
+def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) -> History:
+    """History with the command in it that was sent after its last measurement; as it is before the first."""
+    pushed = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
+        pushed = pushed + rotor_force(rotor, speed, ZERO3)
+    begun, new = history.started > 0.5, history.commanded < 0.5
+
+    def after(filtered: Any, values: Any) -> tuple[Any, ...]:
+        return tuple(where(begun, b, a) for a, b in zip(filtered, _followed(new, filtered, values, dt), strict=True))
+
+    return dataclasses.replace(
+        history,
+        commanded=where(begun, 1.0, history.commanded),
+        force=Vec3(*after(history.force, pushed.force)),
+        torque=Vec3(*after(history.torque, pushed.torque)),
+        efforts=after(history.efforts, command.efforts),
+    )
+
+
+def _followed(new: Any, filtered: Any, values: Any, dt: Any) -> tuple[Any, ...]:
+    """Values through the filter, which starts at the first of them."""
+    share = 1.0 - exp(mul(-HISTORY, dt))
+    return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

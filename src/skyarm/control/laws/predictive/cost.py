@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.series_kinematics import derivative, moving, posture
+from skyarm.control.blocks.attitude import derivative, moving, posture
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, carried
 from skyarm.control.model import Model

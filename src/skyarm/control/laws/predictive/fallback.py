@@ -17,15 +17,14 @@ import numpy.typing as npt
 
 from skyarm.actuation import AllocationError, Command, mix
 from skyarm.algebra import Motion, Vec3
+from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.geometric import yaw_of
-from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
-from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
-from skyarm.control.laws.predictive.riccati import Plan
+from skyarm.control.laws.predictive.solver import Compiled, Plan
 from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference
 from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub

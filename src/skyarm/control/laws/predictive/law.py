@@ -24,41 +24,190 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command, make_mixer
+from skyarm.actuation import Command, Mixer, make_mixer
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
-from skyarm.control.laws.centroidal.interaction import interaction_gains
+from skyarm.control.laws.centroidal.interaction import InteractionGains, interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
-from skyarm.control.laws.predictive.engine import BANDWIDTHS, WEIGHTS, Engine, PredictiveParameters, Purpose, engine_for
-from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
+from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, trusted, worst_cost
 from skyarm.control.laws.predictive.observer import (
     LONGEST,
     Bandwidths,
     Fresh,
     Lateness,
+    Observation,
     compared,
     filled,
     first_lateness,
     frozen,
     taken_over,
 )
-from skyarm.control.laws.predictive.prediction import command_for, speeds_under
-from skyarm.control.laws.predictive.preview import Sample, extrapolated, goals, known, taken
-from skyarm.control.laws.predictive.riccati import NoPlanError, Plan, Problem, shifted
-from skyarm.control.laws.predictive.tip_contact import Touch, contact_goals, shift_ahead
+from skyarm.control.laws.predictive.prediction import Motors, command_for, motors, speeds_under
+from skyarm.control.laws.predictive.preview import Sample, Stance, extrapolated, goals, known, taken
+from skyarm.control.laws.predictive.solver import (
+    Bounds,
+    NoPlanError,
+    Plan,
+    Problem,
+    Riccati,
+    Rollouts,
+    Stages,
+    shifted,
+)
+from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.files import shown
+from skyarm.records.units import Unit
 from skyarm.reference import Reference, Trajectory
 from skyarm.sensors.measurement import Measurement
 
+WEIGHTS = Weights(
+    position=10.0,
+    velocity=2.0,
+    heading=2.0,
+    rate=0.2,
+    joints=5.0,
+    joint_rates=0.2,
+    joint_accelerations=0.005,
+    tool=50.0,
+    rotor_accelerations=3e-4,
+    final=0.2,
+)
+
+BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PredictiveParameters:
+    """Constants of the law.
+
+    Attributes:
+        model: the belief. mixer: of the belief; the law does not use it.
+        weights, mode: of the cost. bandwidths: of the observer.
+        stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
+        every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
+        preview: "samples", or the trajectory if it is known.
+        interaction: of pressing on surfaces; None for a law that knows nothing of a push.
+    """
+
+    model: Model
+    mixer: Mixer
+    weights: Weights
+    bandwidths: Bandwidths
+    mode: str
+    stages: Annotated[int, Unit("", low=2, high=200)]
+    horizon: Annotated[float, Unit("s", low=0.05, high=5.0)]
+    every: Annotated[int, Unit("control periods", "from one solution to the next", low=1, high=200)]
+    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
+    preview: str | Trajectory
+    interaction: InteractionGains | None = None
+
+
 Array = npt.NDArray[np.float64]
+
+KEPT = 16
+"""Beliefs whose machine code is kept in memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """Compiled parts of the law, without memory of a flight: copies of a flight share them.
+
+    Attributes:
+        solver, observation, motors, bounds: those.
+        stabiliser: what flies while no plan is trusted. most: cost of a plan that is trusted.
+        stance: where the base stands aside for the tip. contact: of the tip; None where no reference asks for any.
+    """
+
+    solver: Riccati
+    observation: Observation
+    motors: Motors
+    bounds: Bounds
+    stabiliser: Stabiliser
+    most: float
+    stance: Stance
+    contact: TipContact | None = None
+
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Engine:
+        return self  # machine code is not copied
+
+
+@dataclass(frozen=True, slots=True)
+class Purpose:
+    """Key of an engine: constants, the control period in s, and whether the reference may request contact."""
+
+    par: PredictiveParameters
+    dt: float
+    push: bool
+
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Purpose:
+        return self  # so that the next period knows its constants by identity
+
+    @property
+    def made_of(self) -> tuple[Any, ...]:
+        """All that the engine is made of."""
+        par = self.par
+        shape = par.mode, par.stages, par.horizon, par.every
+        return par.model, par.weights, par.bandwidths, *shape, self.dt, par.interaction if self.push else None
+
+    def serves(self, other: Purpose) -> bool:
+        """Whether an engine that is made for this does for another."""
+        same = self.par is other.par and (self.dt, self.push) == (other.dt, other.push)
+        return same or self.made_of == other.made_of
+
+
+def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
+    """The engine of a law at a control period of ``dt`` s; with ``push`` the reference may request contact."""
+    return _engine(*Purpose(par, dt, push).made_of)
+
+
+@lru_cache(maxsize=KEPT)
+def _engine(
+    model: Model,
+    weights: Weights,
+    bandwidths: Bandwidths,
+    mode: str,
+    stages: int,
+    horizon: float,
+    every: int,
+    dt: float,
+    interaction: InteractionGains | None,
+) -> Engine:
+    vehicle = model.vehicle
+    steps = stage_lengths(stages, every, horizon, dt)
+    bounds = Bounds(
+        np.array([float(link.joint.effort_limit) for link in vehicle.links]),
+        np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
+    )
+    scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
+    presses = interaction is not None
+    compiled = Stages(model, weights, mode, scales, presses)
+    rollouts = Rollouts(model, weights, mode, bounds, presses)
+    made = Riccati(compiled, rollouts, steps, float(weights.final), bounds)
+    most = worst_cost(weights, mode, vehicle.n, horizon)
+    seen = Observation(model, bandwidths, dt)
+    contact = TipContact(model, interaction, dt) if interaction is not None else None
+    lags = motors(vehicle.rotors, dt)
+    return Engine(made, seen, lags, bounds, Stabiliser(model), most, Stance(model, mode), contact)
+
+
+def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
+    """Lengths of the stages, s: control periods until the next solution, then growing by one factor."""
+    powers = np.maximum(np.arange(stages) - every + 1, 0)
+    low, high = 1.0, 10.0
+    for _ in range(60):
+        factor = 0.5 * (low + high)
+        low, high = (factor, high) if dt * np.sum(factor**powers) < horizon else (low, factor)
+    return np.asarray(dt * low**powers)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

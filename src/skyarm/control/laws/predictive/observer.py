@@ -15,6 +15,7 @@ does not learn from it: taken for new it would say that the vehicle has stopped.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -23,15 +24,15 @@ import numpy.typing as npt
 
 from skyarm.actuation import Command, limited_effort
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.filters import double_pole
-from skyarm.control.blocks.prediction import motor_speeds
+from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.predictive.prediction import Inputs, advance
+from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, mul
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensors.measurement import Measurement, blank_measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,6 +101,34 @@ def observe(
 
 
 Array = npt.NDArray[np.float64]
+
+
+class Observation:
+    """The observer and the effect of commands that no measurement shows yet, on arrays of leaves.
+
+    Args:
+        model: the belief. bandwidths: of the observer. dt: control period, s.
+    """
+
+    def __init__(self, model: Model, bandwidths: Bandwidths, dt: float) -> None:
+        state, _, disturbance, _ = examples(model.vehicle.n, len(model.vehicle.rotors))
+        estimate = Estimate(state=state, disturbance=disturbance)
+        command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
+        reading = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
+        self.at = Compiled(
+            lambda before, command, reading: observe(model, bandwidths, before, command, reading, dt),
+            *(estimate, command, reading),
+        )
+        """Estimate at a measurement from the one a period earlier and the command that acted in between."""
+        self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
+
+    def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
+        """The same after the commands that came since, a period each."""
+        for command in commands:
+            state = self._advance(estimate, command)
+            estimate = np.concatenate([state, estimate[len(state) :]])
+        return estimate
+
 
 LONGEST = 12
 """Control periods: no longer delay is looked for."""

@@ -17,8 +17,7 @@ from skyarm import dynamics
 from skyarm.actuation import rotor_force
 from skyarm.algebra import Force, Mat3, Motion, Vec3, ldl_solve
 from skyarm.compile import leaves, rebuild
-from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.prediction import acceleration_under
+from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration

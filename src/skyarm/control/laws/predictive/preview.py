@@ -18,8 +18,8 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.geometric import desired_attitude
-from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import given_way
+from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.reference import Reference, Trajectory

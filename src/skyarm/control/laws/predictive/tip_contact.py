@@ -25,9 +25,8 @@ from skyarm.control.laws.centroidal.interaction import (
     wanted_of,
 )
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.predictive.compiled import Compiled
 from skyarm.control.laws.predictive.cost import tip_velocity
-from skyarm.control.laws.predictive.linearise import examples
+from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.scalars import minimum, where

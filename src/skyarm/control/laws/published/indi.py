@@ -25,6 +25,7 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, speeds_after
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
     arm_alone,
     make_command,
@@ -34,7 +35,6 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
-from skyarm.control.blocks.underactuated import forces_under_thrust
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters

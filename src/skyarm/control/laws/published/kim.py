@@ -24,9 +24,9 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
+from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.common import make_command, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
-from skyarm.control.blocks.saturation import all_follow, joints_follow, rotors_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters

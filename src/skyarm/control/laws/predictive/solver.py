@@ -1,0 +1,460 @@
+"""Real-time iteration: linearise at the predicted motion, solve the linear-quadratic problem by Riccati, move there.
+
+Every stage and every nudged copy of it is a lane: the prediction that the plant's own compiler turns into machine code
+gives values and differences of a whole horizon in a fraction of a millisecond. A rollout moves the model under a policy
+with steps of several lengths at once, each with its true cost.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, foreseen, input_residuals, state_residuals
+from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.scalars import maximum, minimum
+
+Array = npt.NDArray[np.float64]
+
+
+class Compiled:
+    """Machine code of a traceable function.
+
+    Args:
+        function: of records; returns a record.
+        examples: a record of floats for each argument.
+    """
+
+    def __init__(self, function: Callable[..., Any], *examples: Any) -> None:
+        def step(carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
+            return carry, function(*row)
+
+        self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
+
+    def __call__(self, *parts: Array) -> Array:
+        """Leaves of the result for the leaves of each argument; for rows of them (T, leaves), rows."""
+        rows = np.concatenate(parts, axis=-1)
+        _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
+        found = np.ascontiguousarray(log[:, :, 0])
+        return found if rows.ndim > 1 else np.asarray(found[0])
+
+
+NUDGE = 1e-5
+"""Of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
+
+
+def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
+    """Records of floats that give the shapes; with ``contact`` a goal may request one."""
+    zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    state = State(
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=zero,
+        rate=zero,
+        joints=arm,
+        joint_rates=arm,
+        rotor_speeds=(0.0,) * rotors,
+    )
+    pressed = Contact(normal=zero, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    goal = Goal(
+        position=zero,
+        velocity=zero,
+        yaw=0.0,
+        joints=arm,
+        joint_rates=arm,
+        joint_accelerations=arm,
+        shift=zero,
+        contact=pressed,
+    )
+    inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
+    return state, inputs, Disturbance(force=zero, torque=zero, efforts=arm), goal
+
+
+class Stages:
+    """Prediction and residuals of all stages as machine code.
+
+    Args:
+        model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
+        scales: size of a unit of each input; nudges are taken in it. contact: whether goals may ask for one.
+
+    Attributes:
+        nx, nu: numbers of a state and of the inputs. input_errors: residuals at the end that are costs of inputs.
+    """
+
+    def __init__(self, model: Model, weights: Weights, mode: str, scales: Array, contact: bool = False) -> None:
+        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
+        state, inputs, disturbance, goal = shapes
+
+        def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
+            u, dt, d, wanted = par
+            errors = state_residuals(model, weights, x, wanted, mode)
+            return foreseen(model, x, u, d, wanted, dt[0]), (
+                *errors,
+                *input_residuals(model, weights, x, u, d, wanted),
+            )
+
+        loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
+        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
+        self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
+        self.scales = np.concatenate([np.ones(self.nx), scales])
+        self.scales[self.nx - len(model.vehicle.rotors) : self.nx] = 100.0
+        width = self.nx + self.nu
+        self._nudges = np.vstack([np.zeros(width), np.diag(self.scales), -np.diag(self.scales)]) * NUDGE
+
+    def derivatives(self, x: Array, u: Array, dt: Array, d: Array, goals: Array) -> tuple[Array, Array, Array, Array]:
+        """Values and derivatives at N + 1 stages.
+
+        Args:
+            x: (N + 1, nx).
+            u: (N + 1, nu), the last has no effect.
+            dt: (N + 1,) s.
+            d: leaves of the disturbance.
+            goals: (N + 1, leaves of a goal).
+
+        Returns:
+            x after each stage (N + 1, nx), its derivative (N + 1, nx, nx + nu), residuals (N + 1, nr) and theirs.
+        """
+        count, width = len(x), self.nx + self.nu
+        nudged = np.concatenate([x, u], axis=1)[:, None, :] + self._nudges
+        copies = nudged.shape[1]
+        held = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
+        lanes = nudged.reshape(count * copies, width).T
+        par = np.vstack([lanes[self.nx :], np.repeat(held, copies, axis=0).T])
+        carry, log = self.kernel.run(lanes[: self.nx], par, np.zeros((1, 0)))
+        ends = carry.T.reshape(count, copies, self.nx)
+        errors = log[0].T.reshape(count, copies, -1)
+        return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
+
+    def _slopes(self, values: Array) -> Array:
+        """Central differences: (stages, values, inputs)."""
+        width = self.nx + self.nu
+        change = values[:, 1 : width + 1] - values[:, width + 1 :]
+        return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Limits of joint efforts (n,) and rotor speeds (rotors,)."""
+
+    efforts: Array
+    speeds: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Motions:
+    """Motions, one a lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), sums of squared residuals (lanes,)."""
+
+    x: Array
+    u: Array
+    cost: Array
+
+
+class Rollouts:
+    """u = u_guess + a k + K (x - x_guess) within the limits, for several a, as one call of vector code.
+
+    Args:
+        model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
+        contact: whether goals may ask for one.
+
+    Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
+    """
+
+    def __init__(self, model: Model, weights: Weights, mode: str, bounds: Bounds, contact: bool = False) -> None:
+        state, inputs, disturbance, goal = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
+        nx, nu = len(leaves(state)), len(leaves(inputs))
+        efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
+
+        def stage(carry: Any, par: Any, row: Any, _uniforms: Any) -> Any:
+            x, (cost,) = carry
+            (a,), d = par
+            x_guess, u_guess, k, K, (dt, whole, running), wanted = row
+            change = [b - c for b, c in zip(leaves(x), leaves(x_guess), strict=True)]
+            u = [
+                start + a * push + sum(gain * dx for gain, dx in zip(gains, change, strict=True))
+                for start, push, gains in zip(leaves(u_guess), k, K, strict=True)
+            ]
+            # no rotor stops, none turns faster than it can
+            rates = [
+                maximum(-w / dt, minimum(rate, (most - w) / dt))
+                for rate, w, most in zip(u, x.rotor_speeds, speeds, strict=False)
+            ]
+            torques = [maximum(-most, minimum(t, most)) for t, most in zip(u[len(speeds) :], efforts, strict=True)]
+            taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
+            errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
+            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
+            return (foreseen(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
+                x,
+                taken,
+            )
+
+        zero = (0.0,) * nu
+        row = (state, inputs, zero, ((0.0,) * nx,) * nu, (0.0, 0.0, 0.0), goal)
+        loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
+        self.kernel, self.nx, self.nu = Kernel(loop, Lanes(host_width()), logging=True), nx, nu
+
+    def run(
+        self, x: Array, u: Array, found: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
+    ) -> Motions:
+        """Motions from ``start`` of the policy about a guess x (N + 1, nx), u (N, nu).
+
+        Args:
+            x: (N + 1, nx) states of the guess.
+            u: (N, nu) its inputs.
+            found: its policy.
+            a: (lanes,) shares of the policy's feed-forward.
+            start: (nx,) the state now.
+            given: (N + 1, 2) lengths of the stages and time for which each state counts, s; leaves of the disturbance;
+                goals (N + 1, leaves of a goal).
+        """
+        times, d, goals = given
+        count = len(u)
+        rows = np.zeros((count + 1, self.kernel.loop.row))
+        ends = np.cumsum([self.nx, self.nu, self.nu, self.nu * self.nx])
+        rows[:, : ends[0]] = x
+        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, found.k
+        rows[:count, ends[2] : ends[3]] = found.K.reshape(count, -1)
+        # there is no input at the end of the horizon
+        rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = times, times[:count, 1]
+        rows[:, ends[3] + 3 :] = goals
+        lanes = len(a)
+        carry = np.zeros((self.nx + 1, lanes))
+        carry[: self.nx] = start[:, None]
+        par = np.vstack([a, np.repeat(d[:, None], lanes, axis=1)])
+        last, log = self.kernel.run(carry, par, rows)
+        return Motions(log[:, : self.nx], log[:count, self.nx :], last[self.nx])
+
+
+SMALLEST_WEIGHT = 1e-9
+"""Added to the inputs' second derivatives: an input that nothing weighs stays where it is."""
+
+HOLD = 1e8
+"""Weight of a held input against its own second derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Stages x[k+1] = A[k] x[k] + B[k] u[k] + c[k] with residuals Jx[k] x[k] + Ju[k] u[k] + r[k], all deviations.
+
+    Attributes:
+        AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last counts x alone. r: (N + 1, nr).
+    """
+
+    AB: Array
+    c: Array
+    J: Array
+    r: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """u[k] = k[k] + K[k] x[k]: feed-forward (N, nu), gains (N, nu, nx); P (nx, nx) is the cost-to-go at the start."""
+
+    k: Array
+    K: Array
+    P: Array
+
+
+def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
+    """Minimise the sum of squared residuals.
+
+    Args:
+        problem: the stages.
+        held: (N, nu) True where an input is fixed.
+        at: (N, nu) where to.
+        damping: share by which the second derivatives of the inputs are raised: the step is shorter.
+
+    Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
+    """
+    stages, nx, width = problem.AB.shape
+    nu = width - nx
+    # columns in the order inputs, states, one: every stage is then two products and one small system
+    J = np.concatenate([problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2)
+    step = np.concatenate([problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2)
+    own = J.transpose(0, 2, 1)[:, :width] @ J
+    P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
+    Kk = np.empty((stages, nu, nx + 1))
+    nothing = np.zeros((stages, nu))
+    strength, wanted = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    raised = strength + damping
+    for i in reversed(range(stages)):
+        ahead = P @ step[i]
+        ahead[:, width] += p
+        M = own[i] + step[i, :, :width].T @ ahead
+        inner, cross = M[:nu, :nu], M[:nu, nu:]
+        # a held input weighs more than all else by a factor of its own, whatever its unit
+        weight = SMALLEST_WEIGHT + raised[i] * inner.diagonal()
+        left, right = inner.copy(), cross.copy()
+        left.flat[:: nu + 1] += weight
+        right[:, nx] -= weight * wanted[i] * (strength[i] > 0.0)
+        found = Kk[i] = -np.linalg.solve(left, right)
+        # the general form: with held inputs K and k are not the minimiser's
+        to_go = M[nu:, nu:] + found[:, :nx].T @ (inner @ found + cross) + M[nu:, :nu] @ found
+        P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
+    return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
+
+
+def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
+    """Deviations x (N + 1, nx) and u (N, nu) from ``first`` on, each input kept within (N, nu) limits."""
+    stages, nx, width = problem.AB.shape
+    x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
+    x[0] = first
+    for i in range(stages):
+        u[i] = np.minimum(np.maximum(found.k[i] + found.K[i] @ x[i], low[i]), high[i])
+        x[i + 1] = problem.AB[i] @ np.concatenate([x[i], u[i]]) + problem.c[i]
+    return x, u
+
+
+PASSES = 3
+"""Times that inputs at their limits are fixed and the rest solved again."""
+
+SHARES = np.array([1.0, 0.7, 0.45, 0.25, 0.12, 0.05, 0.02, 0.0])
+"""Of the feed-forward step: all are tried at once, the cheapest motion is taken. At 0 the old motion is followed."""
+
+DAMPING = (1e-3, 1e3)
+"""Least and largest Levenberg-Marquardt damping, as shares of the inputs' own second derivatives; below it is none."""
+
+GROWTH = 8.0
+"""Damping grows by this factor after a step cut by more than half, and shrinks by it after a whole one."""
+
+
+class NoPlanError(Exception):
+    """No motion with a finite cost was found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A planned motion: states (N + 1, nx), inputs (N, nu) and the gains (N, nu, nx) of u = u* + K (x - x*).
+
+    Attributes:
+        x, u, K: those. damping: of the next step. cost: sum of squared residuals; NaN if not known.
+        share: of the last step that was taken.
+    """
+
+    x: Array
+    u: Array
+    K: Array
+    damping: float = 0.0
+    cost: float = float("nan")
+    share: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Input of the solver.
+
+    Attributes:
+        start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a goal).
+    """
+
+    start: Array
+    disturbance: Array
+    goals: Array
+
+
+class Riccati:
+    """One damped Gauss-Newton step a call by the Riccati recursion; of the steps along it the cheapest motion is taken.
+
+    Args:
+        stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
+        final: s for which the end counts. bounds: of the inputs.
+
+    Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search by rolling the
+    policy out); Levenberg 1944, Marquardt 1963 (damping, here of the inputs).
+    """
+
+    def __init__(self, stages: Stages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
+        self.stages, self.rollouts, self.steps, self.bounds = stages, rollouts, steps, bounds
+        counted = np.append(steps, final)
+        self._roots = np.sqrt(counted)
+        self._times = np.column_stack([np.append(steps, steps[-1]), counted])
+
+    def solve(self, problem: Problem, guess: Plan) -> Plan:
+        """The motion one step nearer to the best, and the policy around it.
+
+        Raises:
+            NoPlanError: the guess leads nowhere.
+        """
+        with np.errstate(all="ignore"):
+            try:
+                found = self._policy(problem, guess)
+            except np.linalg.LinAlgError:
+                raise NoPlanError from None
+            given = self._times, problem.disturbance, problem.goals
+            tried = self.rollouts.run(guess.x, guess.u, found, SHARES, problem.start, given)
+        cost = np.where(np.isfinite(tried.cost), tried.cost, np.inf)
+        best = int(np.argmin(cost))
+        if not (np.isfinite(cost[best]) and np.isfinite(found.K).all()):
+            raise NoPlanError
+        share = float(SHARES[best])
+        x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
+        return Plan(x, u, found.K, damped(guess.damping, share), float(cost[best]), share)
+
+    def _policy(self, problem: Problem, guess: Plan) -> Policy:
+        """The policy of the linearised problem, inputs at their limits held there."""
+        here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
+        low, high = self._room(guess, len(self.bounds.speeds))
+        first = problem.start - guess.x[0]
+        found = policy(here, damping=guess.damping)
+        _, du = rollout(here, found, first, low, high)
+        held = np.zeros(du.shape, dtype=bool)
+        for _ in range(PASSES):
+            clipped = (du <= low) | (du >= high)
+            if not (clipped & ~held).any():
+                break
+            # what is at a limit stays there, and the other inputs make the best of it
+            held |= clipped
+            found = policy(here, held, np.where(du <= low, low, high), damping=guess.damping)
+            _, du = rollout(here, found, first, low, high)
+        return found
+
+    def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
+        """How far each input may still fall and rise (N, nu): no rotor stops, none turns faster than it can."""
+        speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
+        efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
+        low, high = np.hstack([-speeds / dt, -efforts]), np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
+        return np.minimum(low - guess.u, 0.0), np.maximum(high - guess.u, 0.0)
+
+
+def damped(damping: float, share: float) -> float:
+    """Damping of the step that follows one of which a share was taken."""
+    least, most = DAMPING
+    if share < 0.5:
+        return min(max(damping * GROWTH, least), most)
+    if share < 1.0:
+        return damping
+    return damping / GROWTH if damping > least else 0.0
+
+
+def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
+    """The problem linearised at a motion x (N + 1, nx), u (N, nu), in deviations from it."""
+    dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
+    ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
+    J, r = slopes * roots[:, None, None], errors * roots[:, None]
+    # there is no input at the end of the horizon
+    J[-1, -stages.input_errors :], r[-1, -stages.input_errors :] = 0.0, 0.0
+    return Linear(AB[:-1], ends[:-1] - x[1:], J, r)
+
+
+def shifted(plan: Plan, steps: Array, dt: float) -> Plan:
+    """The same motion seen ``dt`` s later, on stages of the same lengths; its last piece is held."""
+    times = np.append(0.0, np.cumsum(steps))
+    later = np.minimum(times + dt, times[-1])
+    at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)
+    part = ((later - times[at]) / steps[at])[:, None]
+    x = plan.x[at] + part * (plan.x[at + 1] - plan.x[at])
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    return dataclasses.replace(plan, x=x, u=plan.u[at[:-1]])
