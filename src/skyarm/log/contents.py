@@ -12,7 +12,7 @@ import numpy.typing as npt
 from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import COLUMNS, LABELS, layout
-from skyarm.log.sensor_data import ESTIMATE, READINGS, sources_of
+from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, READINGS, sources_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 
@@ -184,5 +184,5 @@ def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], info: Any) -
             continue
         array = np.ascontiguousarray(table[:, chosen])
         found[name] = array[:, 0].copy() if name in SCALARS and chosen else array
-    received = (name for name in given if name.startswith((f"{READINGS}.", f"{ESTIMATE}.")))
+    received = (name for name in given if name.startswith((f"{READINGS}.", f"{ESTIMATE}.", f"{COMPONENTS}.")))
     return found | {name: np.ascontiguousarray(table[:, given[name]]) for name in received}

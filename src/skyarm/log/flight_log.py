@@ -15,7 +15,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
-from skyarm.log.sensor_data import ESTIMATE, sources_of
+from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit, units
 
@@ -145,7 +145,7 @@ class Log:
         found: dict[str, dict[str, Array]] = {}
         for name, array in self.received.items():
             source, _, last = name.rpartition(".")
-            if source != ESTIMATE:
+            if source not in (ESTIMATE, COMPONENTS):
                 found.setdefault(source.partition(".")[2], {})[last] = array
         return found
 

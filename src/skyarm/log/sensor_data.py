@@ -22,6 +22,9 @@ Array = npt.NDArray[np.float64]
 
 READINGS, ESTIMATE = "readings", "estimate"
 
+COMPONENTS = "components"
+"""Source of the arrays that components declare and that :class:`skyarm.Log` does not have as fields."""
+
 DESCRIPTION = "received"
 """Key of a log's description under which its sources stand."""
 

@@ -124,7 +124,7 @@ def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
     pairs = zip(around.components, around.memories, strict=True)
-    own = tuple(data(number) for each, memory in pairs for number in each.logged(memory, motion))
+    own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
     return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
 
 

@@ -15,11 +15,12 @@ from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.log_columns import LABELS, labels_of_components
 from skyarm.log.periods import waits_of
-from skyarm.log.sensor_data import DESCRIPTION, ESTIMATE, READINGS, Source, fields_of
+from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
+from skyarm.records.units import units
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import phase_numbers
 from skyarm.registry.plugins import identities
@@ -28,6 +29,9 @@ from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
+
+OWN = frozenset(units(Log))
+"""Arrays that are fields of a log."""
 
 
 def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
@@ -149,7 +153,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     if vehicle.tilts:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     for name, columns in by_array(scenario.components, wind.numbers).items():
-        tables[name] = table(columns)
+        tables[name if name in OWN else f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
     for name, numbers in found_by_law(scenario.controller.memory).items():
         if flown.found.shape[1]:
@@ -188,6 +192,13 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
         arrays.update({f"{source}.{name}": array for name, (_, array) in fields.items()})
         described[source] = Source({name: field for name, (field, _) in fields.items()}, **clock).plain
 
+    declared = {
+        array: Field(rows[0][1], "", [label or str(i) for i, (label, _) in enumerate(rows)])
+        for array, rows in labels_of_components(scenario.components).items()
+        if array not in OWN
+    }
+    if declared:
+        described[COMPONENTS] = Source(declared).plain
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
