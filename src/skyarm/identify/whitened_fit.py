@@ -30,9 +30,6 @@ BLOCK, FEWEST = 0.5, 8
 RIDGE = 1e-4
 """Of the size of what is measured: residuals below are rounding, whose colour means nothing."""
 
-RADIUS = 4.0
-"""Steps, of the first trust region at least."""
-
 CONFIDENCE = 0.95
 
 Left = Callable[[Array], Array]
@@ -110,12 +107,20 @@ def fit(
         return found[0], ((found[1 + len(x) :] - found[1 : 1 + len(x)]) / (high - low)[:, None]).T
 
     inside = 1e-9 * (bounds[1] - bounds[0])
-    origin = bounds[0] - RADIUS * steps
-    search: dict[str, Any] = {"bounds": tuple((bound - origin) / steps for bound in bounds)}
-    search |= {"ftol": 1e-4, "xtol": 1e-4, "gtol": None, "max_nfev": 30}
+    last: dict[bytes, tuple[Array, Array]] = {}
+
+    def once(x: Array) -> tuple[Array, Array]:
+        """The last place is kept: slopes are computed with the residual."""
+        if x.tobytes() not in last:
+            last.clear()
+            last[x.tobytes()] = around(x)
+        return last[x.tobytes()]
+
+    search: dict[str, Any] = {"bounds": bounds, "x_scale": steps, "ftol": 1e-4, "xtol": 1e-4, "gtol": None}
     for _ in range(TURNS):
-        begin, both = np.clip(values, bounds[0] + inside, bounds[1] - inside), _Steps(around, origin, steps)
-        values = both.place(least_squares(both.residual, both.steps_to(begin), jac=both.slopes, **search).x)
+        last.clear()  # filters are others now
+        begin = np.clip(values, bounds[0] + inside, bounds[1] - inside)
+        values = least_squares(lambda x: once(x)[0], begin, jac=lambda x: once(x)[1], max_nfev=30, **search).x
         rest = left(values[None, :])[0]
         filters = [_filter(column, RIDGE * s) for column, s in zip(rest.T, size, strict=True)]
         scales = np.maximum(_white(rest, filters, np.ones(rows)).std(axis=0), RIDGE * size + 1e-300)
@@ -148,39 +153,6 @@ def _jackknifed(slope: Array, error: Array, curvature: Array, blocks: int) -> Ar
         left = np.eye(len(curvature)) - s.T @ s @ curvature
         found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
     return np.array(found)
-
-
-class _Steps:
-    """Residual and slopes over parameters counted in steps; the last is kept: slopes are asked for where it was.
-
-    Args:
-        function: parameters -> residual and slopes.
-        origin: parameters at 0 steps, outside of the range: the first trust region is as large as the first place.
-        size: of the steps.
-    """
-
-    def __init__(self, function: Callable[[Array], tuple[Array, Array]], origin: Array, size: Array) -> None:
-        self._function, self._origin, self._size = function, origin, size
-        self._at, self._found = np.empty(0), (np.empty(0), np.empty(0))
-
-    def steps_to(self, values: Array) -> Array:
-        """Steps from the origin."""
-        return np.asarray((values - self._origin) / self._size)
-
-    def place(self, steps: Array) -> Array:
-        """Parameters there."""
-        return np.asarray(self._origin + steps * self._size)
-
-    def residual(self, steps: Array) -> Array:
-        """Whitened and flat."""
-        if not np.array_equal(steps, self._at):
-            self._at, self._found = steps.copy(), self._function(self.place(steps))
-        return self._found[0]
-
-    def slopes(self, steps: Array) -> Array:
-        """Of the residual, a column a parameter."""
-        self.residual(steps)
-        return np.asarray(self._found[1] * self._size)
 
 
 def blocks_of(seconds: float) -> int:
