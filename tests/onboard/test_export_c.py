@@ -428,7 +428,7 @@ def test_a_name_that_is_no_identifier_is_refused(name):
 
 
 def command(monkeypatch, capsys, *arguments: str):
-    monkeypatch.setattr(sys, "argv", ["skyarm", "export-c", *arguments])
+    monkeypatch.setattr(sys, "argv", ["skyarm", "export", "--to", "c", *arguments])
     with pytest.raises(SystemExit) as stop:
         main()
     return stop.value.code or 0, capsys.readouterr()

@@ -371,6 +371,8 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
     name, vehicle = file.name, controller.par.model.vehicle
     step = controller.law.func if isinstance(controller.law, partial) else controller.law
     paragraphs = (inspect.getdoc(step) or controller.name).split("\n\n")
+    if not any(part.startswith("Source:") for part in paragraphs):  # of a law that is a file of its own
+        paragraphs += (inspect.getdoc(inspect.getmodule(step)) or "").split("\n\n")
     clocked = any(member.name == "period" for member in file.structs["parameters"].members)
     return [
         f"{name}: controller '{controller.name}' for the vehicle '{vehicle.name}'.",
