@@ -103,7 +103,7 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
     assert "3 episodes were there" in ran(*words).out
     rows = Rows(folder / "out" / "quick")
-    assert list(rows.manifest.origin.scenarios) == [LAW, "paper_ct"]
+    assert list(rows.manifest.scenarios) == [LAW, "paper_ct"]
     before = {path: path.read_bytes() for path in (folder / "out" / "quick" / "rows").iterdir()}
     changed(folder)
     (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
@@ -151,7 +151,7 @@ def test_margins_and_basin_take_it(folder):
     ran("margins", "case3", "--controller", LAW, "--instants", "0", "--out", "margins.json")
     found = json.loads((folder / "margins.json").read_text())
     assert (found["controller"], found["plugins"]) == ("lqr", {"own_law.py": DIGEST})
-    radii = [each["radius"] for each in found["instants"][0]["lag"].values()]
+    radii = [each["radius"] for each in found["instants"][0]["by_lag"].values()]
     assert all(0.9 < radius < 1.0 for radius in radii)
     ran("basin", "case3", "--controller", LAW, "--flights", "20", "--rate", "0.1", "--out", "map")
     (file,) = (folder / "map").glob("*.json")

@@ -181,7 +181,7 @@ def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path
     assert ended.code == 0, ended.err
     assert "adaptation of load and friction is held" in ended.out
     found = json.loads((folder / "m.json").read_text())
-    radii = [lag["radius"] for instant in found["instants"] for lag in instant["lag"].values()]
+    radii = [lag["radius"] for instant in found["instants"] for lag in instant["by_lag"].values()]
     assert max(radii) < 1.0
 
 
