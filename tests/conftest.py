@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import compileall
 import gc
+import json
 import os
 import signal
 import sys
@@ -41,6 +42,16 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         # the library's before any test copies its folder; the others' when they are first imported
         compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark as thorough what ``tests/budget.json`` leaves to the nightly workflow."""
+    table = json.loads((Path(__file__).with_name("budget.json")).read_text("utf-8"))
+    for item in items:
+        nightly = table.get(item.path.relative_to(config.rootpath).as_posix(), {}).get("nightly", ())
+        if item.name in nightly or item.name.split("[")[0] in nightly:
+            item.add_marker("thorough")
 
 
 def pytest_collection_finish() -> None:
