@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import skyarm
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
 
 
 @skyarm.register.sensor("gps")

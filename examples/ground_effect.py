@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import skyarm
-from skyarm.scalars import maximum
+from skyarm.algebra.scalars import maximum
 
 
 @skyarm.register.force("near_ground")

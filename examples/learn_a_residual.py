@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 
 import skyarm
-import skyarm.env as learn
+import skyarm.envs as learn
 
 GENERATIONS, PAIRS, SIGMA, RATE = int(sys.argv[1]) if len(sys.argv) > 1 else 120, 512, 0.02, 0.02
 reward = [learn.TipDistance(), learn.TipNear(weight=0.5), learn.ActionChange(weight=0.5), learn.Lost(weight=300.0)]

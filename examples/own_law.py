@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import skyarm
-from skyarm.actuation import Mixer, make_mixer, mix
+from skyarm.dynamics.actuators import Mixer, make_mixer, mix
 from skyarm.algebra import E_Z, Motion, Vec3
 from skyarm.dynamics import inverse_dynamics
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import skyarm
-from skyarm.scalars import exp, sqrt
+from skyarm.algebra.scalars import exp, sqrt
 
 
 @skyarm.register.air("gusty")

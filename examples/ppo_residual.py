@@ -19,10 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import skyarm
-import skyarm.env as learn
-from skyarm.compare.perturbed_plants import Spread, draw
+import skyarm.envs as learn
+from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.control.laws.learned.law import Network
-from skyarm.metrics.shortfall import LARGEST_ERROR
+from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.simulate.batch import Batch
 
 WORLDS, STEPS, ITERATIONS, EPOCHS, PARTS = 1024, 32, 160, 4, 4

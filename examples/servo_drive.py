@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import skyarm
-from skyarm.scalars import clip
+from skyarm.algebra.scalars import clip
 
 
 @skyarm.register.drive("servo")

@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.actuation import Command
-from skyarm.actuation.drive import Drive
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.environment import Air, Force, Wrench
-from skyarm.estimate.estimator import FULL_STATE, Estimator
-from skyarm.registry import names, plugins
-from skyarm.registry.registrations import _FOUND, _SOURCE
-from skyarm.scalars import exp, sqrt
-from skyarm.scalars.philox import normals
+from skyarm.algebra.scalars import exp, sqrt
+from skyarm.algebra.scalars.philox import normals
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import Drive
+from skyarm.records.registry import names, plugins
+from skyarm.records.registry.registrations import _FOUND, _SOURCE
 from skyarm.scenario.endings import Ending
-from skyarm.sensors.sensor import Sensor
+from skyarm.sensing.estimate.estimator import FULL_STATE, Estimator
+from skyarm.sensing.sensor import Sensor
+from skyarm.world import Air, Force, Wrench
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import add, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.laws.paper import (
     geometric_accelerations,
@@ -20,6 +20,7 @@ from skyarm.control.laws.paper import (
     with_weighted_rates,
 )
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.euler_lagrange import parameters_of
 from skyarm.dynamics.euler_lagrange.coriolis import coriolis_force
 from skyarm.dynamics.euler_lagrange.mass import mass_matrix
@@ -30,8 +31,7 @@ from skyarm.dynamics.euler_lagrange.transforms import (
     singularity_measure,
 )
 from skyarm.reference import Reference
-from skyarm.scalars import add, mul
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SINGULAR_COSINE = 1e-3

@@ -23,7 +23,7 @@ import skyarm
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, PRESETS, make_controller, suitable_options, tuned_factors
 from skyarm.control.model import Terms
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.simulate.batch import Batch
 

@@ -15,7 +15,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, TORQUE, Controller, make_controller
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 G = 9.81
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")

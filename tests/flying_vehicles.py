@@ -8,9 +8,9 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Sym3, Vec3
 from skyarm.dynamics import State
-from skyarm.environment import WindSample
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Rotor, Vehicle
+from skyarm.world import WindSample
 from vehicles_random import random_vehicle
 
 HOVER = 485.08

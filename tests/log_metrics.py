@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.metrics.windows import Window
+from skyarm.log.metrics.windows import Window
 
 Array = npt.NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from skyarm.actuation.drive import LaggedTorque
+from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.scenario.scenario_record import JointDrive
 
 

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import make_mixer, mix
 from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, divide, mul, sqrt, where
 from skyarm.control.blocks.geometric import (
     attitude_loop,
     body_thrust,
@@ -20,7 +20,7 @@ from skyarm.control.blocks.geometric import (
     yaw_of,
 )
 from skyarm.control.model import GeometricGains
-from skyarm.scalars import Scalar, divide, mul, sqrt, where
+from skyarm.dynamics.actuators import make_mixer, mix
 from skyarm.vehicle.vehicle_records import Vehicle
 
 GRAVITY = 9.81

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import skyarm
-from skyarm.env import env_lanes
-from skyarm.environment.environment_tables import wind_from
+from skyarm.envs import env_lanes
+from skyarm.world.environment_tables import wind_from
 
 MASS = "plant.payload.mass"
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.contact import Contact, ContactPoint, Material, Surface
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 
 SKIDS = tuple(
     ContactPoint(name=f"skid_{i}", body="base", position=Vec3(0.1 * x, 0.1 * y, -0.12))

@@ -9,16 +9,16 @@ import numpy as np
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import cos, log, philox, sin, sqrt
 from skyarm.compile import leaves
 from skyarm.control.catalogue import preset
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import WindSample
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import step_euler, step_rk4
 from skyarm.reference import Constant, Reference, Sine, Trajectory
-from skyarm.scalars import cos, log, philox, sin, sqrt
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
+from skyarm.world import WindSample
 
 PERIOD = 0.005
 
@@ -128,7 +128,7 @@ def lanes_of(record: Any, spread: float, lanes: int, seed: int) -> np.ndarray:
 def flown_in_python(
     loop: Any, carry: Any, parameters: Any, rows: Any, *, seed: int = 0, episode: int = 0, start: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One lane by Python floats, with numbers drawn by :mod:`skyarm.scalars.philox`: final carry and log."""
+    """One lane by Python floats, with numbers drawn by :mod:`skyarm.algebra.scalars.philox`: final carry and log."""
     step = loop.stepper()
     x: tuple[float, ...] = tuple(map(float, carry))
     p = tuple(map(float, parameters))

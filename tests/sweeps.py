@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.sweep import Study, run_sweep, study_from
+from skyarm.studies.sweep import Study, run_sweep, study_from
 
 MASS, WIND = "plant.vehicle.base.mass", "environment.wind.force_W.x"
 

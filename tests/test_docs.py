@@ -14,8 +14,8 @@ import skyarm
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
+from skyarm.records.registry.shipped import SHIPPED
 from skyarm.reference import signal_tables
-from skyarm.registry.shipped import SHIPPED
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 

@@ -27,8 +27,8 @@ def test_what_is_shown_prints_what_is_shown(tmp_path):
 
 
 def test_the_page_names_the_functions_and_kinds_that_there_are():
-    from skyarm.env.jax_environment import JaxEnvironment
-    from skyarm.env.jax_params import KINDS
+    from skyarm.envs.jax_environment import JaxEnvironment
+    from skyarm.envs.jax_params import KINDS
 
     assert all(f"`{name}(" in PAGE for name in ("reset", "step"))
     assert all(hasattr(JaxEnvironment, name) for name in ("reset", "step", "step_env", "plant_state"))

@@ -17,10 +17,10 @@ import pytest
 
 import skyarm
 from added_components import registry_kept
-from skyarm import scalars
+from skyarm.algebra import scalars
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.registry import KINDS, plugins
-from skyarm.registry.plugins import load_plugin
+from skyarm.records.registry import KINDS, plugins
+from skyarm.records.registry.plugins import load_plugin
 from wrong_laws import EVERYTHING, MAKERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -155,7 +155,7 @@ MISTAKES = re.findall(r"^\| .* \| (`.*) \|$", SECTION, re.MULTILINE)
 
 
 def test_the_constants_shown_are_what_a_law_needs() -> None:
-    from skyarm.actuation import mix
+    from skyarm.dynamics.actuators import mix
 
     def law(memory: Any, _seen: Any, _wanted: Any, _dt: Any, *, par: Any) -> tuple[Any, skyarm.Command]:
         push = par.model.vehicle.mass * par.model.gravity

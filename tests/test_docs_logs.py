@@ -90,7 +90,7 @@ def test_the_messages_of_readings_shown_are_those_that_are_written():
 
 
 def test_the_formats_shown_are_those_there_are():
-    from skyarm.registry import names
+    from skyarm.records.registry import names
 
     shown = re.findall(r"^\| `\.(\w+)` \|.*\| (yes|no) \|", PAGE, re.MULTILINE)
     read = {kind for kind, back in shown if back == "yes"}

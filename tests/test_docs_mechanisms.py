@@ -4,10 +4,10 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from skyarm.contact import Detent, Mechanism
-from skyarm.contact.contact_point import Ring
-from skyarm.contact.mechanism import KINDS
-from skyarm.contact.surface import SIZES
+from skyarm.world.contact import Detent, Mechanism
+from skyarm.world.contact.contact_point import Ring
+from skyarm.world.contact.mechanism import KINDS
+from skyarm.world.contact.surface import SIZES
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from skyarm.files import Fields
+from skyarm.records.files import Fields
 from skyarm.reference.phases import phases_table
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting

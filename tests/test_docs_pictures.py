@@ -59,7 +59,7 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_every_kind_and_style_stands_on_the_page() -> None:
-    from skyarm.files.names import SUFFIXES
+    from skyarm.records.files.names import SUFFIXES
     from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
     from skyarm.view.figures.style import STYLES
 
@@ -72,7 +72,7 @@ def test_every_kind_and_style_stands_on_the_page() -> None:
 def test_the_derived_numbers_of_the_page_on_sweeps_are_a_study() -> None:
     import tomllib
 
-    from skyarm.sweep import study_from
+    from skyarm.studies.sweep import study_from
 
     text = (DOCS / "sweeps.md").read_text("utf-8")
     tables = [block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[derived]" in block]

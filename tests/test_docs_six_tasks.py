@@ -115,7 +115,7 @@ def test_a_study_may_be_a_file_or_its_tables(tmp_path: Path) -> None:
 
 
 def test_no_public_function_bears_the_name_of_a_room() -> None:
-    """``import skyarm.sweep`` would put the room in its place."""
+    """``import skyarm.studies.sweep`` would put the room in its place."""
     rooms = {path.name for path in Path(skyarm.__file__).parent.iterdir() if path.is_dir()}
     taken = rooms & set(skyarm.__all__)
     assert all(not callable(getattr(skyarm, name)) for name in taken), taken

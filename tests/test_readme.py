@@ -97,9 +97,9 @@ def test_the_film_behind_it_is_light():
 
 def test_the_table_of_laws_is_what_flights_give():
     """The centroidal law flies the preset of its plain name, as in the noisy column."""
-    from skyarm.compare.cells import Flights, fly
-    from skyarm.compare.entrants import ENTRANTS
-    from skyarm.compare.suite import CASES, conditions
+    from skyarm.studies.compare.cells import Flights, fly
+    from skyarm.studies.compare.entrants import ENTRANTS
+    from skyarm.studies.compare.suite import CASES, conditions
 
     (table,) = re.findall(r"<!-- compare: .*?-->\n(.*?)<!-- /compare -->", README, re.DOTALL)
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]

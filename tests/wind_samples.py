@@ -7,9 +7,9 @@ from typing import Any
 from skyarm.algebra import ZERO3, Quaternion, Sym3, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import Component, WindSample
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.linkage import BASE
+from skyarm.world import Component, WindSample
 
 _ANYTHING = Vehicle(name="anything", base=Body(mass=1.0, inertia=Sym3.isotropic(0.01)))
 _REST = State(

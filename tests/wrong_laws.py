@@ -13,7 +13,7 @@ import numpy as np
 
 import skyarm
 from skyarm import Command
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,8 +272,8 @@ TRACED = "or Controller(compiled=False), which calls it with floats"
 TRACES = {
     "array_and_number": Mistake(
         returning("memory, Command(rotor_speeds=np.full(4, 485.0) + seen.position.z, efforts=STILL)", mark=True),
-        "cannot be traced: a NumPy array meets a traced number; must use + - * / and the functions of skyarm.scalars, "
-        + TRACED,
+        "cannot be traced: a NumPy array meets a traced number; must use + - * / and the functions of "
+        "skyarm.algebra.scalars, " + TRACED,
     ),
     "branch": Mistake(
         """
@@ -283,7 +283,7 @@ def law(memory, seen, wanted, dt, *, par):
         error = 1.0
     return memory, Command(rotor_speeds=(485.0 + error,) * 4, efforts=STILL)
 """,
-        "cannot be traced: branch on a traced value; use skyarm.scalars.where(condition, a, b), " + TRACED,
+        "cannot be traced: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
     ),
     "max": Mistake(
         """
@@ -291,7 +291,7 @@ def law(memory, seen, wanted, dt, *, par):
     error = max(wanted.position.z - seen.position.z, 0.0)  # here
     return memory, Command(rotor_speeds=(485.0 + error,) * 4, efforts=STILL)
 """,
-        "cannot be traced: branch on a traced value; use skyarm.scalars.where(condition, a, b), " + TRACED,
+        "cannot be traced: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
     ),
     "math": Mistake(
         """
@@ -310,7 +310,7 @@ def law(memory, seen, wanted, dt, *, par):
     return memory, Command(rotor_speeds=(485.0 + np.sin(seen.position.z),) * 4, efforts=STILL)  # here
 """,
         "cannot be traced: operand a traced number does not support ufuncs (__array_ufunc__=None); "
-        "must use + - * / and the functions of skyarm.scalars, " + TRACED,
+        "must use + - * / and the functions of skyarm.algebra.scalars, " + TRACED,
     ),
     "norm": Mistake(
         """
@@ -318,7 +318,7 @@ def law(memory, seen, wanted, dt, *, par):
     far = np.linalg.norm([seen.position.x, seen.position.y])  # here
     return memory, Command(rotor_speeds=(485.0 + far,) * 4, efforts=STILL)
 """,
-        "must use + - * / and the functions of skyarm.scalars, " + TRACED,
+        "must use + - * / and the functions of skyarm.algebra.scalars, " + TRACED,
     ),
     "power": Mistake(
         """
@@ -326,7 +326,7 @@ def law(memory, seen, wanted, dt, *, par):
     return memory, Command(rotor_speeds=(485.0 + seen.position.z**2,) * 4, efforts=STILL)  # here
 """,
         "cannot be traced: unsupported operand type(s) for ** or pow(): a traced number and 'int'; "
-        "must use + - * / and the functions of skyarm.scalars, " + TRACED,
+        "must use + - * / and the functions of skyarm.algebra.scalars, " + TRACED,
     ),
     "writes_to_what_it_sees": Mistake(
         """

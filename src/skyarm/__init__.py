@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from skyarm.actuation import Command
-    from skyarm.actuation.drive import Drive
     from skyarm.algebra import Mat3, Quaternion, Vec3
-    from skyarm.contact import Contact, ContactPoint, Material, Surface
+    from skyarm.algebra.scalars.philox import normals
     from skyarm.control.catalogue import Controller, make_controller, preset
     from skyarm.control.model import Model
     from skyarm.dynamics import State, euler_lagrange
+    from skyarm.dynamics.actuators import Command
+    from skyarm.dynamics.actuators.drive import Drive
     from skyarm.dynamics.array_front import (
         center_of_mass,
         energy,
@@ -27,7 +27,40 @@ if TYPE_CHECKING:
         mass_matrix,
         momentum,
     )
-    from skyarm.environment import (
+    from skyarm.log.flight_log import Log
+    from skyarm.log.formats import LogFormat, load_log, save_log
+    from skyarm.log.metrics.metric import Metric
+    from skyarm.log.metrics.score import score
+    from skyarm.log.metrics.windows import Windows
+    from skyarm.paper.reproduce import reproduce
+    from skyarm.plant.interface import Truth
+    from skyarm.records.registry import load_plugin, register
+    from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
+    from skyarm.scenario.controller_table import load_controller
+    from skyarm.scenario.endings import Ending
+    from skyarm.scenario.numbers import with_numbers
+    from skyarm.scenario.path_governor import govern
+    from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
+    from skyarm.scenario.scenario_record import Change, Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
+    from skyarm.sensing.estimate.estimator import Estimator
+    from skyarm.sensing.measurement import Measurement, SensorNoise
+    from skyarm.sensing.sensor import Sensor
+    from skyarm.simulate.batch import Batch
+    from skyarm.simulate.batch_session import BatchSession
+    from skyarm.simulate.loop import replay, run
+    from skyarm.simulate.session import Session
+    from skyarm.simulate.user_code import check_components, check_law
+    from skyarm.studies.stability.along import margins
+    from skyarm.studies.stability.hover_delay import hover_delay
+    from skyarm.studies.sweep.runner import fly_sweep
+    from skyarm.studies.sweep.study import StudyError
+    from skyarm.studies.sweep.study_file import list_studies, load_study
+    from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
+    from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+    from skyarm.view.figures.flight_plot import plot
+    from skyarm.view.figures.study_figures import plot_sweep
+    from skyarm.view.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.world import (
         Air,
         Fault,
         Force,
@@ -40,46 +73,13 @@ if TYPE_CHECKING:
         TimedPayload,
         Wrench,
     )
-    from skyarm.estimate.estimator import Estimator
-    from skyarm.log.flight_log import Log
-    from skyarm.log.formats import LogFormat, load_log, save_log
-    from skyarm.metrics.metric import Metric
-    from skyarm.metrics.score import score
-    from skyarm.metrics.windows import Windows
-    from skyarm.paper.reproduce import reproduce
-    from skyarm.plant.interface import Truth
-    from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
-    from skyarm.registry import load_plugin, register
-    from skyarm.scalars.philox import normals
-    from skyarm.scenario.controller_table import load_controller
-    from skyarm.scenario.endings import Ending
-    from skyarm.scenario.numbers import with_numbers
-    from skyarm.scenario.path_governor import govern
-    from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
-    from skyarm.scenario.scenario_record import Change, Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
-    from skyarm.sensors.measurement import Measurement, SensorNoise
-    from skyarm.sensors.sensor import Sensor
-    from skyarm.simulate.batch import Batch
-    from skyarm.simulate.batch_session import BatchSession
-    from skyarm.simulate.loop import replay, run
-    from skyarm.simulate.session import Session
-    from skyarm.simulate.user_code import check_components, check_law
-    from skyarm.stability.along import margins
-    from skyarm.stability.hover_delay import hover_delay
-    from skyarm.sweep.runner import fly_sweep
-    from skyarm.sweep.study import StudyError
-    from skyarm.sweep.study_file import list_studies, load_study
-    from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
-    from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-    from skyarm.view.figures.flight_plot import plot
-    from skyarm.view.figures.study_figures import plot_sweep
-    from skyarm.view.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 
 _ROOMS = {
-    "skyarm.actuation": ("Command",),
-    "skyarm.actuation.drive": ("Drive",),
+    "skyarm.dynamics.actuators": ("Command",),
+    "skyarm.dynamics.actuators.drive": ("Drive",),
     "skyarm.algebra": ("Mat3", "Quaternion", "Vec3"),
-    "skyarm.contact": ("Contact", "ContactPoint", "Material", "Surface"),
+    "skyarm.world.contact": ("Contact", "ContactPoint", "Material", "Surface"),
     "skyarm.control.catalogue": ("Controller", "make_controller", "preset"),
     "skyarm.control.model": ("Model",),
     "skyarm.dynamics": ("State",),
@@ -93,7 +93,7 @@ _ROOMS = {
         "mass_matrix",
         "momentum",
     ),
-    "skyarm.environment": (
+    "skyarm.world": (
         "Air",
         "MovingAir",
         "Fault",
@@ -106,20 +106,20 @@ _ROOMS = {
         "TimedPayload",
         "Wrench",
     ),
-    "skyarm.estimate.estimator": ("Estimator",),
+    "skyarm.sensing.estimate.estimator": ("Estimator",),
     "skyarm.view.figures.flight_plot": ("plot",),
     "skyarm.view.figures.study_figures": ("plot_sweep",),
     "skyarm.view.figures.vehicle_drawing": ("vehicle_drawing",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
-    "skyarm.metrics.metric": ("Metric",),
-    "skyarm.metrics.score": ("score",),
-    "skyarm.metrics.windows": ("Windows",),
+    "skyarm.log.metrics.metric": ("Metric",),
+    "skyarm.log.metrics.score": ("score",),
+    "skyarm.log.metrics.windows": ("Windows",),
     "skyarm.paper.reproduce": ("reproduce",),
     "skyarm.plant.interface": ("Truth",),
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
-    "skyarm.registry": ("load_plugin", "register"),
-    "skyarm.scalars.philox": ("normals",),
+    "skyarm.records.registry": ("load_plugin", "register"),
+    "skyarm.algebra.scalars.philox": ("normals",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.controller_table": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
@@ -134,18 +134,18 @@ _ROOMS = {
         "Scenario",
         "ScenarioError",
     ),
-    "skyarm.sensors.measurement": ("Measurement", "SensorNoise"),
-    "skyarm.sensors.sensor": ("Sensor",),
+    "skyarm.sensing.measurement": ("Measurement", "SensorNoise"),
+    "skyarm.sensing.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("replay", "run"),
     "skyarm.simulate.session": ("Session",),
     "skyarm.simulate.user_code": ("check_components", "check_law"),
-    "skyarm.stability.along": ("margins",),
-    "skyarm.stability.hover_delay": ("hover_delay",),
-    "skyarm.sweep.runner": ("fly_sweep",),
-    "skyarm.sweep.study": ("StudyError",),
-    "skyarm.sweep.study_file": ("list_studies", "load_study"),
+    "skyarm.studies.stability.along": ("margins",),
+    "skyarm.studies.stability.hover_delay": ("hover_delay",),
+    "skyarm.studies.sweep.runner": ("fly_sweep",),
+    "skyarm.studies.sweep.study": ("StudyError",),
+    "skyarm.studies.sweep.study_file": ("list_studies", "load_study"),
     "skyarm.vehicle": ("Body", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"),
     "skyarm.vehicle.vehicle_files": ("list_vehicles", "load_vehicle"),
 }
@@ -260,7 +260,7 @@ def __getattr__(name: str) -> Any:
     from importlib.util import find_spec
 
     if name in _OLD:
-        from skyarm.files.old_names import warn_of_old_name
+        from skyarm.records.files.old_names import warn_of_old_name
 
         warn_of_old_name(f"skyarm.{name}", f"skyarm.{_OLD[name]}")
         return __getattr__(_OLD[name])

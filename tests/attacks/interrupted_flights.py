@@ -13,10 +13,10 @@ import time
 
 import numpy as np
 
+from skyarm.algebra.scalars import sin
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.scalars import sin
 
 CARRY, LISTEN, TICKS = 16, 0.1, 0.01
 """Numbers that a step hands to the next; s in which threads that still fly give themselves away; two ticks, s."""

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.sweep import run_sweep
-from skyarm.sweep.store import MANIFEST
+from skyarm.studies.sweep import run_sweep
+from skyarm.studies.sweep.store import MANIFEST
 from sweeps import document, files_of, small_study
 from thorough import sampled
 
@@ -26,7 +26,7 @@ STUDY = {"episodes": 240, "chunk": 8, "duration": 1.0}
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from skyarm.sweep import run_sweep, study_from
+from skyarm.studies.sweep import run_sweep, study_from
 study = study_from(json.loads(sys.argv[1]))
 print("ready", flush=True)
 run_sweep(study, Path(sys.argv[2]), progress=lambda done, total: print(done, flush=True))
@@ -36,7 +36,7 @@ LIMITED = """
 import json, resource, signal, sys
 from pathlib import Path
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-from skyarm.sweep import run_sweep, study_from
+from skyarm.studies.sweep import run_sweep, study_from
 study = study_from(json.loads(sys.argv[1]))
 def progress(done, total):
     if done >= 16:

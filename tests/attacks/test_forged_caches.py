@@ -15,7 +15,7 @@ from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.object_cache import KEY
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.files import private
+from skyarm.records.files import private
 
 CODE = {"a": bytes(range(256)) * 8, "b": b"other code" * 100}
 

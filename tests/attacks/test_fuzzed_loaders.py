@@ -28,21 +28,21 @@ from file_mutations import (
     with_unbound_prefix,
 )
 
-from skyarm.files.messages import LONGEST_LINE, one_line, shown
-from skyarm.files.stl_mesh import read_stl
 from skyarm.log.contents import CutLogWarning
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
 from skyarm.log.log_columns import columns
+from skyarm.log.metrics.windows import windows_of
 from skyarm.log.periods import timed_out
 from skyarm.log.ros.topics import FlightTopics
-from skyarm.metrics.windows import windows_of
+from skyarm.records.files.messages import LONGEST_LINE, one_line, shown
+from skyarm.records.files.stl_mesh import read_stl
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
-from skyarm.sweep import StudyError, load_study
-from skyarm.sweep.study_file import LIBRARY as STUDIES
+from skyarm.studies.sweep import StudyError, load_study
+from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from skyarm.vehicle.vehicle_files import load_vehicle

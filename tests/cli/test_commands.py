@@ -19,7 +19,7 @@ from skyarm.cli.run_command import earlier_kept
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate import Log
-from skyarm.sweep import list_studies
+from skyarm.studies.sweep import list_studies
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from skyarm.vehicle.vehicle_files import list_vehicles
 from thorough import sampled

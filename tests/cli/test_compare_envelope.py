@@ -10,8 +10,8 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.compare.envelope import LAWS, TUNED_LAWS, Envelope
-from skyarm.compare.envelope_axes import AXES
+from skyarm.studies.compare.envelope import LAWS, TUNED_LAWS, Envelope
+from skyarm.studies.compare.envelope_axes import AXES
 
 
 @pytest.fixture

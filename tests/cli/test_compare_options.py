@@ -9,7 +9,7 @@ import pytest
 from test_cli_errors import VEHICLE
 
 from commanded import refused, skyarm
-from skyarm.compare.comparison import Comparison
+from skyarm.studies.compare.comparison import Comparison
 
 
 @pytest.fixture

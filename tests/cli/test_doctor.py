@@ -9,7 +9,7 @@ import pytest
 
 from commanded import skyarm
 from skyarm.cli import doctor
-from skyarm.files.packages import FLOORS
+from skyarm.records.files.packages import FLOORS
 
 FINE = {"machine code": ("print('LLVM')", "", True)}
 

@@ -11,7 +11,7 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.registry import plugins
+from skyarm.records.registry import plugins
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
 from thorough import sampled
@@ -65,7 +65,7 @@ def anew() -> None:
     """As a process of its own would begin: nothing is loaded."""
     for held in (plugins._LOADED, plugins._MODULES):
         held.clear()
-    from skyarm.registry.registrations import _FOUND
+    from skyarm.records.registry.registrations import _FOUND
 
     for name in [name for name in _FOUND["law"] if ".py:" in name]:
         del _FOUND["law"][name]
@@ -96,7 +96,7 @@ def test_run_flies_it_on_both_plants(folder):
 @pytest.mark.parametrize("ways", [("--workers", "1"), ("--workers", "2")], ids=["one", "two"])
 def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     pytest.importorskip("pyarrow")
-    from skyarm.sweep.stats import Rows
+    from skyarm.studies.sweep.stats import Rows
 
     words = ["sweep", "study.toml", "--controller", LAW, "--controller", "paper_ct", *ways]
     assert "12 rows" in ran(*words).out

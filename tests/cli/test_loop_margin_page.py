@@ -7,7 +7,7 @@ import pytest
 
 import skyarm
 from skyarm.cli.margins_commands import margins_page
-from skyarm.stability.along import Evidence, Locus, hover_loci, margins
+from skyarm.studies.stability.along import Evidence, Locus, hover_loci, margins
 from skyarm.view.figures.study_figures import nyquist_figure
 
 

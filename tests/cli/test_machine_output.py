@@ -99,8 +99,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("skyarm.bench.bench_report.measure", measured)
-    monkeypatch.setattr("skyarm.bench.bench_report.text", lambda _found: "measured")
+    monkeypatch.setattr("skyarm.studies.bench.bench_report.measure", measured)
+    monkeypatch.setattr("skyarm.studies.bench.bench_report.text", lambda _found: "measured")
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
     monkeypatch.setattr("skyarm.cli.doctor.TRIALS", {})  # tried in test_doctor.py
 

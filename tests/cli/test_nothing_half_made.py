@@ -9,9 +9,9 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.files import taken_back
-from skyarm.registry import plugins
-from skyarm.registry.registrations import _FOUND
+from skyarm.records.files import taken_back
+from skyarm.records.registry import plugins
+from skyarm.records.registry.registrations import _FOUND
 
 STUDY = """
 schema = 1

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import skyarm as library
-from skyarm.environment.environment_tables import wind_from
-from skyarm.files.old_names import OldNameWarning
-from skyarm.registry.registrations import find
-from skyarm.sweep.study_file import study_from
+from skyarm.records.files.old_names import OldNameWarning
+from skyarm.records.registry.registrations import find
+from skyarm.studies.sweep.study_file import study_from
+from skyarm.world.environment_tables import wind_from
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def study(*controllers: str, **more: str):
 
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
     from skyarm.cli.compare_command import _entrants
-    from skyarm.compare.entrants import ENTRANTS
+    from skyarm.studies.compare.entrants import ENTRANTS
 
     with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
         _entrants("xyzzy")

@@ -8,7 +8,7 @@ import pytest
 
 from added_components import registry_kept
 from commanded import refused, skyarm
-from skyarm.files.user_code import own_failure
+from skyarm.records.files.user_code import own_failure
 from skyarm.scenario.scenario_file import LIBRARY
 
 CASE = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "mine"')

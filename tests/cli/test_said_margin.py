@@ -8,7 +8,7 @@ import pytest
 
 from commanded import skyarm
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.stability.hover_delay import hover_delay
+from skyarm.studies.stability.hover_delay import hover_delay
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ from commanded import refused, skyarm
 from skyarm.cli import margins_commands
 from skyarm.cli.output import bar
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.stability.along import evidence
+from skyarm.studies.stability.along import evidence
 
 SHORT = """
 schema = 1

@@ -14,7 +14,7 @@ import skyarm as package
 from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli.new_command import KINDS
-from skyarm.sweep.study_file import load_study
+from skyarm.studies.sweep.study_file import load_study
 
 NAMES = {"vehicle": "my_vehicle", "scenario": "my_scenario", "law": "my_law", "study": "my_study"}
 

@@ -14,11 +14,11 @@ from test_commands import succeeded
 
 from commanded import skyarm
 from skyarm.algebra import Sym3, Vec3
-from skyarm.compare.suite import PAPER_CASES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle, unlikely_numbers
-from skyarm.sweep.study_file import list_studies, load_study
+from skyarm.studies.compare.suite import PAPER_CASES
+from skyarm.studies.sweep.study_file import list_studies, load_study
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from thorough import sampled
 
@@ -184,8 +184,8 @@ def test_show_prints_limits_inertias_and_motor_constants_with_units() -> None:
 
 
 def test_air_that_moves_about_a_vehicle_without_drag_is_told_of() -> None:
-    from skyarm.environment import MovingAir
     from skyarm.vehicle.vehicle_records import BodyDrag
+    from skyarm.world import MovingAir
 
     calm = load_scenario("case3")
     rotors = [

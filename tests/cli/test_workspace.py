@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Vec3
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import Terminal
 from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.dynamics import workspace
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.workspace import LANES, SAMPLES, STEPS, WIDTH, reach, search_of, static_torques
 from skyarm.scenario.scenario_checks import MOST_JOINTS
 from skyarm.vehicle import Vehicle

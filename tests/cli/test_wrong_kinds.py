@@ -12,11 +12,11 @@ import pytest
 from test_cli_errors import CASE1, VEHICLE
 
 from commanded import refused, skyarm
-from skyarm.files import how_to_install, must_be_one_of, needs_extra, packages
-from skyarm.files.names import is_result_name
 from skyarm.log.flight_log import Log
-from skyarm.sweep.study_file import LIBRARY as STUDIES
-from skyarm.sweep.study_file import study_from
+from skyarm.records.files import how_to_install, must_be_one_of, needs_extra, packages
+from skyarm.records.files.names import is_result_name
+from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
+from skyarm.studies.sweep.study_file import study_from
 
 STUDY = (STUDIES / "robustness.toml").read_text("utf-8")
 

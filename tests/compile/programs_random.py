@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 
-from skyarm import scalars
+from skyarm.algebra import scalars
 
 SPECIAL = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, 2.5e-310, 1e308, 0.5, 3.0, 100.0, -745.0, 1e5]
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from c_compiler import c_function
-from skyarm import scalars
-from skyarm.algebra import Vec3
+from skyarm.algebra import Vec3, scalars
 from skyarm.compile import leaves, trace
 from skyarm.compile.c_source import Floats, StepFile, make_struct
 

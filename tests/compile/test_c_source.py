@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from test_trace_bits import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
 
 from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
-from skyarm import scalars
+from skyarm.algebra import scalars
+from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
 from skyarm.compile.c_source import CONDITIONS, Floats
 from skyarm.compile.tracing.lower import live, lower
-from skyarm.scalars import floats
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")

@@ -8,9 +8,7 @@ import pytest
 casadi = pytest.importorskip("casadi")
 
 # ruff: noqa: E402  the engine needs the library
-from skyarm.compile import TracedBranchError, leaves, rebuild, trace
-from skyarm.compile.casadi_functions import casadi_function
-from skyarm.scalars import (
+from skyarm.algebra.scalars import (
     absolute,
     acos,
     asin,
@@ -27,7 +25,9 @@ from skyarm.scalars import (
     tanh,
     where,
 )
-from skyarm.scalars.functions import copysign, mantissa
+from skyarm.algebra.scalars.functions import copysign, mantissa
+from skyarm.compile import TracedBranchError, leaves, rebuild, trace
+from skyarm.compile.casadi_functions import casadi_function
 from stepped_flights import (
     CONSTANTS,
     CONTROLLER,

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from skyarm import scalars
+from skyarm.algebra import scalars
 from skyarm.compile import trace
 from skyarm.compile.jax import jax_cpu
 from skyarm.compile.llvm import kernel as native

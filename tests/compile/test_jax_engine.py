@@ -16,15 +16,15 @@ from thorough import sampled
 jax = pytest.importorskip("jax")
 
 # ruff: noqa: E402  the engine needs the library
+from skyarm.algebra.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
+from skyarm.algebra.scalars import log as ln
+from skyarm.algebra.scalars.functions import copysign
 from skyarm.compile import trace
 from skyarm.compile.jax.jax_engine import JaxKernel
 from skyarm.compile.jax.jax_operations import evaluate, uniforms
 from skyarm.compile.tracing.lower import repeat
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.files import needs_extra
-from skyarm.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
-from skyarm.scalars import log as ln
-from skyarm.scalars.functions import copysign
+from skyarm.records.files import needs_extra
 from stepped_flights import (
     CONSTANTS,
     CONTROLLER,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from programs_random import bits, oscillator
 
+from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.compile.tracing.lower import lower
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.tracing.tracer import FOLD, Graph
-from skyarm.scalars.elementary import COMPOSED
 
 BASIC = set(FOLD) - set(COMPOSED) | {"input", "const"}
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from programs_random import SPECIAL, bits, oscillator, random_function, same_bits
 
+from skyarm.algebra.scalars import elementary
+from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile import TracedBranchError
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.scalars import elementary
-from skyarm.scalars.philox import uniforms
 from thorough import sampled
 
 

@@ -14,7 +14,7 @@ import pytest
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm import object_cache as cache_places
 from skyarm.compile.llvm.object_cache import KEY, KEY_BYTES, cache_folder, size_limit, state_folder, unused_reason
-from skyarm.files import private
+from skyarm.records.files import private
 
 WITH_MODES = pytest.mark.skipif(not private.WITH_OWNERS, reason="no owners and modes of files here")
 

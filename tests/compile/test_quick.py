@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import cos, sqrt, where
 from skyarm.compile import trace
 from skyarm.compile.llvm import lane_stepper as quick
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.scalars import cos, sqrt, where
 
 
 def law(v: Vec3, pair: tuple[Any, Any]) -> tuple[Any, ...]:

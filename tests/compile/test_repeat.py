@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from programs_random import bits, random_function, same_bits
 
+from skyarm.algebra.scalars import sin, where
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing import lower as room
 from skyarm.compile.tracing.lower import operations, repeat, repeat_while
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.scalars import sin, where
 
 
 @pytest.fixture(autouse=True)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.compile import trace
-from skyarm.compile.tracing.array_evaluation import OPERATIONS, evaluate
-from skyarm.scalars import (
+from skyarm.algebra.scalars import (
     absolute,
     acos,
     asin,
@@ -26,6 +24,8 @@ from skyarm.scalars import (
     tanh,
     where,
 )
+from skyarm.compile import trace
+from skyarm.compile.tracing.array_evaluation import OPERATIONS, evaluate
 
 
 def everything(a, b):

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyarm import dynamics, scalars
-from skyarm.algebra import Force, Motion, Vec3
+from skyarm import dynamics
+from skyarm.algebra import Force, Motion, Vec3, scalars
 from skyarm.compile import trace
 from vehicles_random import random_state, random_vehicle
 

@@ -9,8 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from skyarm import scalars
-from skyarm.algebra import Vec3
+from skyarm.algebra import Vec3, scalars
 from skyarm.compile import Graph, TracedBranchError, trace
 
 

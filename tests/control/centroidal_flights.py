@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
 

@@ -27,9 +27,9 @@ from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_are, so
 
 import skyarm
 from skyarm.algebra import Mat3
-from skyarm.compare.suite import NOISE
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.studies.compare.suite import NOISE
 
 G, DT, LENGTH, HEARD = 9.81, 0.005, 3.0, 0.05
 MEAN = np.sqrt(2.0 / np.pi)

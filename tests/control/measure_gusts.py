@@ -13,12 +13,12 @@ import dataclasses
 
 import numpy as np
 
-from skyarm.compare.envelope_axes import AXES, TIP
-from skyarm.compare.envelope_setting import PAPER, setting_of
-from skyarm.compare.suite import NOISE
 from skyarm.control.catalogue import make_controller
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.simulate.batch import Batch
+from skyarm.studies.compare.envelope_axes import AXES, TIP
+from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.compare.suite import NOISE
 
 HEARD = dataclasses.replace(NOISE, specific_force=0.05)
 HEARS = {"preset": "adaptive", "accelerometer": (40.0, 5.0)}

@@ -14,13 +14,13 @@ from measure_pressing_scenes import NOISE, VEHICLES, scene_document
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compare.contact_tasks import RADIUS, TASKS
-from skyarm.environment.component import Force, Wrench
-from skyarm.scalars import logical_and, maximum, where
+from skyarm.algebra.scalars import logical_and, maximum, where
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
+from skyarm.studies.compare.contact_tasks import RADIUS, TASKS
+from skyarm.world.component import Force, Wrench
 
 SIDES = {"into": (2.0, 0.0), "away": (-2.0, 0.0), "left": (0.0, 2.0), "right": (0.0, -2.0)}
 """Wind of 2 N along x and y, world axes: the wall stands ahead."""

@@ -13,9 +13,6 @@ import pytest
 
 import skyarm
 from law_parts import with_parts
-from skyarm.actuation import Command
-from skyarm.actuation.servo import PositionServo
-from skyarm.actuation.tilting import turned
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.catalogue import make_controller
@@ -25,15 +22,18 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
+from skyarm.control.onboard.export_c import _on_torque, _structure
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import pairs_model, with_tilting
-from skyarm.onboard.export_c import _on_torque, _structure
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.dynamics.actuators.tilting import turned
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.measurement import blank_measurement
-from skyarm.stability.frozen_scenario import without_adaptation
-from skyarm.stability.hover_delay import believed_delay, finds_lag, hover_of
+from skyarm.sensing.measurement import blank_measurement
+from skyarm.studies.stability.frozen_scenario import without_adaptation
+from skyarm.studies.stability.hover_delay import believed_delay, finds_lag, hover_of
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive

@@ -8,10 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from law_parts import step_of
-from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.compare import envelope_axes as motions
-from skyarm.compare.envelope_setting import setting_of
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed, observe
 from skyarm.control.blocks.prediction import BelievedAir, Disturbance, hull_drag_along
 from skyarm.control.controller import ControllerError
@@ -19,13 +17,15 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import MovingAir
-from skyarm.metrics.windows import Window, Windows
+from skyarm.dynamics.actuators import Command
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
+from skyarm.studies.compare import envelope_axes as motions
+from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import MovingAir
 
 AREA, RHO = np.array([0.05, 0.08, 0.12]), 1.225
 PLAIN = skyarm.load_vehicle("hummingbird_arm2")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.control.onboard.export_c import export_c
 from skyarm.control.safety import with_safety_layer
-from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.numbers import number_at, with_numbers

@@ -18,7 +18,7 @@ from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 DT = 0.005
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")

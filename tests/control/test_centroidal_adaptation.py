@@ -11,15 +11,15 @@ from centroidal_flights import fly, planned
 import skyarm
 from law_parts import step_of, with_parts
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, adapt, first_learned, unit_load
 from skyarm.control.laws.centroidal.demands import Planned, demands
 from skyarm.control.model import Model
 from skyarm.reference import Sine
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_record import trimmed_state
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from thorough import sampled
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 

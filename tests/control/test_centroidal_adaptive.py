@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation import make_mixer
 from skyarm.algebra import Mat3, Vec3
-from skyarm.compare.envelope_axes import AXES
-from skyarm.compare.envelope_setting import setting_of
+from skyarm.algebra.scalars import cos, sin, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import led
 from skyarm.control.blocks.attitude import Attitude, moving, posture, upright
 from skyarm.control.laws.centroidal import com_tracking
@@ -18,16 +17,17 @@ from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.shift_motion import ShiftMotion, differentiate
 from skyarm.control.laws.centroidal.tip_tasks import goal, level_motion, orientation_error
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import link_poses
-from skyarm.environment import NO_WIND, Force, Wrench
-from skyarm.metrics.windows import Window
+from skyarm.log.metrics.windows import Window
 from skyarm.reference import Constant, Sine, Sum
 from skyarm.reference.signals import Ramp
-from skyarm.scalars import cos, sin, where
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_record import Delays
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.loop import run_in_python
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.envelope_setting import setting_of
+from skyarm.world import NO_WIND, Force, Wrench
 from vehicles_random import random_vehicle
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))

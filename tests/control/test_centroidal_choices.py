@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal import PRESETS, make_centroidal
 from skyarm.control.laws.centroidal.presets import checked, periods_of
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.linkage import BASE
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from law_parts import step_of
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
@@ -19,8 +20,7 @@ from skyarm.control.laws.centroidal.torques import TRIM, actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)

@@ -10,12 +10,12 @@ from centroidal_flights import PERIOD, fly, planned
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compare import envelope_axes as motions
-from skyarm.compare.envelope_setting import PAPER, setting_of
-from skyarm.compare.suite import NOISE
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.environment import ForceWind
 from skyarm.scenario.scenario_record import Delays
+from skyarm.studies.compare import envelope_axes as motions
+from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.compare.suite import NOISE
+from skyarm.world import ForceWind
 
 
 def blown(scenario, *force):

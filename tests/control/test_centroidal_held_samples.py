@@ -9,6 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.extrapolation import extrapolate
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
@@ -18,7 +19,6 @@ from skyarm.control.laws.centroidal.memory import Channel
 from skyarm.control.laws.ladder import _present
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)

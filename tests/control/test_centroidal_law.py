@@ -18,13 +18,13 @@ from skyarm.control.laws.centroidal import PRESETS, make_centroidal
 from skyarm.control.laws.centroidal.presets import periods_of
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
-from skyarm.environment import ForceWind
-from skyarm.onboard.export_c import export_c
+from skyarm.control.onboard.export_c import export_c
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.simulate import run
+from skyarm.world import ForceWind
 
 CASES = cases(4, seed=77, pitch=np.radians(60.0))
 INPUTS = [(case.measurement(), case.reference()) for case in CASES]

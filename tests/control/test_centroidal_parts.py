@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for
 from skyarm.control.blocks.attitude import (
     Attitude,
@@ -42,9 +42,9 @@ from skyarm.control.laws.centroidal.tip_tasks import (
 from skyarm.control.laws.centroidal.torques import needed, reaction
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -258,9 +258,9 @@ def flying():
 
 def test_the_prediction_is_what_mujoco_does_in_that_time():
     pytest.importorskip("mujoco")
-    from skyarm.environment import WindSample
     from skyarm.plant.interface import Truth
     from skyarm.plant.mujoco import MujocoPlant
+    from skyarm.world import WindSample
 
     vehicle = TRUTH.with_joints(damping=0.0)
     vehicle = dataclasses.replace(

@@ -10,7 +10,6 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.control.blocks.actuators import command_for
 from skyarm.control.blocks.disturbance_observer import filter_pose, first_observed, nearer_sign, observe
@@ -21,8 +20,9 @@ from skyarm.control.laws.centroidal.parameters import ObserverGains
 from skyarm.control.laws.ladder import _unknown
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from vehicles_random import TWINS, RandomState, random_quaternion
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from law_parts import with_parts
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
@@ -19,8 +18,9 @@ from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.law import _present
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)

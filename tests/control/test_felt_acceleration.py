@@ -10,7 +10,6 @@ from centroidal_flights import fly
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.blocks.disturbance_observer import (
     AccelerometerGains,
@@ -27,14 +26,15 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness
 from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.model import Model
-from skyarm.environment import Disturbance
-from skyarm.environment.signal_vector import SignalVector
-from skyarm.estimate.estimator import PassThrough
-from skyarm.metrics.windows import Window, Windows
+from skyarm.dynamics.actuators import Command
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.units import Unit
 from skyarm.reference import Constant, Ramp, Sine, Sum, Trajectory
-from skyarm.sensors.measurement import SensorNoise, blank_measurement
+from skyarm.sensing.estimate.estimator import PassThrough
+from skyarm.sensing.measurement import SensorNoise, blank_measurement
 from skyarm.simulate.batch import Batch
+from skyarm.world import Disturbance
+from skyarm.world.signal_vector import SignalVector
 
 DT, G = 0.005, 9.81
 GAINS = AccelerometerGains(force=40.0, velocity=5.0)

@@ -16,21 +16,21 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.law_estimates import observed_push
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.admittance import shift_reference
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.virtual_body import VirtualBody, move
 from skyarm.control.model import Model
+from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 M, D, K, PUSH, START = 1.0, 6.0, 9.0, 1.0, 2.25
 SOFT = {"mass": [M] * 3, "damping": [D] * 3, "stiffness": [K] * 3}

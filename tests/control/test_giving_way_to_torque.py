@@ -17,22 +17,22 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from law_parts import with_parts
 from skyarm.algebra import E_Z, Quaternion, Vec3, axis_rotation
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import senses_torque
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.admittance import shift_reference
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_wrench
 from skyarm.control.model import Model
+from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import sensor_offset
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.vehicle_records import Frame
 
 HEXAROTOR = skyarm.load_vehicle("hexarotor_arm6")

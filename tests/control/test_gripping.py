@@ -13,17 +13,17 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import divide, sqrt, where
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, wanted_of
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.environment.component import Force, Wrench
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference.reference_tables import push_from
-from skyarm.scalars import divide, sqrt, where
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.world.component import Force, Wrench
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)

@@ -10,8 +10,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_are, so
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
-from skyarm.compare.envelope_axes import AXES
-from skyarm.compare.envelope_setting import setting_of
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
@@ -26,7 +25,8 @@ from skyarm.control.laws.centroidal.gust_shift import (
 )
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.scalars.taylor import Taylor
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.envelope_setting import setting_of
 
 G = 9.81
 DT = 0.005

@@ -5,12 +5,12 @@ import pytest
 from measure_gusts import LAWS, centre_height, fly, sideways_force
 
 import skyarm
-from skyarm.compare.envelope_axes import TIP
-from skyarm.compare.envelope_setting import PAPER
 from skyarm.control.catalogue import LAWS as CATALOGUE
 from skyarm.control.catalogue import PRESETS, make_named
 from skyarm.control.laws.centroidal.presets import PRESETS as GAINS
 from skyarm.control.model import Model
+from skyarm.studies.compare.envelope_axes import TIP
+from skyarm.studies.compare.envelope_setting import PAPER
 from thorough import sampled
 
 SEED = 431

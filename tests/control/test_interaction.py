@@ -9,6 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
@@ -18,8 +19,7 @@ from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)

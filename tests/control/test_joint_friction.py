@@ -14,7 +14,7 @@ from skyarm.control.catalogue import ControllerError, make_controller
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.batch import Batch
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2")

@@ -7,11 +7,11 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.laws.centroidal.joint_room import SHARE, WITH_STOP, ends_of, within_limits
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.scalars.taylor import Taylor
 
 ARM1 = skyarm.load_vehicle("crazyflie_arm1")
 GAINS = JointGains(stiffness=(900.0,), damping=(60.0,))

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe
 from skyarm.control.controller import ControllerError
@@ -26,7 +25,8 @@ from skyarm.control.laws.centroidal.lag_estimate import (
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.model import Model
-from skyarm.sensors.measurement import Measurement
+from skyarm.dynamics.actuators import Command
+from skyarm.sensing.measurement import Measurement
 from thorough import sampled
 
 DT = 0.005

@@ -15,12 +15,12 @@ from test_published_formulas import ARM, DT, UP, asked, gentle, measured, rotati
 import skyarm
 from flown import pushes
 from law_flights import replaced, scalars
-from skyarm.actuation import Command
 from skyarm.control.blocks.common import arm_alone
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.published.indi import _passed, _speeds
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
 from vehicles_random import PinocchioTwin
 
 pytest.importorskip("pinocchio")

@@ -16,7 +16,6 @@ from exported_law import Loaded
 from flown import ARM2, MODEL, cases, hovering, pushes
 from log_metrics import Errors
 from logs_synthetic import synthetic_log
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
 from skyarm.compile.llvm.kernel import Kernel
@@ -37,8 +36,9 @@ from skyarm.control.laws.learned.law import (
 )
 from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.model import Model
+from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics import array_front as arrays
-from skyarm.onboard.export_c import export_c
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -26,7 +26,7 @@ from skyarm.control.laws.centroidal.load import (
 )
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.linkage import Body
 
 DT, STEP, G = 0.005, 0.04, 9.81

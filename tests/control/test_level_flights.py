@@ -15,13 +15,13 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
-from skyarm.environment import ForceWind
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Ramp, Sine
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Change, Delays, Scenario
 from skyarm.simulate import run
+from skyarm.world import ForceWind
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md"
 HEXA = skyarm.load_vehicle("tilted_hexarotor")

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Motion, Quaternion, Sym3, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.load import InertiaGains, LoadGains, first_inertia, first_load, stout, with_learned
@@ -20,7 +21,6 @@ from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.vehicle.linkage import Body
 

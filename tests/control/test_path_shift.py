@@ -8,6 +8,7 @@ import pytest
 import skyarm
 from law_parts import step_of
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.controller import ControllerError
@@ -25,9 +26,8 @@ from skyarm.control.laws.centroidal.shift_motion import (
 )
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, hover
-from skyarm.scalars.taylor import Taylor
 
 TIP = "ee_error_mean_continuous"
 G, DT, SIZE = 9.81, 0.005, 2.0

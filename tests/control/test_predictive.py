@@ -10,11 +10,7 @@ import scipy.linalg
 from flown import ARM2, MODEL
 from log_metrics import Errors
 from shared_programs import fly
-from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compare.cells import Flights
-from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.suite import CASES, conditions
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
@@ -41,14 +37,18 @@ from skyarm.control.laws.predictive.solver import (
     shifted,
 )
 from skyarm.control.model import Model
-from skyarm.onboard.export_c import export_c
+from skyarm.control.onboard.export_c import export_c
+from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run
+from skyarm.studies.compare.cells import Flights
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.vehicle.vehicle_files import load_vehicle
 from thorough import sampled
 

@@ -17,14 +17,14 @@ import pytest
 import skyarm
 from flown import MODEL, cases
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import floor, where
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive.law import Purpose, engine_for
-from skyarm.environment import Force, ForceWind, Wrench
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, Sum, Trajectory
-from skyarm.scalars import floor, where
 from skyarm.scenario.scenario_record import Change, Delays
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.world import Force, ForceWind, Wrench
 
 DT = 0.005
 PUSH = (1.0, 0.1, -1.0, 0.0, 0.0)
@@ -293,7 +293,7 @@ def test_frozen_sensors_lose_no_vehicle(seconds):
 @pytest.mark.thorough
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
 def test_wind_from_any_side_leaves_the_tip_where_it_was(angle):
-    from skyarm.compare.suite import turned
+    from skyarm.studies.compare.suite import turned
 
     base = skyarm.load_scenario("case3_wind", controller="nmpc", duration=15.0)
     log = skyarm.run(dataclasses.replace(base, wind=turned(base.wind, math.radians(angle))))

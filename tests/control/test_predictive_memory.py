@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 import skyarm
 from flown import ARM2, MODEL, cases, vec
 from law_flights import scalars
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.control.blocks.prediction import Disturbance
@@ -30,6 +29,7 @@ from skyarm.control.laws.predictive.prediction import Inputs, accelerations, adv
 from skyarm.control.laws.predictive.solver import Bounds, Plan
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference, Trajectory
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_file import load_scenario

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from flown import ARM2, MODEL
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
@@ -19,8 +18,9 @@ from skyarm.control.laws.predictive.prediction import accelerations, base_accele
 from skyarm.control.laws.predictive.preview import shift
 from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
 from skyarm.dynamics import frame_pose
+from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 DT = 0.005
 SHAPES = examples(2, 4)

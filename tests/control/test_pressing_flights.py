@@ -9,9 +9,9 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Mat3
+from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.numbers import number_at, with_numbers

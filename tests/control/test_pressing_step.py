@@ -11,8 +11,8 @@ import pytest
 import skyarm
 from flying_engines import evaluate
 from law_parts import with_parts
-from skyarm.actuation import Command
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.prediction import Disturbance
@@ -24,10 +24,10 @@ from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 
 DT, JOINTS, ZERO = 0.005, (-0.45, -0.9), Vec3(0.0, 0.0, 0.0)
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")

@@ -13,14 +13,14 @@ from test_published_formulas import DT, gentle, measured, vec, wanted
 
 import skyarm
 from law_flights import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, make_law, scalars
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import attitude
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.ladder import _force_series, _turn
-from skyarm.environment import ForceWind
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import Measurement
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.sensing.measurement import Measurement
+from skyarm.world import ForceWind
 from thorough import sampled
 
 ARM = "hummingbird_arm2_rotors"

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from flown import pushes
 from law_flights import make_law, scalars
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.center_of_mass import (
     arm_reaction,
@@ -27,8 +26,9 @@ from skyarm.control.laws.published.guo import center_reference
 from skyarm.control.laws.published.kim import sliding_rates
 from skyarm.control.laws.published.l1 import adaptation, predict_velocities
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle
 
 pytest.importorskip("pinocchio")

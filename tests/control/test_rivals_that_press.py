@@ -10,13 +10,13 @@ import pytest
 import skyarm
 from flown import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.fold import data
 from skyarm.control.catalogue import make_controller, rescale
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.pressing import Touch, freed, level_tip, listen, moved, pressed, yielded
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.scalars.fold import data
 from skyarm.scenario.controller_table import controller_by_name
 
 DT = 0.005

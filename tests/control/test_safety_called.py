@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation import Command
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import LawError, checked_law
 from skyarm.control.safety import safety_layer, with_safety_layer
 from skyarm.control.safety.limits import USUAL, law_stiffness
-from skyarm.environment.payload import Payload
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
+from skyarm.world.payload import Payload
 from thorough import sampled
 
 WIND = skyarm.load_scenario("case3_wind")

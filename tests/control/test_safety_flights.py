@@ -11,19 +11,19 @@ import pytest
 
 import skyarm
 from shared_programs import fly
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import where
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import Controller, ControllerError, with_applied_command
+from skyarm.control.onboard.export_c import export_c
 from skyarm.control.safety import limits_for, with_safety_layer
-from skyarm.environment import Fault
-from skyarm.onboard.export_c import export_c
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Constant, Trajectory
-from skyarm.scalars import where
 from skyarm.scenario.scenario_file import ScenarioError, scenario_from
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.world import Fault
 from thorough import sampled
 
 LIFT = Constant(3.0)
@@ -176,7 +176,7 @@ def test_a_measurement_that_is_not_finite_leaves_the_last_command():
 
 def _measurement(log):
     from skyarm.algebra import Quaternion, Vec3
-    from skyarm.sensors.measurement import Measurement
+    from skyarm.sensing.measurement import Measurement
 
     return Measurement(
         time=0.0,

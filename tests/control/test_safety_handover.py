@@ -16,8 +16,8 @@ from flown import ARM2, cases, controller, vec
 from law_flights import PAPER
 from law_parts import with_parts
 from shared_programs import fly
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import all_applied, with_applied_command
@@ -25,10 +25,10 @@ from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.recovery import Confidence
 from skyarm.control.safety.safety_layer import arbitrate, govern, limit_command
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Constant, Trajectory
 from skyarm.reference.signals import Ramp
-from skyarm.scalars import logical_and, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate import run
 from thorough import sampled
 

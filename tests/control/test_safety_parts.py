@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from flown import ARM2, MODEL, cases, controller, pushes, vec
 from skyarm import dynamics
-from skyarm.actuation import Command, allocation_matrix, make_mixer
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
@@ -28,6 +27,7 @@ from skyarm.control.safety.command_limits import (
 from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import HIGHEST, Limits, limits_for
 from skyarm.control.safety.recovery import Confidence, steep_error, stowed, update_confidence
+from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
 from skyarm.records.units import units
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)

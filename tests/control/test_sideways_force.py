@@ -13,9 +13,8 @@ import skyarm
 from flown import cases, vec
 from law_parts import step_of
 from sideways_program import array, largest, lopsided
-from skyarm.actuation import make_mixer
-from skyarm.actuation.rotor import speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.actuators import command_for, led
 from skyarm.control.blocks.attitude import Attitude
@@ -34,9 +33,10 @@ from skyarm.control.laws.centroidal.sideways_force import (
 )
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
-from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 

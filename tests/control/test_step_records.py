@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 from test_published_formulas import DT, MODEL, gentle, measured, vec
 
-from skyarm.actuation import Command
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws import ladder as room
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
 
 SAMPLE = Reference(

@@ -16,7 +16,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
 from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.control.model import Model
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch

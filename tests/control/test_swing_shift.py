@@ -7,14 +7,14 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.laws.centroidal.shift_motion import SwingPace, levers, shift_for_swing, swing_pace
 from skyarm.control.model import Model
-from skyarm.environment import ForceWind
-from skyarm.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Sine, hover
-from skyarm.scalars.taylor import Taylor
+from skyarm.world import ForceWind
 
 TIP = "ee_error_mean_continuous"
 G, W, SIGMA, MEAN, SWING = 9.81, 12.0, 0.2, 0.3, 0.02

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.tip_rotation import ArmTurn, TurnWeights, turned_reference
 from skyarm.control.laws.centroidal.virtual_body import rotation_series
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.scalars.taylor import Taylor
 from thorough import sampled
 
 DT = 0.005

@@ -15,7 +15,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
 DT = 0.005

@@ -12,14 +12,13 @@ import pytest
 import scipy.linalg
 
 import skyarm
-from skyarm.actuation import Command
-from skyarm.actuation.tilting import Force, angle_after, speeds_of_pairs
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, turns_rotors, with_tilting
-from skyarm.environment import ForceWind
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.tilting import Force, angle_after, speeds_of_pairs
 from skyarm.log.log_columns import columns
 from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import _thrust
@@ -27,10 +26,11 @@ from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
 from skyarm.reference.signals import Constant, Product, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensors.measurement import SensorNoise, blank_measurement
+from skyarm.sensing.measurement import SensorNoise, blank_measurement
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.stability.frozen_scenario import nominal
+from skyarm.studies.stability.frozen_scenario import nominal
+from skyarm.world import ForceWind
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
 BARE = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from added_components import registry_kept, same_logs
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import LawError, checked_law, try_law
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.reference import Reference
-from skyarm.registry.plugins import register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.measurement import blank_measurement, measurement_of
+from skyarm.sensing.measurement import blank_measurement, measurement_of
 from skyarm.simulate.loop import run
 from skyarm.simulate.user_code import check_law
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -8,7 +8,6 @@ import pytest
 from skyarm.dynamics import array_front as arrays
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
@@ -16,6 +15,7 @@ from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world import WindSample
 from vehicles_random import PinocchioTwin, random_state, random_vehicle, rotation_matrix, with_armature
 
 HOW = {"joint3": Mimic("joint1", -1.3, 0.2), "joint4": Mimic("joint3", 0.5, 0.0), "joint5": Mimic("joint0", 0.7, -0.1)}

@@ -9,8 +9,8 @@ import numpy as np
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.environment import Wrench
 from skyarm.log.log_columns import columns
+from skyarm.world import Wrench
 
 
 @dataclasses.dataclass(frozen=True)

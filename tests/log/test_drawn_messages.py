@@ -10,7 +10,7 @@ import skyarm
 from logged_flights import drawn
 from skyarm.log.flight_log import rows_of
 from skyarm.log.viewer_layouts import FOXGLOVE, write_layouts
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from world_flights import WALL_ANGLE, touching
 
 

@@ -12,7 +12,7 @@ import pytest
 import skyarm
 from logged_flights import drawn, flown
 from skyarm.log.ros.topics import FlightTopics, vehicle_of
-from skyarm.view.scene.vehicle_shapes import body_poses
+from skyarm.world.scene.vehicle_shapes import body_poses
 from thorough import sampled
 
 rosbags = pytest.importorskip("rosbags.highlevel", reason="needs the extra 'logs'")

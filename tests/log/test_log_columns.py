@@ -9,8 +9,8 @@ import pytest
 
 import skyarm
 from logged_flights import drawn
-from skyarm.actuation.drive import Drive, TorqueDrive
-from skyarm.actuation.servo import PositionServo, VelocityServo
+from skyarm.dynamics.actuators.drive import Drive, TorqueDrive
+from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
 from skyarm.log.log_columns import columns, distinct, layout, names_of, word
 from skyarm.records.plain import plain
 from skyarm.vehicle.vehicle_records import MountedDrive

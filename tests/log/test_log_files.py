@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from skyarm.dynamics import State
-from skyarm.files import require_writable, write_atomically
+from skyarm.records.files import require_writable, write_atomically
 from skyarm.records.units import units
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run

@@ -15,13 +15,13 @@ import skyarm
 from added_components import Fix, same_logs
 from estimated_flight import COMPASS, GPS, document, estimated
 from logged_flights import same
-from skyarm.estimate.estimator import Estimator
 from skyarm.log.log_columns import columns
 from skyarm.log.viewer_layouts import plots
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensors.measurement import SensorNoise
-from skyarm.sensors.sensor import Sensor
-from skyarm.sensors.sensor_kinds import Encoders
+from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor_kinds import Encoders
 from skyarm.simulate import Delays
 from skyarm.simulate.loop import run_in_python
 from thorough import sampled

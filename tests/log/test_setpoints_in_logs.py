@@ -11,12 +11,12 @@ import pytest
 
 import skyarm
 from logged_flights import drawn
-from skyarm.actuation.servo import VelocityServo
+from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.metric_catalogue import metric_names
 from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.log.viewer_layouts import plots
-from skyarm.metrics.metric_catalogue import metric_names
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.view.figures.flight_facts import flight_facts
 from skyarm.view.figures.flight_panels import panels_of

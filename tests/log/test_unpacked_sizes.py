@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.files import unpacked
-from skyarm.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_parquet_size, require_size
+from skyarm.records.files import unpacked
+from skyarm.records.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_parquet_size, require_size
 
 
 def npz_bomb(path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.log.ros.scene import THIN, _marker
-from skyarm.view.scene.shapes import Solid
+from skyarm.world.scene.shapes import Solid
 
 CUBE, SPHERE, CYLINDER = 1, 2, 3
 """Of visualization_msgs/Marker's definition."""

@@ -20,7 +20,7 @@ from added_flight import DOCUMENT, EXAMPLES, HERE, PLUGINS, VARIED
 import skyarm
 from added_components import registry_kept
 from commanded import skyarm as typed
-from skyarm.registry.plugins import load_plugin
+from skyarm.records.registry.plugins import load_plugin
 from skyarm.simulate.loop import run_in_python
 
 
@@ -49,7 +49,7 @@ def test_machine_code_flies_it_as_floats_do_to_the_last_bit() -> None:
 def test_what_was_added_changes_the_flight() -> None:
     whole = skyarm.run(_scenario())
     assert whole.status == "completed"
-    for without in ({"air": ()}, {"forces": ()}, {"estimator": skyarm.estimate.estimator.PASS_THROUGH}):
+    for without in ({"air": ()}, {"forces": ()}, {"estimator": skyarm.sensing.estimate.estimator.PASS_THROUGH}):
         assert np.abs(skyarm.run(_scenario(**without)).position - whole.position).max() > 1e-5
 
 
@@ -112,7 +112,7 @@ def test_a_word_that_is_not_there_names_what_was_meant() -> None:
 
 
 def test_every_added_thing_names_where_it_came_from() -> None:
-    from skyarm.registry import registrations
+    from skyarm.records.registry import registrations
 
     for kind, name in (("air", "gusty"), ("force", "near_ground"), ("sensor", "gps"), ("law", "angles")):
         assert registrations(kind)[name].source.startswith(str(EXAMPLES))

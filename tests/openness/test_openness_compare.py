@@ -16,7 +16,7 @@ import skyarm
 from added_components import registry_kept
 from commanded import Outcome
 from commanded import skyarm as typed
-from skyarm.registry.plugins import load_plugin
+from skyarm.records.registry.plugins import load_plugin
 from thorough import sampled
 
 EVERY = (*PLUGINS, EXAMPLES / "own_metric.py")

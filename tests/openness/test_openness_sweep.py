@@ -16,11 +16,11 @@ from added_flight import EXAMPLES, PLUGINS, toml
 
 import skyarm
 from added_components import registry_kept
-from skyarm.registry.plugins import identities, load_plugin
-from skyarm.sweep import Study, run_sweep
-from skyarm.sweep.plan import at_episode
-from skyarm.sweep.stats import Rows, statistics
-from skyarm.sweep.study_file import study_from
+from skyarm.records.registry.plugins import identities, load_plugin
+from skyarm.studies.sweep import Study, run_sweep
+from skyarm.studies.sweep.plan import at_episode
+from skyarm.studies.sweep.stats import Rows, statistics
+from skyarm.studies.sweep.study_file import study_from
 from sweeps import files_of, read
 
 pytest.importorskip("pyarrow")

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.identify.candidates import Candidates
 from skyarm.paper import inference_tables as shown
 from skyarm.paper.campaign import Campaign
 from skyarm.paper.counted_cells import counts, in_group, inferred, published_cells, sentence, stated
@@ -29,6 +28,7 @@ from skyarm.paper.report_pages import inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables as markdown
 from skyarm.paper.report_text import OPEN
 from skyarm.simulate import run
+from skyarm.studies.identify.candidates import Candidates
 
 PLANTS = ("rigid_body", "mujoco")
 
@@ -212,7 +212,7 @@ def test_the_evidence_reads_as_tables() -> None:
 
 
 def test_evidence_that_is_there_is_not_searched_for_again(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from skyarm.identify import identification
+    from skyarm.studies.identify import identification
 
     def flown(*_: Any, **__: Any) -> None:
         raise AssertionError("flown")

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
-from skyarm.pages import image
 from skyarm.paper.published import CLAIMS, TITLES, ordered, tally
 from skyarm.paper.report_pages import MAIN, page_script, report_pages
 from skyarm.paper.report_tables import bound_cell, difference_cell, number_cell, typographic
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
+from skyarm.view.pages import image
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")
@@ -113,7 +113,7 @@ PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="sing
 def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    further = {"Beyond": '<p><a href="compare/report.html">its page</a></p>'}
+    further = {"Beyond": '<p><a href="studies/compare/report.html">its page</a></p>'}
     return report_pages(some_results(), some_sensitivity(), logs, REASONS, figures, further, PICTURE)
 
 
@@ -178,7 +178,7 @@ def test_contents_lead_to_sections_that_exist(name: str, page: Page) -> None:
 
 def test_every_page_links_every_other_and_no_link_is_dead(pages: dict[str, Page], name: str, page: Page) -> None:
     linked = {address for address in page.addresses if not address.startswith(("#", "data:"))}
-    beside = {"compare/report.html"} if name == MAIN else set()
+    beside = {"studies/compare/report.html"} if name == MAIN else set()
     assert linked == (set(pages) - {name}) | beside
     assert [held["aria-current"] for _, held in page.tags if "aria-current" in held] == ["page"]
 

@@ -11,11 +11,11 @@ import pytest
 from test_reproduce import _few
 
 from commanded import skyarm
-from skyarm.compare import comparison, envelope
-from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.suite import conditions
-from skyarm.identify.identification import result_digest
 from skyarm.paper import inferred_settings, reproduce
+from skyarm.studies.compare import comparison, envelope
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.suite import conditions
+from skyarm.studies.identify.identification import result_digest
 
 LAWS = ("paper_pd", "paper_ct")
 

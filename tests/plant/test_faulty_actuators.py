@@ -9,13 +9,13 @@ import pytest
 
 import skyarm
 from shared_programs import fly
-from skyarm.actuation import rotor_force
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.environment import Effectiveness, Fault, WindSample
+from skyarm.dynamics.actuators import rotor_force
 from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
+from skyarm.world import Effectiveness, Fault, WindSample
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from skyarm.actuation import stop_force
 from skyarm.compile import rebuild
 from skyarm.dynamics import kinetic_energy
-from skyarm.environment import WindSample
+from skyarm.dynamics.actuators import stop_force
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import STOP_STEP, joint_rate, stop_frequency
@@ -21,6 +20,7 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.stops import STIFFEST, with_stops
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world import WindSample
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 STILL = WindSample()

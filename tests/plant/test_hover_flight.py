@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from flying_vehicles import hovering, hummingbird_arm
-from skyarm.actuation.hover import highest_thrust, hover_trim
-from skyarm.environment import WindSample
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.world import WindSample
 
 G = 9.8
 

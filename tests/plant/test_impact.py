@@ -10,7 +10,6 @@ import pytest
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.state import State
-from skyarm.environment import Effectiveness, PayloadMemory, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import loaded_vehicle
@@ -21,6 +20,7 @@ from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame
+from skyarm.world import Effectiveness, PayloadMemory, TimedPayload
 
 LOADS = (
     TimedPayload(mass=0.3, inertia=[1e-3, 2e-3, 2.5e-3], com=[0.03, -0.02, -0.05]),

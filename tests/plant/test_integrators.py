@@ -10,14 +10,14 @@ from independent_flight import Flight
 
 from flying_engines import jax_doubles
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
-from skyarm.environment import WindSample
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import step_euler, step_rk4
+from skyarm.world import WindSample
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
 
 G = 9.8

@@ -10,10 +10,10 @@ from independent_flight import Flight, array
 
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.environment import WindSample
 from skyarm.plant.interface import flat
 from skyarm.plant.loads import applied_force
 from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import WindSample
 from vehicles_random import rotation_matrix
 
 STILL = Vec3(0.0, 0.0, 0.0)

@@ -14,11 +14,7 @@ import skyarm
 from free_scenes import Scene
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
-from skyarm.contact.contact import Felt
-from skyarm.contact.plant_contact import plant_contact
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import Fault, SignalVector, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco_world import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
@@ -27,6 +23,10 @@ from skyarm.reference import Sine
 from skyarm.scenario.scenario_file import scenario_from, usual_integrator
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.linkage import Follower
+from skyarm.world import Fault, SignalVector, TimedPayload
+from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
+from skyarm.world.contact.contact import Felt
+from skyarm.world.contact.plant_contact import plant_contact
 from standing_vehicles import GRAVITY, SKIDS, at_rest, limp, states
 from world_flights import DOCUMENT, touching
 

@@ -12,7 +12,6 @@ import pytest
 from flying_vehicles import HOVER, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.environment import WindSample
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import CAMERA, START, mjcf_text
@@ -21,6 +20,7 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import WindSample
 
 STILL = WindSample(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
 VEHICLES = {"hummingbird_arm": hummingbird_arm(armature=1e-4), "random": random_flyer(2, 5)}

@@ -13,12 +13,12 @@ from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import array_front as arrays
-from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat, whole_steps
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.world import WindSample
 from vehicles_random import random_state, random_vehicle
 
 mujoco = pytest.importorskip("mujoco")

@@ -10,20 +10,20 @@ import pytest
 
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm import dynamics
-from skyarm.actuation import Command
-from skyarm.actuation.drive import TORQUE_DRIVE
-from skyarm.actuation.servo import PositionServo
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.compile import leaves, shaped_like, trace
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
+from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force, rotor_speeds_after
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world import WindSample
 from thorough import sampled
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst

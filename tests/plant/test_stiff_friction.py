@@ -8,7 +8,6 @@ import pytest
 from independent_flight import Flight
 
 from skyarm.compile import leaves
-from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_command
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import friction_rate
@@ -16,6 +15,7 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world import WindSample
 from vehicles_random import MujocoTwin, RandomState
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")

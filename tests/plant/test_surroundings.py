@@ -11,12 +11,12 @@ from added_components import RandomPush, Shear, SteadyWrench, Tether, Turbulence
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import MovingAir, WindSample
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate, derivative
 from skyarm.plant.surroundings import Surroundings, felt, surroundings_of
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
+from skyarm.world import MovingAir, WindSample
 from vehicles_random import TWINS, random_state, random_vehicle
 
 

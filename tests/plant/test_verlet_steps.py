@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
-from skyarm.environment import Force, SignalVector
-from skyarm.environment.component import Wrench
 from skyarm.plant.compiled import RigidBodyPlant, Steps
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import borne_step, check_largest_step, lanes_step, verlet_step
@@ -24,6 +21,9 @@ from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world import Force, SignalVector
+from skyarm.world.component import Wrench
+from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
 from standing_vehicles import around, at_rest, ground, limp
 
 BIRD, ARM = limp(), limp("hummingbird_arm2_rotors")

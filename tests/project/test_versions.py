@@ -10,7 +10,7 @@ import pytest
 import release
 import skyarm
 from lowest import BUILDERS, CARRIED, LEFT_OUT, LINTERS, direct, pins, project
-from skyarm.files.packages import FLOORS
+from skyarm.records.files.packages import FLOORS
 
 ROOT = Path(__file__).resolve().parents[2]
 LOWEST = dict(pin.split(";")[0].split("==") for pin in pins(direct()))

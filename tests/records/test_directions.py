@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.environment import Dryden
 from skyarm.records.coerce import RecordError, near_rotation, near_unit_quaternion, near_unit_vector
+from skyarm.world import Dryden
 
 HALF = math.sqrt(0.5)
 

@@ -23,13 +23,13 @@ from hypothesis import strategies as st
 import skyarm
 from added_components import same_logs
 from simulate_flights import document
-from skyarm.actuation.drive import TORQUE_DRIVE
-from skyarm.compare.suite import PAPER_CASES
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import LAWS
 from skyarm.control.safety import with_safety_layer
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.records.leaves import field_names
-from skyarm.scalars import Scalar
 from skyarm.simulate.loop import run_in_python
+from skyarm.studies.compare.suite import PAPER_CASES
 from thorough import sampled
 
 SECONDS = 0.015

@@ -10,11 +10,11 @@ from typing import Annotated
 import pytest
 
 import skyarm
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.identity import identity
 from skyarm.records.units import Unit, units
-from skyarm.scalars import Scalar
 
 
 def test_identity_is_of_all_numbers_and_of_no_title() -> None:

@@ -16,11 +16,11 @@ import pytest
 
 import skyarm
 from added_components import registry_kept, same_logs
-from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import digest
-from skyarm.registry.plugins import load_plugin
+from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.studies.compare.suite import PAPER_CASES
 from thorough import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

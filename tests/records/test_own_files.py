@@ -16,14 +16,14 @@ import pytest
 
 import skyarm
 from added_components import registry_kept
-from skyarm.compare.cells import key
-from skyarm.compare.own_scenario import OwnScenario
-from skyarm.files.user_code import PACKAGE, is_beside, source_of
+from skyarm.records.files.user_code import PACKAGE, is_beside, source_of
 from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
-from skyarm.registry import RegistryError
-from skyarm.registry.plugins import Plugin, identities, load_again, load_plugin, loaded
-from skyarm.sweep.plan import prepare
+from skyarm.records.registry import RegistryError
+from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded
+from skyarm.studies.compare.cells import key
+from skyarm.studies.compare.own_scenario import OwnScenario
+from skyarm.studies.sweep.plan import prepare
 from sweeps import small_study
 
 FORCE = """

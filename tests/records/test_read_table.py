@@ -8,12 +8,12 @@ from typing import Annotated
 import pytest
 
 import skyarm
-from skyarm.files import Fields
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields
 from skyarm.records.read_table import options_from, record_from
 from skyarm.records.units import Unit, units
-from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.catalogue import LAWS
 from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
+from skyarm.studies.compare.suite import PAPER_CASES
 from thorough import sampled
 
 
@@ -89,7 +89,7 @@ WRONG: list[tuple[Any, str]] = [
     (of("skyarm.control.controller:Command"), "is no frozen dataclass"),
     (of("skyarm.scenario.scenario_record:Rates", physics=0, control=1, reference=1), "rates.physics = 0"),
     (of("function", name="os:system"), "nothing of this module is registered here"),
-    (of("function", name="skyarm.files.writing:write_atomically"), "must be a function of a law"),
+    (of("function", name="skyarm.records.files.writing:write_atomically"), "must be a function of a law"),
     (of("function", name="skyarm.control.controller:os.system"), "is not there any more"),
     (of("function", name="skyarm.control.controller:dataclasses.replace"), "is another function than was written"),
     (of("partial", function=of("function", name="os:system"), arguments=["true"], keywords={}), "nothing of this"),
@@ -115,7 +115,7 @@ def test_what_is_no_record_is_refused_in_one_line(data: Any, reason: str) -> Non
 def test_reading_a_record_runs_nothing_that_it_names(monkeypatch: pytest.MonkeyPatch) -> None:
     called: list[Any] = []
     monkeypatch.setattr(os, "system", called.append)
-    for name in ("os:system", "skyarm.registry.plugins:os.system", "subprocess:call"):
+    for name in ("os:system", "skyarm.records.registry.plugins:os.system", "subprocess:call"):
         with pytest.raises(ValueError, match=r"must be|registered|any more"):
             restore(of(name, command="true"))
         with pytest.raises(ValueError, match=r"must be|registered|any more"):

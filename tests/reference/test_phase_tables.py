@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.files import Fields
+from skyarm.records.files import Fields
 from skyarm.reference.contact_phases import MOST_TURNS
 from skyarm.reference.phases import KINDS, phases_table
 from skyarm.reference.reference_tables import reference_from

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from added_components import Fix
 from simulate_flights import FULL, document
 from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
-from skyarm.files.toml import toml_text
-from skyarm.metrics.windows import Windows
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.files.toml import toml_text
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore

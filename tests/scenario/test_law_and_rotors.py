@@ -5,13 +5,13 @@ import dataclasses
 import pytest
 
 import skyarm
-from skyarm.actuation.servo import PositionServo
 from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
+from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Scenario

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.hover import highest_thrust
-from skyarm.actuation.motion_demand import Motion
-from skyarm.actuation.servo import PositionServo
-from skyarm.assess.along_reference import follow
-from skyarm.assess.flight_loads import flight_parts
-from skyarm.contact.gripper import Command
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.motion_demand import Motion
+from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.reference.governor.path_time import governed
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.path_governor import GovernorOptions, GovernorWarning, Limits, _require_no_instants
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.studies.assess.along_reference import follow
+from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.vehicle.vehicle_records import MountedDrive
+from skyarm.world.contact.gripper import Command
 
 DOCUMENT = {
     "name": "governed",

@@ -9,12 +9,12 @@ import pytest
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
 from simulate_flights import document
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact, Material, Surface
-from skyarm.environment import Fault, TimedPayload
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.paths import ROOTS, roots
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Change, JointDrive, NamedSensor, ScenarioError
+from skyarm.world import Fault, TimedPayload
+from skyarm.world.contact import Contact, Material, Surface
 
 
 @pytest.fixture(scope="module")

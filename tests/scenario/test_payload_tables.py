@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from skyarm.environment import HangingPayload
 from skyarm.scenario.payload_tables import belief_changes, payloads_from
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.world import HangingPayload
 
 
 def test_belief_is_told_the_mass_that_is_held_at_each_frame():

@@ -7,10 +7,10 @@ import dataclasses
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact, FreeObject, Material, Surface
-from skyarm.contact.initial_world import require_places_apart
-from skyarm.contact.static_equilibrium import stacks_of, with_standing_objects
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.world.contact import Contact, FreeObject, Material, Surface
+from skyarm.world.contact.initial_world import require_places_apart
+from skyarm.world.contact.static_equilibrium import stacks_of, with_standing_objects
 from standing_vehicles import at_rest, limp
 
 G = 9.8

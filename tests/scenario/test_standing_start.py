@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact, Surface
-from skyarm.contact.static_equilibrium import stand_vehicle
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.world.contact import Contact, Surface
+from skyarm.world.contact.static_equilibrium import stand_vehicle
 from standing_vehicles import GRAVITY, SKIDS, at_rest, limp
 
 BIRD = limp()

@@ -6,7 +6,7 @@ import pytest
 
 from skyarm.scenario.numbers import labelled, number_at, unit_at, words_of
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.sweep import load_study
+from skyarm.studies.sweep import load_study
 
 
 @pytest.mark.parametrize(

@@ -9,16 +9,16 @@ import pytest
 
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, Tether, Turbulence, equal_logs, same_logs
 from skyarm.algebra import Vec3
-from skyarm.environment import MovingAir, dryden
-from skyarm.environment.environment_tables import wind_from
-from skyarm.scalars.philox import normal
+from skyarm.algebra.scalars.philox import normal
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
+from skyarm.world import MovingAir, dryden
+from skyarm.world.environment_tables import wind_from
 
 TURBULENT = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
 

@@ -13,7 +13,7 @@ from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
 from thorough import sampled

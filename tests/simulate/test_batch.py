@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simulate_flights import document
-from skyarm.metrics.windows import Windows
+from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run

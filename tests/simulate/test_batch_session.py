@@ -16,7 +16,7 @@ from kernel_threads import queues, serving, wait_until
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
-from skyarm.environment.environment_tables import wind_from
+from skyarm.world.environment_tables import wind_from
 
 MASS = "plant.payload.mass"
 

@@ -13,9 +13,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
-from skyarm.actuation import speeds_after
-from skyarm.actuation.hover import time_aloft
-from skyarm.metrics.battery_use import battery_use
+from skyarm.dynamics.actuators import speeds_after
+from skyarm.dynamics.actuators.hover import time_aloft
+from skyarm.log.metrics.battery_use import battery_use
 from skyarm.plant.loads import supplied_speeds
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import with_numbers

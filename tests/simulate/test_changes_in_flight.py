@@ -16,7 +16,7 @@ from skyarm.log.flight_log import Log
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Change
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python

@@ -12,15 +12,15 @@ import pytest
 
 import skyarm
 from simulate_flights import document
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.philox import normal
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import accelerate, step_rk4
-from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.measurement import measure
+from skyarm.sensing.measurement import measure
 from skyarm.simulate import Log, Scenario, run
 from wind_samples import wind as blown
 

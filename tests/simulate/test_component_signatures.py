@@ -16,10 +16,10 @@ import skyarm
 from added_components import registry_kept
 from skyarm.algebra import Vec3
 from skyarm.log.formats import load_log
-from skyarm.metrics.accumulate import added_metric
-from skyarm.registry import RegistryError, register
-from skyarm.registry.class_signatures import class_mistake
-from skyarm.registry.plugins import load_plugin
+from skyarm.log.metrics.accumulate import added_metric
+from skyarm.records.registry import RegistryError, register
+from skyarm.records.registry.class_signatures import class_mistake
+from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.simulate.user_code import check_components

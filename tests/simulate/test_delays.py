@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state, trimmed_state
 from skyarm.simulate import Delays, Log, Scenario, run

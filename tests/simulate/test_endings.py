@@ -12,11 +12,11 @@ import pytest
 from added_components import with_law
 from simulate_flights import document
 from skyarm import Batch, BatchSession, Session
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import where
 from skyarm.compile import leaves
 from skyarm.dynamics import State
-from skyarm.scalars import where
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.endings import apart, lowest_point
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state

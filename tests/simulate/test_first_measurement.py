@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.scalars import divide
+from skyarm.algebra.scalars import divide
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Delays, run

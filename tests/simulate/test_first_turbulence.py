@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from simulate_flights import document
-from skyarm.environment import dryden
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run, run_in_python
+from skyarm.world import dryden
 
 WIND = {"mode": "moving_air", "velocity": [4.0, 1.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
 

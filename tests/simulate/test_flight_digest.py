@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from simulate_flights import document
-from skyarm.compare.suite import PAPER_CASES
 from skyarm.compile import leaves
 from skyarm.records.plain import digest, plain
 from skyarm.reference import Constant, Sine
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
+from skyarm.studies.compare.suite import PAPER_CASES
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> No
     assert record["agent"]["controller"]["par"]["terms"]["coupling"] is False
     assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
     assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["lower"] == "-inf"
-    assert record["environment"]["wind"]["type"] == "skyarm.environment.wind:MovingAir"
+    assert record["environment"]["wind"]["type"] == "skyarm.world.wind:MovingAir"
     assert record["agent"]["reference"]["yaw"]["shape"] == "quintic"
 
 

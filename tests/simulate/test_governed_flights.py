@@ -8,13 +8,13 @@ import pytest
 
 import skyarm
 from skyarm.cli.run_command import facts
-from skyarm.metrics.path_distance import path_distance
-from skyarm.metrics.score import score
+from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.score import score
 from skyarm.reference.governor.path_time import governed
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
-from skyarm.stability.along import hovering
+from skyarm.studies.stability.along import hovering
 
 CIRCLE = {"kind": "sine", "amplitude": 0.6, "frequency_hz": 1.2}
 DOCUMENT = {

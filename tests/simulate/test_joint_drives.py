@@ -11,16 +11,16 @@ import pytest
 
 import skyarm
 from added_components import Lag, Servo, same_logs, with_law
-from skyarm.actuation import Command
-from skyarm.actuation.drive import TorqueDrive
 from skyarm.algebra import Vec3
-from skyarm.environment import Fault
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
+from skyarm.world import Fault
 
 BASE = load_scenario("case1", duration=0.1)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.environment import ForceWind, Gust
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import lane_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.lane_numbers import LaneRules
+from skyarm.world import ForceWind, Gust
 
 BASE = load_scenario("case1", duration=0.05)
 GUSTY = dataclasses.replace(BASE, wind=ForceWind(gust=Gust(start=0.01, duration=0.01)))

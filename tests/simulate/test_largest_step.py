@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from added_components import Servo, SteadyWrench, same_logs, with_law
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.environment import WindSample
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import flat
 from skyarm.plant.largest_step import divisions
@@ -36,9 +35,10 @@ from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
-from skyarm.sweep.design import extremes
-from skyarm.sweep.plan import prepare
-from skyarm.sweep.study_file import study_from
+from skyarm.studies.sweep.design import extremes
+from skyarm.studies.sweep.plan import prepare
+from skyarm.studies.sweep.study_file import study_from
+from skyarm.world import WindSample
 
 BASE = load_scenario("case1", duration=0.25)
 INERTIA = 8e-5

@@ -11,9 +11,9 @@ import pytest
 import skyarm
 from shared_programs import fly
 from simulate_flights import circling
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from flying_engines import ENGINES, evaluate
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.catalogue import make_controller
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.sensors.measurement import measurement_of
+from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import Delays
 from skyarm.simulate.command_line import command_in_force, rotor_and_joint_delays, switches
 from skyarm.simulate.first_state import first_loop_state

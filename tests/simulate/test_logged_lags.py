@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.compare.suite import NOISE
 from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.simulate.loop import run_in_python
+from skyarm.studies.compare.suite import NOISE
 
 LATE = 0.02
 """s, of the commands, of which nobody told the law."""

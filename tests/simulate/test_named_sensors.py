@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from added_components import Blend, Fix, telling, with_law
-from skyarm.actuation import Command
-from skyarm.estimate.estimator import Estimator
-from skyarm.scalars.philox import normals, uniforms
+from skyarm.algebra.scalars.philox import normals, uniforms
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.first_state import first_loop_state

@@ -10,17 +10,17 @@ import pytest
 from shared_programs import fly, shared_programs
 from simulate_flights import document
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.philox import normal
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.control.catalogue import LAWS
-from skyarm.environment import dryden
-from skyarm.scalars.philox import normal
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Scenario, run
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.world import dryden
 from thorough import sampled
 
 

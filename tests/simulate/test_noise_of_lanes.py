@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 
 CASE = dataclasses.replace(skyarm.load_scenario("case2"), duration=0.2)
 

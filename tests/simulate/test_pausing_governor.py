@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.metrics.path_distance import path_distance
-from skyarm.metrics.score import score
+from skyarm.dynamics.actuators import Command
+from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.score import score
 from skyarm.reference import hover
 from skyarm.reference.governor.path_time import PathTime
 from skyarm.reference.governor.pause import PathPause
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.path_governor import GovernorOptions, options_from
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs

@@ -13,8 +13,8 @@ import pytest
 
 import skyarm
 from skyarm.cli.run_command import facts, sentences
+from skyarm.log.metrics.score import score
 from skyarm.log.periods import timed_out
-from skyarm.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
@@ -23,7 +23,7 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import joined_reference
-from skyarm.sweep.study_file import load_study
+from skyarm.studies.sweep.study_file import load_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DOCUMENT = tomllib.loads((EXAMPLES / "press_in_phases.toml").read_text("utf-8"))

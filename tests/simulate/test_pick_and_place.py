@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.environment import TimedPayload
 from skyarm.reference import Trajectory
 from skyarm.reference.task_records import Guard
 from skyarm.scenario.payload_tables import waiting_beliefs
 from skyarm.simulate.reference_clock import Waits
+from skyarm.world import TimedPayload
 from thorough import sampled
 
 FILE = Path(__file__).resolve().parents[2] / "examples" / "pick_and_place.toml"

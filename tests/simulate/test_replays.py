@@ -14,7 +14,7 @@ from added_components import same_logs
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.scenario.scenario_record import Change
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 
 SCENARIO = dataclasses.replace(
     skyarm.load_scenario("case2_gust", duration=0.3),

@@ -20,7 +20,7 @@ from skyarm.reference.signals import Constant
 from skyarm.reference.task_records import Guard, Phase, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate.reference_clock import Seen, Waits
 from thorough import sampled
 

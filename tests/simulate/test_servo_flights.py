@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from added_components import same_logs
-from skyarm.actuation.servo import PositionServo
 from skyarm.control.actuator_layer import ActuatorParameters, plain_model, with_actuators
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import ControllerError
-from skyarm.metrics.score import score
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.log.metrics.score import score
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from

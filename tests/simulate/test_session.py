@@ -13,19 +13,19 @@ from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, s
 from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import Session
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
-from skyarm.environment.environment_tables import wind_from
+from skyarm.dynamics.actuators import Command
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.measurement import SensorNoise
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Log, Rates, ScenarioError, run
 from skyarm.simulate import engine as engine_module
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world.environment_tables import wind_from
 from thorough import sampled
 
 NOISY = dataclasses.replace(

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from added_components import registry_kept, same_logs
-from skyarm.registry.plugins import load_plugin
+from skyarm.records.registry.plugins import load_plugin
 from skyarm.simulate.loop import run
 from skyarm.simulate.workers import pack, workers
 

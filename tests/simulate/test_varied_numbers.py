@@ -11,7 +11,7 @@ import pytest
 from simulate_flights import document
 from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
-from skyarm.metrics.windows import Windows
+from skyarm.log.metrics.windows import Windows
 from skyarm.records.plain import digest, plain
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_file import scenario_from

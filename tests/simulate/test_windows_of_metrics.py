@@ -11,16 +11,16 @@ import pytest
 import skyarm
 from log_metrics import Errors, tracking
 from simulate_flights import document
-from skyarm.compare.suite import CASES as SUITE
-from skyarm.metrics.metric_catalogue import GROUPS, metric_names
-from skyarm.metrics.windows import NAMES, Window, Windows
+from skyarm.log.metrics.metric_catalogue import GROUPS, metric_names
+from skyarm.log.metrics.windows import NAMES, Window, Windows
 from skyarm.paper import flights as paper
 from skyarm.paper.published import CASES
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.sweep.study_file import StudyError, study_from
+from skyarm.studies.compare.suite import CASES as SUITE
+from skyarm.studies.sweep.study_file import StudyError, study_from
 
 PAPER = Windows(
     steady=Window(10.0, 20.0),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.files.user_code import OwnCodeError
+from skyarm.records.files.user_code import OwnCodeError
 from skyarm.simulate.workers import workers
 
 CUT_OFF = """

@@ -12,18 +12,18 @@ import pytest
 
 import skyarm
 from added_components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
-from skyarm.actuation.drive import Drive
 from skyarm.algebra import Vec3
-from skyarm.environment import Air, Force, Wrench
-from skyarm.estimate.estimator import Estimator
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.sensors.sensor import Sensor
+from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.sensing.sensor import Sensor
 from skyarm.simulate import run, user_code
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.user_code import check_components
+from skyarm.world import Air, Force, Wrench
 
 BASE = load_scenario("case1", duration=0.25)
 STATE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
@@ -158,11 +158,12 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
     "draws": (with_(forces=(Rattling(),)), "environment.forces[0] (Rattling) gives other numbers as a program in "
               f"period 0 than with floats: {STATE}", Rattling.advance),
     "branch": (with_(forces=(Branching(),)), "environment.forces[0] (Branching) cannot be traced: branch on a traced "
-               "value; use skyarm.scalars.where(condition, a, b)", "# here"),
+               "value; use skyarm.algebra.scalars.where(condition, a, b)", "# here"),
     "nothing": (drive(Nothing()), "plant.drives.joint2 (Nothing) gives an effort that is None: must be a number",
                 Nothing.effort),
     "numpy": (drive(Sine()), "plant.drives.joint2 (Sine) cannot be traced: operand a traced number does not support "
-              "ufuncs (__array_ufunc__=None); must use + - * / and the functions of skyarm.scalars", "# here too"),
+              "ufuncs (__array_ufunc__=None); must use + - * / and the functions of "
+              "skyarm.algebra.scalars", "# here too"),
     "reading": (with_(sensors=(NamedSensor(name="gps", sensor=ReadingOnly()),)), "sensors.gps (ReadingOnly) "
                 "returns a tuple of 3: must return (memory, reading)", ReadingOnly.measure),
     "measurement": (with_(estimator=MeasurementOnly()), "estimator (MeasurementOnly) returns a Measurement: must "

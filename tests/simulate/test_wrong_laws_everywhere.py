@@ -13,16 +13,16 @@ import pytest
 import skyarm
 from added_components import registry_kept
 from skyarm.control.law_checks import LawError
+from skyarm.control.onboard.export_c import export_c
 from skyarm.control.safety import with_safety_layer
-from skyarm.onboard.export_c import export_c
-from skyarm.registry.plugins import load_plugin, register_law_of_file
+from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.simulate.user_code import check_law
-from skyarm.stability.along import evidence
-from skyarm.stability.basin import basin
+from skyarm.studies.stability.along import evidence
+from skyarm.studies.stability.basin import basin
 from wrong_laws import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake
 
 PLANES: dict[str, Callable[[Any], Any]] = {

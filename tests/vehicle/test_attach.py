@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.files.toml import toml_text
+from skyarm.records.files.toml import toml_text
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved

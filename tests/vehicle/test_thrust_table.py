@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from skyarm.actuation import Command, make_mixer
-from skyarm.actuation.hover import highest_thrust, hover_trim
-from skyarm.actuation.rotor import push, rotor_force, speed_of_push
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.monotone_curve import curve, inverse_curve
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.control.actuator_layer import plain_model, with_actuators
 from skyarm.control.catalogue import make_controller
+from skyarm.dynamics.actuators import Command, make_mixer
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
+from skyarm.dynamics.actuators.rotor import push, rotor_force, speed_of_push
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.check import VehicleError
@@ -49,7 +49,7 @@ COLUMNS = {"speed": list(SPEED), "thrust": [2.0 * each for each in THRUST], "tor
 
 def tabled(tmp_path: Path, columns: dict[str, Any] = COLUMNS, head: str = "") -> Path:
     """The servo arm with rotors of a table, as a file."""
-    from skyarm.files.toml import toml_text
+    from skyarm.records.files.toml import toml_text
 
     document = tomllib.loads((DATA / "servo_arm.toml").read_text())
     defaults = document["rotor_defaults"]

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from skyarm import load_vehicle
-from skyarm.files.stl_mesh import MOST
 from skyarm.plant.mujoco_model import build_spec
+from skyarm.records.files.stl_mesh import MOST
 from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.shapes import mesh_of
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.shapes import mesh_of
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 CORNERS = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0], [0.0, 0.0, 300.0]])

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.files.toml import toml_text
+from skyarm.records.files.toml import toml_text
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle, VehicleError, mobility
 from skyarm.vehicle.check import TOLERANCE
 from skyarm.vehicle.vehicle_files import vehicle_of_text

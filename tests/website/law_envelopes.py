@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from skyarm.compare.cells import Flights, fly
-from skyarm.compare.entrants import ENTRANTS, Entrant
-from skyarm.compare.suite import CASES, conditions
 from skyarm.control.catalogue import tuned_factors
+from skyarm.studies.compare.cells import Flights, fly
+from skyarm.studies.compare.entrants import ENTRANTS, Entrant
+from skyarm.studies.compare.suite import CASES, conditions
 
 LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws"
 BLOCK = re.compile(r"<!-- envelope: (.+?) -->\n(.*?)<!-- /envelope -->", re.S)

@@ -15,8 +15,8 @@ from typing import Any
 
 from PIL import Image
 
-from skyarm.compare.envelope_report import FLAGSHIP, summary_head, summary_rows, violation_rows, violations
-from skyarm.pages import markdown, number
+from skyarm.studies.compare.envelope_report import FLAGSHIP, summary_head, summary_rows, violation_rows, violations
+from skyarm.view.pages import markdown, number
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)

@@ -45,7 +45,7 @@ def homes() -> dict[str, tuple[str, ...]]:
             continue
         module, called = thing.__module__, getattr(thing, "__qualname__", name)
         if name == "register":
-            module, called = "skyarm.registry.registrations", "register"
+            module, called = "skyarm.records.registry.registrations", "register"
         found.setdefault(module.split(".")[1], []).append(f"{module}.{called}")
     return {room: tuple(sorted(set(paths), key=str.lower)) for room, paths in found.items()}
 

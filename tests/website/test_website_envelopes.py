@@ -9,7 +9,7 @@ from block_diagrams import svg
 from law_diagrams import DIAGRAMS
 from law_envelopes import LAWS, flown, rows, shown, tables
 
-from skyarm.registry.shipped import SHIPPED
+from skyarm.records.registry.shipped import SHIPPED
 
 SHIPPED_LAWS = SHIPPED["law"]
 QUICK = {"guo2023"}

@@ -95,6 +95,6 @@ def test_every_named_test_calls_its_function(calls: dict[str, list[str]]) -> Non
 @pytest.mark.site
 def test_a_test_that_does_not_call_a_function_is_told_from_one_that_does(calls: dict[str, list[str]]) -> None:
     """The check above can fail: a test of rotations calls no mixer."""
-    mixer = place("skyarm.actuation.mixer.make_mixer", "src/skyarm/actuation/mixer.py")
+    mixer = place("skyarm.dynamics.actuators.mixer.make_mixer", "src/skyarm/dynamics/actuators/mixer.py")
     assert mixer not in calls["tests/algebra/test_quaternions.py::test_the_rotation_of_a_quaternion_is_that_of_scipy"]
-    assert mixer in calls["tests/actuation/test_allocation.py::test_the_inverse_is_the_pseudo_inverse"]
+    assert mixer in calls["tests/dynamics/actuators/test_allocation.py::test_the_inverse_is_the_pseudo_inverse"]

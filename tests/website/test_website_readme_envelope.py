@@ -8,8 +8,8 @@ from pathlib import Path
 
 from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
 
-from skyarm.compare.envelope import Envelope
-from skyarm.compare.envelope_report import FLAGSHIP, summary_rows
+from skyarm.studies.compare.envelope import Envelope
+from skyarm.studies.compare.envelope_report import FLAGSHIP, summary_rows
 
 README = (ROOT / "README.md").read_text("utf-8")
 FLOWN = ("circle", "payload")
@@ -24,7 +24,7 @@ def shown():
 
 
 def test_the_readme_shows_what_flights_give(tmp_path):
-    from skyarm.compare.run_suite import fly_all
+    from skyarm.studies.compare.run_suite import fly_all
 
     head, rows = shown()
     envelope = Envelope(laws=("paper_ct", FLAGSHIP, ROBUST), axes=FLOWN)
@@ -37,7 +37,7 @@ def test_the_readme_shows_what_flights_give(tmp_path):
 
 
 def test_every_axis_and_law_stands_in_it():
-    from skyarm.compare.envelope_axes import AXES
+    from skyarm.studies.compare.envelope_axes import AXES
 
     head, rows = shown()
     assert len(rows) == len(AXES)

@@ -49,12 +49,12 @@ TABLES = {
     ("giving_way.md", "toml"): "tests/control/test_swept_admittance.py",
     ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
-    ("sensors.md", "toml"): "tests/sensors/test_force_sensors.py",
+    ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",
     ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
-    ("tuning.md", "toml"): "tests/tune/test_files_of_gains_shown.py",
+    ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""
@@ -85,7 +85,7 @@ def own_blocks(name: str) -> list[Block]:
     # a plugin and parts of laws: tests/test_docs_extending.py; JAX, which reads its flags once a process
     if name in ("extending.md", "environments_in_jax.md"):
         return [block for block in found if block.language == "sh"]
-    if name == "export_c.md":  # its C is compiled by tests/onboard/test_export_c.py
+    if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
     if name == "sweeps.md":
         return swept(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.scalars import divide, mul, sub
+from skyarm.algebra.scalars import divide, mul, sub
 
 
 def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Any]:

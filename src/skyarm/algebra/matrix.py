@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, sin, sub
 from skyarm.algebra.vector import Vec3, as_array
-from skyarm.scalars import Scalar, add, cos, mul, neg, sin, sub
 
 
 @dataclass(frozen=True, slots=True)

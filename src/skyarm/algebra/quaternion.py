@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from skyarm.algebra.matrix import Mat3
+from skyarm.algebra.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
 from skyarm.algebra.vector import Vec3, as_array
-from skyarm.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
 
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800)
 """Taylor series of sin(y) / y in y^2."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.matrix import Mat3, Sym3
+from skyarm.algebra.scalars import Scalar, add, mul, neg, sub
 from skyarm.algebra.vector import Vec3
-from skyarm.scalars import Scalar, add, mul, neg, sub
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from skyarm.scalars import Scalar, add, mul, neg, sqrt, structural, sub
+from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub
 
 
 def as_array(of: Any, numbers: Sequence[Any], dtype: Any, copy: bool | None) -> Any:

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from skyarm.files import must_be_one_of, read_toml, shown, unreadable
-from skyarm.files.names import READS, kind_of
+from skyarm.records.files import must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.files.names import READS, kind_of
 
 MOST_WORKERS = 10_000
 """Threads or processes: beyond this it is a slip."""
@@ -33,7 +33,7 @@ def shipped(kind: str) -> Iterable[str]:
 
         return list_scenarios()
     if kind == "study":
-        from skyarm.sweep.study_file import list_studies
+        from skyarm.studies.sweep.study_file import list_studies
 
         return list_studies()
     from skyarm.control.catalogue import LAWS, PRESETS

@@ -10,8 +10,8 @@ import typer
 
 from skyarm.cli.arguments import OutFile, Vehicle
 from skyarm.cli.output import give, tell
-from skyarm.files import must_be_one_of, output_file, printable, shown, write_atomically
-from skyarm.files.toml import toml_text
+from skyarm.records.files import must_be_one_of, output_file, printable, shown, write_atomically
+from skyarm.records.files.toml import toml_text
 from skyarm.vehicle.vehicle_files import is_robot, list_vehicles, load_vehicle, vehicle_of_text
 from skyarm.vehicle.vehicle_records import Vehicle as Record
 

@@ -8,7 +8,7 @@ import typer
 
 from skyarm.cli.arguments import Out, workers
 from skyarm.cli.output import aligned, bar, give, table_of, tell, waiting, write_json
-from skyarm.files import must_be_one_of, output_file
+from skyarm.records.files import must_be_one_of, output_file
 
 HEADLINE = (
     ("case1", "PD", "held_position_error"),
@@ -33,7 +33,7 @@ def bench(
 
     Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
     """
-    from skyarm.bench.bench_report import measure, text
+    from skyarm.studies.bench.bench_report import measure, text
 
     file = None if name is None else output_file(name, "--out")
     with waiting("measuring") as at:
@@ -73,8 +73,8 @@ def reproduce(
     processes = workers(flying)
     plants = PLANTS if plant == "both" else (plant,)
     if compare:
-        from skyarm.compare.comparison import Comparison
-        from skyarm.compare.envelope import Envelope
+        from skyarm.studies.compare.comparison import Comparison
+        from skyarm.studies.compare.envelope import Envelope
     prepare_folder(out, plants)
     evidence = _evidence(out, processes) if infer else None
     with bar("flying") as advance:

@@ -11,13 +11,13 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
-from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.cli.arguments import completed, is_scenario
 from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import give, heading, shown_number, tell, waiting
-from skyarm.files import output_file, printable, shown
+from skyarm.records.files import output_file, printable, shown
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 STYLES = {OK: "green", NOTE: "dim", WARNING: "yellow", FAULT: "bold red"}
@@ -60,7 +60,7 @@ def check(
         else:
             found = assess_scenario(load_scenario(what), **options)
         if file is not None:
-            from skyarm.assess.assessment_page import write_page
+            from skyarm.studies.assess.assessment_page import write_page
 
             write_page(found, file)
     give(found.plain(), page=file)

@@ -20,10 +20,10 @@ import typer
 
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
-from skyarm.files import shown
-from skyarm.files.old_names import OldNameWarning
-from skyarm.registry.plugins import load_plugin, register_law_of_file
-from skyarm.registry.registrations import registrations
+from skyarm.records.files import shown
+from skyarm.records.files.old_names import OldNameWarning
+from skyarm.records.registry.plugins import load_plugin, register_law_of_file
+from skyarm.records.registry.registrations import registrations
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "show": ("show_command:show", "List what ships, or show a vehicle."),
@@ -223,8 +223,8 @@ def _refusal(error: Exception) -> str:
 
 def _in_users_code(error: BaseException) -> str:
     """An error of a user's code, with its file and line; empty for any other."""
-    from skyarm.files.user_code import own_failure
-    from skyarm.registry.plugins import loaded
+    from skyarm.records.files.user_code import own_failure
+    from skyarm.records.registry.plugins import loaded
 
     # a user's code comes by plugins and by files of laws only
     return own_failure(error) if loaded() else ""

@@ -19,22 +19,22 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.output import bar, give, tell
-from skyarm.compare.comparison import SUITE, Comparison
-from skyarm.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
-from skyarm.compare.contact_tasks import LAWS as CONTACT_LAWS
-from skyarm.compare.contact_tasks import OWN, TASKS
-from skyarm.compare.entrants import ENTRANTS, Entrant, own_entrant
-from skyarm.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope
-from skyarm.compare.envelope_axes import AXES
-from skyarm.compare.envelope_setting import PAPER
-from skyarm.compare.own_scenario import LAWS as USUAL_LAWS
-from skyarm.compare.own_scenario import OwnScenario
-from skyarm.compare.run_suite import Suite, fly_suite, prepare
-from skyarm.compare.suite import conditions as conditions_of
 from skyarm.control.catalogue import choices, is_named, meant, require_different
-from skyarm.files import must_be_one_of, require_writable, shown, taken_back
-from skyarm.registry import names as registered
+from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
+from skyarm.records.registry import names as registered
 from skyarm.simulate.user_code import check_components, check_law
+from skyarm.studies.compare.comparison import SUITE, Comparison
+from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
+from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
+from skyarm.studies.compare.contact_tasks import OWN, TASKS
+from skyarm.studies.compare.entrants import ENTRANTS, Entrant, own_entrant
+from skyarm.studies.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.envelope_setting import PAPER
+from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
+from skyarm.studies.compare.own_scenario import OwnScenario
+from skyarm.studies.compare.run_suite import Suite, fly_suite, prepare
+from skyarm.studies.compare.suite import conditions as conditions_of
 
 MOST = 1_000_000
 """Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""

@@ -22,7 +22,7 @@ from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import give, table_of, tell, waiting
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
-from skyarm.files.packages import FLOORS, below_floor, how_to_install, installed
+from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
 

@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.actuation import AllocationError
 from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.margins_commands import give_margin, tell_margin
@@ -18,10 +17,19 @@ from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.files import must_be_one_of, number, output_file, require_writable, shown, unreadable, write_atomically
+from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, save_log
-from skyarm.registry import names
-from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.records.files import (
+    must_be_one_of,
+    number,
+    output_file,
+    require_writable,
+    shown,
+    unreadable,
+    write_atomically,
+)
+from skyarm.records.registry import names
+from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, first_state, without_law
@@ -150,8 +158,8 @@ def _law(
     single: bool,
 ) -> None:
     """Write a control law as C, and its delay margin as a line."""
-    from skyarm.estimate.error_state_filter import ErrorStateFilter
-    from skyarm.onboard.export_c import export_c
+    from skyarm.control.onboard.export_c import export_c
+    from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 
     asked = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
@@ -214,7 +222,7 @@ def _law(
 
 def _tell_delay_margin(chosen: Controller, flown: Scenario | None, rate: float) -> None:
     """Delay margin in the law's scenario, else in a hover of the vehicle of its model."""
-    from skyarm.stability.hover_delay import hover_of
+    from skyarm.studies.stability.hover_delay import hover_of
 
     joints = chosen.par.model.vehicle.n
     reason = ""

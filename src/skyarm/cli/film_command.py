@@ -11,8 +11,8 @@ import typer
 from skyarm.cli.arguments import require_left_out, words_of
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
-from skyarm.files import output_file, require_writable, taken_back
 from skyarm.log.formats import load_log
+from skyarm.records.files import output_file, require_writable, taken_back
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
 from skyarm.view.film.make_film import FilmSettings, make_film, size_of

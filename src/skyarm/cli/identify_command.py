@@ -11,11 +11,11 @@ import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import aligned, give, heading, plain, tell, waiting
-from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
-from skyarm.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_format
+from skyarm.records.files import number, output_file, printable, shown, unreadable, write_atomically
+from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 

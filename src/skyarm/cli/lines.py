@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.files.messages import printable
+from skyarm.records.files.messages import printable
 
 WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
 """Exit codes: wrong input; a flight that ended before its time; a difference or a fault found; after Ctrl-C as shells

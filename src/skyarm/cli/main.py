@@ -39,7 +39,7 @@ def main() -> None:
     with endings() as came:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
-            from skyarm.files.packages import FLOORS, UNSPLIT, below_floor, installed
+            from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
             short = below_floor(installed(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))

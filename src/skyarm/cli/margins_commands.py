@@ -14,12 +14,12 @@ from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting,
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
-from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
-from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.records.files import output_file, require_writable, shown, taken_back, write_atomically
+from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
-from skyarm.stability.hover_delay import HoverDelay, hover_delay_if_known
+from skyarm.studies.stability.hover_delay import HoverDelay, hover_delay_if_known
 
 DPI = 160
 
@@ -70,8 +70,8 @@ def margins(
     actuators; disk margins of every loop, cut at a rotor, a torque, a joint's drive or a number of the measurement,
     alone and together. Exit code 3 if the flight ended before its time.
     """
-    from skyarm.stability.along import evidence
-    from skyarm.stability.frozen_scenario import without_adaptation
+    from skyarm.studies.stability.along import evidence
+    from skyarm.studies.stability.frozen_scenario import without_adaptation
 
     planned = _planned(scenario, controller, safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
@@ -99,7 +99,7 @@ def margins(
     document = {"schema": 1, **plain(found), **_plugins()}
     give(document, **({} if drawn is None else {"page": drawn}))
     if drawn is not None:
-        from skyarm.stability.along import hover_loci
+        from skyarm.studies.stability.along import hover_loci
 
         write_atomically(drawn, margins_page(found, hover_loci(planned)).encode())
         tell(f"page: {drawn}")
@@ -122,8 +122,8 @@ def basin(
     flying: Flying = 0,
 ) -> None:
     """Map what initial attitudes and rates are caught."""
-    from skyarm.stability.basin import CAUGHT
-    from skyarm.stability.basin import basin as fly
+    from skyarm.studies.stability.basin import CAUGHT
+    from skyarm.studies.stability.basin import basin as fly
     from skyarm.view.figures.study_figures import basin_figure
     from skyarm.view.figures.style import image_bytes
 
@@ -229,7 +229,7 @@ def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:
     """Rows of the table of disk margins, its head first.
 
     Args:
-        found: evidence of :func:`skyarm.stability.along.evidence`.
+        found: evidence of :func:`skyarm.studies.stability.along.evidence`.
         every: every loop in place of the weakest of each group.
     """
     margins = [m for instant in found.instants for m in instant.by_lag.values()]
@@ -278,12 +278,12 @@ def margins_page(found: Any, loci: Any) -> str:
     """HTML of margins: Nyquist diagrams in hover and every loop, one file that needs nothing else.
 
     Args:
-        found: of :func:`skyarm.stability.along.evidence`.
-        loci: of :func:`skyarm.stability.along.hover_loci`.
+        found: of :func:`skyarm.studies.stability.along.evidence`.
+        loci: of :func:`skyarm.studies.stability.along.hover_loci`.
     """
-    from skyarm.pages import image, page, section, table
     from skyarm.view.figures.study_figures import nyquist_figure
     from skyarm.view.figures.style import image_bytes
+    from skyarm.view.pages import image, page, section, table
 
     body = ""
     if loci:

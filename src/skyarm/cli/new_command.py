@@ -14,8 +14,8 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.output import give, tell
-from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
-from skyarm.files.names import is_result_name
+from skyarm.records.files import must_be_one_of, require_writable, shown, write_atomically
+from skyarm.records.files.names import is_result_name
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 

@@ -30,7 +30,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skyarm.cli.lines import say
-from skyarm.files import printable, write_atomically
+from skyarm.records.files import printable, write_atomically
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""

@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.output import give, tell
-from skyarm.files import shown, unreadable
-from skyarm.files.names import picture_file
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
-from skyarm.registry import names as registered
+from skyarm.records.files import shown, unreadable
+from skyarm.records.files.names import picture_file
+from skyarm.records.registry import names as registered
 from skyarm.view.figures.flight_facts import flight_labels
 from skyarm.view.figures.flight_panels import ALL
 from skyarm.view.figures.flight_plot import plot as draw
@@ -68,7 +68,7 @@ def plot(
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     else:
-        from skyarm.sweep.banded_curves import BAND
+        from skyarm.studies.sweep.banded_curves import BAND
         from skyarm.view.figures.study_figures import plot_sweep
 
         target, middle = picture_file(file, "--out"), "median" if center is None else center

@@ -13,13 +13,13 @@ from skyarm.cli.arguments import Controller
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED, say
 from skyarm.cli.output import aligned, bar, give, tell
 from skyarm.cli.run_command import earlier_kept, log_files
-from skyarm.files import number, require_replaceable, require_writable, shown, taken_back
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_scenario
 from skyarm.log.formats import save_log
 from skyarm.log.log_differences import LogDifferences, log_differences
-from skyarm.metrics.accumulate import CONTINUOUS
-from skyarm.metrics.score import score
+from skyarm.log.metrics.accumulate import CONTINUOUS
+from skyarm.log.metrics.score import score
+from skyarm.records.files import number, require_replaceable, require_writable, shown, taken_back
 from skyarm.scenario.scenario_text import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
 from skyarm.simulate.loop import read, scenario_to_replay

@@ -16,13 +16,13 @@ import typer
 from skyarm.cli.arguments import completed, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say, say_steps, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell, waiting
-from skyarm.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
-from skyarm.files.names import picture_file
 from skyarm.log.formats import require_format, save_log
 from skyarm.log.journal import journal_beside, partial_file
+from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import timed_out
-from skyarm.metrics.path_distance import path_distance
-from skyarm.metrics.windows import Windows, windows_of
+from skyarm.records.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
+from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly

@@ -9,8 +9,6 @@ from typing import Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from skyarm.actuation import AllocationError
-from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.cli.arguments import completed, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
@@ -23,15 +21,17 @@ from skyarm.cli.output import (
     waiting,
 )
 from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
-from skyarm.files import number, read_toml
+from skyarm.records.files import number, read_toml
 from skyarm.records.leaves import field_names, walk
 from skyarm.records.units import units
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
-from skyarm.sweep.study_file import LIBRARY as STUDIES
-from skyarm.sweep.study_file import list_studies
+from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
+from skyarm.studies.sweep.study_file import list_studies
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -85,7 +85,7 @@ def show(
 
 def _draw(name: str, file: str, style: str, *, dark: bool) -> None:
     """Draw a vehicle, all labelled."""
-    from skyarm.files.names import picture_file
+    from skyarm.records.files.names import picture_file
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 

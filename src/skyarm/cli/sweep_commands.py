@@ -18,7 +18,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say_if_many, say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell, waiting
-from skyarm.files import require_no_link, require_writable, taken_back, write_inside
+from skyarm.records.files import require_no_link, require_writable, taken_back, write_inside
 
 DPI = 160
 
@@ -43,7 +43,7 @@ def sweep(
     The same command continues what was interrupted.
     """
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
-    from skyarm.sweep import load_study, run_sweep
+    from skyarm.studies.sweep import load_study, run_sweep
 
     threads = workers(flying)
     require_not_another(study, "study")
@@ -97,9 +97,9 @@ def stats(
 
     Written as stats.json, report.html, and a PNG for each map and for each metric's curves.
     """
-    from skyarm.sweep.maps import robustness_maps
-    from skyarm.sweep.stats import Rows, parse_limits, statistics
-    from skyarm.sweep.study_page import page, summary
+    from skyarm.studies.sweep.maps import robustness_maps
+    from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
+    from skyarm.studies.sweep.study_page import page, summary
 
     require_within("--seed", seed, 0)
     if not folder:
@@ -121,8 +121,8 @@ def stats(
 
 def _drawn(rows: Any, maps: Any, at: Any) -> Any:
     """Draw robustness maps, and curves of metrics over each varied number; ``at`` is called with the present step."""
-    from skyarm.sweep.banded_curves import drawn_metrics, metric_curves, varying
-    from skyarm.sweep.study_page import Pictures, metric_label
+    from skyarm.studies.sweep.banded_curves import drawn_metrics, metric_curves, varying
+    from skyarm.studies.sweep.study_page import Pictures, metric_label
     from skyarm.view.figures.study_figures import curves_figure, robustness_figure
     from skyarm.view.figures.style import image_bytes
 

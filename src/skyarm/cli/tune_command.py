@@ -22,8 +22,8 @@ from skyarm.cli.arguments import (
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
-from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
-from skyarm.registry.plugins import identities, is_law_of_file, law_of_file_name
+from skyarm.records.files import read_toml, require_writable, shown, taken_back, write_atomically
+from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -63,14 +63,14 @@ def tune(
     for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
         require_within(option, value, *bounds)
     threads, wanted = workers(flying), wanted_of(target, controller)
-    from skyarm.tune.candidate_flights import shortened
-    from skyarm.tune.excitation import excited
-    from skyarm.tune.front import POINTS
-    from skyarm.tune.gain_search import Effort
-    from skyarm.tune.law_knobs import find_knobs
-    from skyarm.tune.tune_page import front_name, gains_text, tune_page
-    from skyarm.tune.tuning import Plan
-    from skyarm.tune.tuning import tune as perform
+    from skyarm.studies.tune.candidate_flights import shortened
+    from skyarm.studies.tune.excitation import excited
+    from skyarm.studies.tune.front import POINTS
+    from skyarm.studies.tune.gain_search import Effort
+    from skyarm.studies.tune.law_knobs import find_knobs
+    from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
+    from skyarm.studies.tune.tuning import Plan
+    from skyarm.studies.tune.tuning import tune as perform
 
     scenario = wanted.scenario
     say_suspicious(scenario)
@@ -111,9 +111,9 @@ def tune(
 
 def _explain(wanted: Wanted, knobs: list[str] | None) -> None:
     """Print which part of the loop is short of margin, and what would help."""
-    from skyarm.tune.explain import explain as look
-    from skyarm.tune.explain import words
-    from skyarm.tune.law_knobs import find_knobs
+    from skyarm.studies.tune.explain import explain as look
+    from skyarm.studies.tune.explain import words
+    from skyarm.studies.tune.law_knobs import find_knobs
 
     scenario = wanted.scenario
     say_suspicious(scenario)
@@ -142,8 +142,8 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     Raises:
         ValueError: one line.
     """
-    from skyarm.tune.excitation import of_vehicle
-    from skyarm.tune.tune_page import words_of as words_of_law
+    from skyarm.studies.tune.excitation import of_vehicle
+    from skyarm.studies.tune.tune_page import words_of as words_of_law
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(
@@ -182,8 +182,8 @@ def _is_vehicle(target: str) -> bool:
 
 def _tell_front(found: Any, seconds: float) -> None:
     """Print the front, then the pick and the starts on plants and a path kept aside."""
-    from skyarm.tune.tune_page import error_words
-    from skyarm.tune.tuning import ASIDE
+    from skyarm.studies.tune.tune_page import error_words
+    from skyarm.studies.tune.tuning import ASIDE
 
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     error = error_words(vehicle)
@@ -222,7 +222,7 @@ def _margins(margins: Any) -> tuple[str, str, str]:
 
 def plain_tuning(found: Any) -> dict[str, Any]:
     """What a tuning found, as plain data."""
-    from skyarm.tune.tune_page import about, gains_of, plain_aside, plain_point
+    from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 
     return {
         "controller": found.plan.label,

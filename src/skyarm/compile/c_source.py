@@ -56,7 +56,7 @@ static {kind} {name}({kind} x)
 }}
 """,
 }
-"""Operations that C writes as a function, equal to :mod:`skyarm.scalars.floats`, subnormal numbers included."""
+"""Operations that C writes as a function, equal to :mod:`skyarm.algebra.scalars.floats`, subnormal numbers included."""
 
 FAST = "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)"
 

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from skyarm.files import needs_extra
-from skyarm.files.packages import FLOORS, below_floor, installed
+from skyarm.records.files import needs_extra
+from skyarm.records.files.packages import FLOORS, below_floor, installed
 
 NAME = "llvmlite"
 

@@ -9,21 +9,21 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, Mixer, joint_force
-from skyarm.actuation.drive import TORQUE_DRIVE
-from skyarm.actuation.rotor import push, speed_of_push
-from skyarm.actuation.tilting import turned
 from skyarm.algebra import Force
+from skyarm.algebra.scalars import Scalar, add, data, maximum, mul, sqrt
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
+from skyarm.dynamics.actuators import Command, Mixer, joint_force
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
+from skyarm.dynamics.actuators.rotor import push, speed_of_push
+from skyarm.dynamics.actuators.tilting import turned
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 

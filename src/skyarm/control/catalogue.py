@@ -19,22 +19,22 @@ from importlib import resources
 from typing import Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import mul
 from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import check_made, check_maker, made_by
 from skyarm.control.model import GeometricGains, JointGains, Model
-from skyarm.files import did_you_mean, must_be_one_of, nearest, shown
+from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.leaves import part, replaced
-from skyarm.registry.plugins import law_of_file_key
-from skyarm.registry.registrations import Registration, registrations
-from skyarm.registry.shipped import TUNED
-from skyarm.scalars import mul
+from skyarm.records.registry.plugins import law_of_file_key
+from skyarm.records.registry.registrations import Registration, registrations
+from skyarm.records.registry.shipped import TUNED
 
 __all__ = ["TUNED", "Controller", "ControllerError"]
 
 BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 """Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
-whose joints nothing drives (``tests/assess/test_hanging_joints.py`` flies them)."""
+whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Command
+from skyarm.algebra.scalars import logical_and, where
+from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.leaves import is_record
-from skyarm.scalars import logical_and, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Law = Callable[..., tuple[Any, Any]]
@@ -29,7 +29,7 @@ class Controller:
     Attributes:
         name: of the law. law: the step function. memory: its first memory.
         par: its constants: a frozen record with at least ``model`` (:class:`skyarm.control.model.Model`) and ``mixer``
-            (:class:`skyarm.actuation.Mixer`), so that beliefs can be varied whatever the law.
+            (:class:`skyarm.dynamics.actuators.Mixer`), so that beliefs can be varied whatever the law.
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
         limit: that place in words.

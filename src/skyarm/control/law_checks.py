@@ -18,19 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import data
 from skyarm.compile import Node, TracedBranchError, leaves, rebuild
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
-from skyarm.files import shown
-from skyarm.files.user_code import own_code, place_of, place_of_error
+from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
+from skyarm.records.files import shown
+from skyarm.records.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.leaves import is_record, named_parts, pairs
 from skyarm.reference import Reference
-from skyarm.scalars import data
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
 
@@ -43,7 +43,7 @@ MAY_BE_EMPTY = ("tilts",)
 
 TRACED = "cannot be traced"
 
-ALLOWED = "must use + - * / and the functions of skyarm.scalars"
+ALLOWED = "must use + - * / and the functions of skyarm.algebra.scalars"
 
 AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
 

@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from skyarm.actuation import Mixer, make_mixer
-from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.dynamics import mass_matrix
-from skyarm.files import shown
+from skyarm.dynamics.actuators import Mixer, make_mixer
+from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
+from skyarm.records.files import shown
 
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
@@ -87,8 +87,8 @@ def law_maker(
     """Maker (model, **options) of a law.
 
     Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
-    (:class:`skyarm.actuation.Mixer`), and the fields with a default of the law's constants, each checked by its
-    annotation. None stands for the default.
+    (:class:`skyarm.dynamics.actuators.Mixer`), and the fields with a default of the law's constants, each checked by
+    its annotation. None stands for the default.
 
     Args:
         name: of the law.

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import ControllerError
+from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -9,16 +9,31 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.actuation import Command, Mixer, allocation_matrix
-from skyarm.actuation.tilting import Force, angles_after, as_pairs, forces_of_pairs, speeds_of_pairs, turned
 from skyarm.algebra import inner_product, ldl_solve
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    add,
+    clip,
+    cos,
+    data,
+    divide,
+    exp,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command, Mixer, allocation_matrix
+from skyarm.dynamics.actuators.tilting import Force, angles_after, as_pairs, forces_of_pairs, speeds_of_pairs, turned
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 

@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import Force, Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
-from skyarm.files import shown
-from skyarm.scalars import add
+from skyarm.records.files import shown
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
+from skyarm.algebra.scalars import add, divide, mul, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
-from skyarm.scalars import add, divide, mul, sub
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

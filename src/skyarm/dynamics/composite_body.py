@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import every_joint, joint_direction, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.scalars import add
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

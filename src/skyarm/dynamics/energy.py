@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untied
 from skyarm.dynamics.state import State
-from skyarm.scalars import add, divide, mul
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

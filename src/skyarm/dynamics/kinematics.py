@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
+from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.state import State
-from skyarm.scalars import add, mul
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
+from skyarm.algebra.scalars import add, same
 from skyarm.dynamics.kinematics import Pose
-from skyarm.scalars import add, same
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 

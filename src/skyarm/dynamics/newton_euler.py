@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
+from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, joint_direction, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.scalars import add, mul
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 

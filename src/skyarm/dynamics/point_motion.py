@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
-from skyarm.scalars import add
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

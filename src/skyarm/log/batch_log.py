@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 Array = npt.NDArray[Any]
 

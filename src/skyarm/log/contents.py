@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import Fields, shown
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import COLUMNS, LABELS, layout
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, READINGS, sources_of
+from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 

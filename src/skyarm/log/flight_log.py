@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 PICTURES = "skyarm.view.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
 
-SHORTFALL = "skyarm.metrics.shortfall"
+SHORTFALL = "skyarm.log.metrics.shortfall"
 """Module of the shortfall, imported likewise."""
 
 HELD = "reference as published and held"
@@ -195,7 +195,7 @@ class Log:
 
     @property
     def shortfall(self) -> Any:
-        """Saturated actuators and references that were not reached: :class:`skyarm.metrics.shortfall.Shortfall`."""
+        """Saturated actuators and references that were not reached: :class:`skyarm.log.metrics.shortfall.Shortfall`."""
         return import_module(SHORTFALL).shortfall(self)
 
     @property

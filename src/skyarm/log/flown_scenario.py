@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
-from skyarm.files import shown
+from skyarm.records.files import shown
 from skyarm.records.identity import log_digest, own_files
+from skyarm.records.registry import RegistryError
+from skyarm.records.registry.plugins import identities
 from skyarm.records.restore import restore, restore_fields
-from skyarm.registry import RegistryError
-from skyarm.registry.plugins import identities
 
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.files import must_be_one_of, shown, write_atomically
-from skyarm.files.unpacked import TooLargeError, npz_arrays
-from skyarm.files.user_code import own_code
 from skyarm.log.contents import described, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
-from skyarm.registry import RegistryError, find, names
-from skyarm.registry.class_signatures import format_mistake
+from skyarm.records.files import must_be_one_of, shown, write_atomically
+from skyarm.records.files.unpacked import TooLargeError, npz_arrays
+from skyarm.records.files.user_code import own_code
+from skyarm.records.registry import RegistryError, find, names
+from skyarm.records.registry.class_signatures import format_mistake
 
 PathLike = str | os.PathLike[str]
 

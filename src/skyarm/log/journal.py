@@ -18,10 +18,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from skyarm.files import shown
 from skyarm.log.contents import arrays_of, as_cut, columns_in, described, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
+from skyarm.records.files import shown
 
 PAUSE = 0.25
 """s between two writes at least, and before the first: most flights are over by then and are written once."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation.drive import TorqueDrive
+from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.sensor_data import sources_of

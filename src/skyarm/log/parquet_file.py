@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.files import needs_extra, shown
-from skyarm.files.unpacked import TooLargeError, require_parquet_size
-from skyarm.files.writing import writing_atomically
 from skyarm.log.contents import arrays_of, described, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
+from skyarm.records.files import needs_extra, shown
+from skyarm.records.files.unpacked import TooLargeError, require_parquet_size
+from skyarm.records.files.writing import writing_atomically
 
 KEY = b"skyarm"
 """Key of the file's metadata under which the log's description stands, as JSON."""

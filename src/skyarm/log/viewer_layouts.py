@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from skyarm.files import write_atomically
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import SETPOINT, columns
 from skyarm.log.ros.scene import MOVING_TOPIC, WORLD, WORLD_TOPIC, WorldMarkers
 from skyarm.log.ros.topics import FLIGHT_TOPIC
+from skyarm.records.files import write_atomically
 
 FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"
 """Names of the files."""

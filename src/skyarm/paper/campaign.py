@@ -7,12 +7,12 @@ from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from typing import Any
 
-from skyarm.compare.run_suite import Progress
 from skyarm.paper.flights import Flight, Metrics, flights, fly, metrics
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, measure_inferred, settings_in, shipped_evidence
 from skyarm.paper.variations import variation, variations
 from skyarm.simulate import Log
 from skyarm.simulate.workers import workers as spread
+from skyarm.studies.compare.run_suite import Progress
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""

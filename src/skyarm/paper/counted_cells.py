@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.identify.candidates import losses, tally
-from skyarm.identify.study import Cell
 from skyarm.paper.inferred_settings import unstated_study
 from skyarm.paper.published import PAPER, known, rounding
 from skyarm.scenario.scenario_record import PLANTS
+from skyarm.studies.identify.candidates import losses, tally
+from skyarm.studies.identify.study import Cell
 
 SHARES = (0.05, 0.10, 0.25)
 

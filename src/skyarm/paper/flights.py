@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.metrics.metric_catalogue import REFERRED
-from skyarm.metrics.score import score, settling_time
-from skyarm.metrics.windows import Windows
+from skyarm.log.metrics.metric_catalogue import REFERRED
+from skyarm.log.metrics.score import score, settling_time
+from skyarm.log.metrics.windows import Windows
 from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.pages import Table
 from skyarm.paper.counted_cells import RULE, counts, in_group, inferred, stated
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
+from skyarm.view.pages import Table
 
 GROUPS = {
     "seen": "Cases 2 and 3 (fitted)",

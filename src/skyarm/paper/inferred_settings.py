@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.files import require_replaceable, require_writable
-from skyarm.identify.identification import Progress, identify, study_digest
-from skyarm.identify.study import IdentificationStudy, read_identification
 from skyarm.paper.flights import HOLDS, Flight, Metrics, metrics
+from skyarm.records.files import require_replaceable, require_writable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Window, run
+from skyarm.studies.identify.identification import Progress, identify, study_digest
+from skyarm.studies.identify.study import IdentificationStudy, read_identification
 
 LIBRARY = resources.files("skyarm.paper") / "library"
 STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"

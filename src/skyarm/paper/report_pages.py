@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from skyarm.files import file_names
 from skyarm.log.flight_log import Log
-from skyarm.pages import bullets, details, image, page, paragraph, plot, table
 from skyarm.paper import report_text as prose
 from skyarm.paper.counted_cells import RULE, sentence
 from skyarm.paper.flights import WINDOWS, first_plant
@@ -35,6 +33,7 @@ from skyarm.paper.report_tables import (
     summary_table,
     title_of,
 )
+from skyarm.records.files import file_names
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.figures.flight_plot import plot as flight_plot
@@ -48,6 +47,7 @@ from skyarm.view.figures.interactive import (
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing
+from skyarm.view.pages import bullets, details, image, page, paragraph, plot, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

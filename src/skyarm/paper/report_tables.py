@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.pages import Mark, details, grouped, markdown, table
 from skyarm.paper.counted_cells import RULE, counts, inferred, sentence, stated
 from skyarm.paper.flights import first_plant
 from skyarm.paper.published import (
@@ -29,6 +28,7 @@ from skyarm.paper.reasons import HEADING, Reasons
 from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.scenario.scenario_record import PLANTS
+from skyarm.view.pages import Mark, details, grouped, markdown, table
 
 Cells = Mapping[str, Mapping[str, Any]]
 Cell = str | Mark

@@ -8,12 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.compare.comparison import Comparison
-from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.run_suite import PAGE, Progress, Suite, fly_suite, prepare
-from skyarm.compare.suite import conditions
-from skyarm.files import require_replaceable, require_writable, write_atomically
-from skyarm.pages import details, image
 from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
@@ -24,9 +18,15 @@ from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report
 from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import variations
+from skyarm.records.files import require_replaceable, require_writable, write_atomically
 from skyarm.scenario.scenario_record import PLANTS
+from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.run_suite import PAGE, Progress, Suite, fly_suite, prepare
+from skyarm.studies.compare.suite import conditions
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
+from skyarm.view.pages import details, image
 
 Note = Callable[[str], None]
 
@@ -61,7 +61,8 @@ def reproduce(
         workers: processes that fly.
         suites: folder -> suite, flown after the paper, continued if interrupted, and shown by their tables; the paper's
             laws and the centroidal law on the comparison's cases if left out.
-        evidence: of a search for the paper's unstated settings (:func:`skyarm.identify.identification.identify`); that
+        evidence: of a search for the paper's unstated settings
+        (:func:`skyarm.studies.identify.identification.identify`); that
             of the package if left out.
         progress: called after every episode.
         note: called with one line before each stage.

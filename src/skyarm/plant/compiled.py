@@ -7,12 +7,13 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Self
 
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.joint_rate import joint_rate
@@ -28,7 +29,6 @@ from skyarm.plant.largest_step import (
 )
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
 from skyarm.plant.surroundings import Around, Surroundings, memories_of, with_memories
-from skyarm.scalars import where
 from skyarm.vehicle.check import require_plant
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.registry import find
 from skyarm.records.units import Unit
-from skyarm.registry import find
-from skyarm.scalars import Scalar
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from skyarm.actuation.drive import Drive
 from skyarm.compile import leaves
-from skyarm.files import shown
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records import coerce
 from skyarm.records.coerce import concrete
+from skyarm.records.files import shown
 
 INTEGRATORS = ("rk4", "euler", "rk4_staged")
 """On the rigid-body plant the third is the first: loads are evaluated at each stage anyway."""

@@ -6,16 +6,16 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after, stop_force
-from skyarm.actuation.rotor import spin_torque
-from skyarm.actuation.tilting import angles_after, turned
 from skyarm.algebra import ZERO3, Force
+from skyarm.algebra.scalars import add, minimum, mul
+from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
+from skyarm.dynamics.actuators.rotor import spin_torque
+from skyarm.dynamics.actuators.tilting import angles_after, turned
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Effectiveness, Wrench, body_drag
 from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
-from skyarm.scalars import add, minimum, mul
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Effectiveness, Wrench, body_drag
 
 LOCKED = 1e12
 """kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what
@@ -124,7 +124,7 @@ def supplied_speeds(vehicle: Vehicle, commands: Sequence[Any], around: Around) -
 
     Below the reference voltage the highest speed is in proportion to it: a governed speed controller gives less only
     where it is at its end, an open one everywhere. Above it an open one turns faster at the same throttle, and the
-    rotor's lag holds both at ``max_speed``, where its data ends (:func:`skyarm.actuation.rotor.speed_after`).
+    rotor's lag holds both at ``max_speed``, where its data ends (:func:`skyarm.dynamics.actuators.rotor.speed_after`).
     """
     supply = surroundings_of(around).supply
     if supply is None or vehicle.battery is None:

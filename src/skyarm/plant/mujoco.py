@@ -15,9 +15,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.lane_stepper import Quick
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (

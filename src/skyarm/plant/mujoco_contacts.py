@@ -1,6 +1,7 @@
 """The third plant: MuJoCo's rigid bodies with MuJoCo's own contacts, under the same rotors, wind, drives and grasps.
 
-Collisions, contact forces and the motion of the world's bodies are MuJoCo's; the formulas of :mod:`skyarm.contact` are
+Collisions, contact forces and the motion of the world's bodies are MuJoCo's; the formulas of
+:mod:`skyarm.world.contact` are
 not used. Steps are MuJoCo's semi-implicit Euler method, for which its contact solver is made.
 """
 
@@ -12,10 +13,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.lane_stepper import Quick
-from skyarm.contact.plant_contact import PlantContact
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
@@ -26,6 +26,7 @@ from skyarm.plant.mujoco_model import build_spec
 from skyarm.plant.mujoco_world import POINT, UNMOVED, WorldBuilder, WorldPlaces
 from skyarm.plant.surroundings import Around, Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
 from skyarm.vehicle.check import require_plant
+from skyarm.world.contact.plant_contact import PlantContact
 
 FELT = 9
 """Numbers of a pair: force and torque on the point, normal force, friction, depth."""
@@ -78,8 +79,8 @@ class MujocoContactPlant:
 
     Args:
         world: true vehicle and gravity.
-        around: surroundings of one period as an example, with one :class:`skyarm.contact.plant_contact.PlantContact`.
-        integrator: "euler".
+        around: surroundings of one period as an example, with one
+        :class:`skyarm.world.contact.plant_contact.PlantContact`. integrator: "euler".
         physics_step: s; steps are shorter where the surroundings state a largest step.
     """
 

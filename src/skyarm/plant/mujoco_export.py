@@ -17,9 +17,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.actuation import AllocationError
-from skyarm.actuation.hover import hover_trim
-from skyarm.actuation.rotor import push
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.kinematics import every_joint
 from skyarm.dynamics.state import State
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor

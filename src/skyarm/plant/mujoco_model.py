@@ -11,7 +11,7 @@ import numpy as np
 from skyarm.algebra import Mat3, Vec3
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,

@@ -15,16 +15,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import add, mul
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.lane_stepper import Quick
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth, number
 from skyarm.plant.loads import rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Around, memories_of, places_in, slopes_of, with_memories
-from skyarm.scalars import add, mul
 
 STAGES = (
     (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),

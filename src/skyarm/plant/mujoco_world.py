@@ -32,14 +32,14 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.contact.carrier import Carrier
-from skyarm.contact.free_object import FreeObject
-from skyarm.contact.material import Material
-from skyarm.contact.mechanism import Mechanism
-from skyarm.contact.plant_contact import PlantContact
-from skyarm.contact.surface import Surface, rotation_of
 from skyarm.plant.mujoco_model import LEAST, body_name
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.carrier import Carrier
+from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.material import Material
+from skyarm.world.contact.mechanism import Mechanism
+from skyarm.world.contact.plant_contact import PlantContact
+from skyarm.world.contact.surface import Surface, rotation_of
 
 IMPEDANCE = 1e-4
 """The least that MuJoCo takes (``mjMINIMP``). What mass and gravity add to the force is of this order."""

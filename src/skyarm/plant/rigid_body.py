@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, add, mul, sub
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.interface import Truth
@@ -43,7 +44,6 @@ from skyarm.plant.surroundings import (
     surroundings_of,
     with_memories,
 )
-from skyarm.scalars import Scalar, add, mul, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skyarm.actuation.drive import TORQUE_DRIVE, Drive
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, data, logical_and
 from skyarm.compile import leaves
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Component, Effectiveness, WindSample, Wrench
-from skyarm.environment.component import moved_by
 from skyarm.plant.interface import Truth
-from skyarm.scalars import Scalar, data, logical_and
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Component, Effectiveness, WindSample, Wrench
+from skyarm.world.component import moved_by
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.files import shown
-from skyarm.scalars import structural
+from skyarm.algebra.scalars import structural
+from skyarm.records.files import shown
 
 Rule = Callable[[str, Any], Any]
 """From a field's name and what was given to what is held; raises RecordError."""

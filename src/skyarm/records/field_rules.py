@@ -16,11 +16,11 @@ from functools import cache
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
 from skyarm.records.leaves import field_names
 from skyarm.records.units import Unit, declared_fields
-from skyarm.scalars import Scalar
 
 Record = TypeVar("Record")
 

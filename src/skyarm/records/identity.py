@@ -10,10 +10,10 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from skyarm.files.user_code import file_of, identity_of_file, is_own, is_own_file, numbered, source_of
+from skyarm.records.files.user_code import file_of, identity_of_file, is_own, is_own_file, numbered, source_of
 from skyarm.records.plain import digest, fields_of, plain
-from skyarm.registry.plugins import loaded, plugin_of
-from skyarm.registry.registrations import registrations
+from skyarm.records.registry.plugins import loaded, plugin_of
+from skyarm.records.registry.registrations import registrations
 
 DRAWN = ("mesh", "looks", "notes")
 """Fields on files that are drawn, and notes on files as they were read: where these lie changes no flight."""

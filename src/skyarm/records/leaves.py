@@ -12,7 +12,7 @@ from enum import Enum
 from functools import cache
 from typing import Any, TypeVar
 
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
 
 Record = TypeVar("Record")
 

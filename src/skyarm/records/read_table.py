@@ -11,11 +11,11 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
-from skyarm.files import Fields, shown
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
+from skyarm.records.registry import find
 from skyarm.records.units import NUMBER, Unit, declared, units
-from skyarm.registry import find
-from skyarm.scalars import Scalar
 
 Record = TypeVar("Record")
 

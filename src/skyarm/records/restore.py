@@ -1,7 +1,8 @@
 """Records from the plain data that they were written as, the same to the last bit.
 
 Plain data names classes and functions and never brings any: they are found in this package or in plugins that are
-loaded (:mod:`skyarm.registry.registrations`). Only frozen dataclasses are made, and only functions of laws are taken.
+loaded (:mod:`skyarm.records.registry.registrations`). Only frozen dataclasses are made, and only functions of laws are
+taken.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from collections.abc import Collection, Mapping
 from enum import Enum
 from typing import Any
 
-from skyarm.files import shown
+from skyarm.records.files import shown
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted, plain, written_if_any
-from skyarm.registry.plugins import code_of, require_plugins
+from skyarm.records.registry.plugins import code_of, require_plugins
 
 FUNCTIONS = ("skyarm.control.",)
 """Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3, axis_rotation
-from skyarm.files import Fields, shown
+from skyarm.records.files import Fields, shown
 from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
 from skyarm.reference.task import Arc, Place, Task, duration_of, require_field, seconds, unit_vector

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
 from skyarm.reference.task_records import Setting
@@ -17,7 +18,6 @@ from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.reference.waypoints import FlightLimits, peaks
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[Any]

@@ -27,7 +27,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.files import Fields, did_you_mean, number, shown
+from skyarm.records.files import Fields, did_you_mean, number, shown
 from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, grasp, handle, release, retreat
 from skyarm.reference.signals import Constant, Signal, Sum
 from skyarm.reference.splines import minimum_snap

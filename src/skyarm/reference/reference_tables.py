@@ -73,14 +73,14 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.files import Fields, shown
+from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, takes_table
+from skyarm.records.registry import find
 from skyarm.reference.signal_tables import signal_from, window_of
 from skyarm.reference.signals import Signal
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import FASTEST, SPEED, STRONGEST, TipPush
 from skyarm.reference.trajectory import Trajectory, circle, hover
-from skyarm.registry import find
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -25,8 +25,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.files import Fields, number, shown
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields, number, shown
 from skyarm.reference.signals import (
     MOST_PULSES,
     SHAPES,

@@ -16,11 +16,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 
+from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
-from skyarm.scalars.taylor import Taylor
 
 Derivatives = tuple[Any, Any, Any, Any, Any]
 

@@ -16,10 +16,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar, where
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
-from skyarm.scalars import Scalar, where
 
 ORDERS = 5
 """A signal's value and derivatives one to four."""

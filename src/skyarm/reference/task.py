@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.files import Fields, shown
+from skyarm.records.files import Fields, shown
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
 from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase, Setting

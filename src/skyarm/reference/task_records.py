@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import TipPush
-from skyarm.scalars import Scalar
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -20,14 +20,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import joint_placement
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Derivatives, Signal
-from skyarm.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -26,8 +26,8 @@ import numpy as np
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import reach
-from skyarm.files import Fields
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.phases import with_joint_moves

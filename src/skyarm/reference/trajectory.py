@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
@@ -23,7 +24,6 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush
-from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

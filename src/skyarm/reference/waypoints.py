@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import Fields, number, shown, unreadable
+from skyarm.records.files import Fields, number, shown, unreadable
 from skyarm.reference.signals import Signal
 from skyarm.reference.splines import Polynomials, minimum_snap, snap_cost
 from skyarm.reference.task_records import Setting

@@ -36,12 +36,21 @@ from skyarm.control.catalogue import (
 from skyarm.control.controller import Controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.vectored_layer import VectoredParameters, own_parameters
-from skyarm.files import Fields, all_wrong_words, did_you_mean, must_be_one_of, number, read_toml, shown, unreadable
-from skyarm.files.names import require_kind
+from skyarm.records.files import (
+    Fields,
+    all_wrong_words,
+    did_you_mean,
+    must_be_one_of,
+    number,
+    read_toml,
+    shown,
+    unreadable,
+)
+from skyarm.records.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, replaced, walk
 from skyarm.records.read_table import record_from
-from skyarm.registry.plugins import is_law_of_file, register_loaded_law
-from skyarm.registry.registrations import LOADED_BY
+from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
+from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, without_law
 
 MEASURED = ("stiffness", "damping")

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
-from skyarm.scalars import Scalar, absolute, add, logical_and, minimum, sub
+from skyarm.dynamics.actuators.tilting import turned
 from skyarm.vehicle.linkage import BASE, Link
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -15,14 +15,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import AllocationError
-from skyarm.actuation.drive import Drive
-from skyarm.actuation.servo import Servo
 from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.files import Fields, did_you_mean, shown
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.dynamics.actuators.drive import Drive
+from skyarm.dynamics.actuators.servo import Servo
+from skyarm.records.files import Fields, did_you_mean, shown
+from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.reference import trajectory_from
-from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import controller_by_name, loop_facts
 from skyarm.scenario.numbers import is_payload, means_the_same, number_at, require_apart, with_numbers

@@ -28,22 +28,22 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.actuation import make_mixer
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import cos, divide, sin, sqrt
 from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
-from skyarm.environment import Dryden, dryden
-from skyarm.files import shown
+from skyarm.dynamics.actuators import make_mixer
 from skyarm.plant.interface import number
 from skyarm.records import coerce
+from skyarm.records.files import shown
 from skyarm.records.leaves import Place, part, replaced
 from skyarm.records.units import units
-from skyarm.scalars import cos, divide, sin, sqrt
 from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Dryden, dryden
 
 ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
 
@@ -232,7 +232,7 @@ def is_payload(path: str) -> bool:
 
 
 def turbulence_numbers(scenario: Scenario) -> dict[str, Any]:
-    """The file's numbers, read back from the filters' (:func:`skyarm.environment.dryden.low_altitude`)."""
+    """The file's numbers, read back from the filters' (:func:`skyarm.world.dryden.low_altitude`)."""
     held: Any = getattr(scenario.wind, "turbulence", None)
     # the smallest airspeed is not known where the mean wind is faster, and does not matter there
     return {

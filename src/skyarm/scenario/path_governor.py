@@ -16,14 +16,15 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.actuation import make_mixer
-from skyarm.actuation.motion_demand import Demand, Motion, attitude, demand_of_motion, motion_of
-from skyarm.actuation.servo import Servo
 from skyarm.algebra import ZERO3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.files import Fields, shown
+from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators.motion_demand import Demand, Motion, attitude, demand_of_motion, motion_of
+from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
@@ -32,7 +33,6 @@ from skyarm.reference.governor.pause import PathPause
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scalars import Scalar
 from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 

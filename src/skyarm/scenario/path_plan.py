@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation.motion_demand import Motion
+from skyarm.dynamics.actuators.motion_demand import Motion
 from skyarm.reference.governor.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 

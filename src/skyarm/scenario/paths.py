@@ -11,18 +11,18 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.environment import Air, AirSignals, Force, ForceWind, Gust, MovingAir
-from skyarm.files import did_you_mean
 from skyarm.plant.interface import Truth
+from skyarm.records.files import did_you_mean
 from skyarm.records.leaves import Place, field_names, part, parts
+from skyarm.records.registry.registrations import name_of
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.reference.tip_motion import TipMotion
-from skyarm.registry.registrations import name_of
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.scenario_tables import PARTS
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Air, AirSignals, Force, ForceWind, Gust, MovingAir
 
 ROOTS: Mapping[str, Place] = {
     "plant": ("agent", "plant"),

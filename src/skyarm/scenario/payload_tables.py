@@ -27,14 +27,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.environment import HangingPayload, Reach, TimedPayload
-from skyarm.files import Fields, did_you_mean, shown
-from skyarm.files.fields import list_of_tables
+from skyarm.records.files import Fields, did_you_mean, shown
+from skyarm.records.files.fields import list_of_tables
 from skyarm.records.read_table import make_at
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
 from skyarm.scenario.scenario_record import Change
+from skyarm.world import HangingPayload, Reach, TimedPayload
 
 OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
 """Numbers of one kind of payload only."""

@@ -9,21 +9,21 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from skyarm.actuation import Mixer, make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.files import did_you_mean, number, shown
+from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import MOST_STEPS, check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
+from skyarm.records.files import did_you_mean, number, shown
 from skyarm.records.leaves import leaves, named_leaves
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, first_state
-from skyarm.sensors.sensor import Sensor
+from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -280,7 +280,7 @@ def _check_surroundings(scenario: Scenario) -> None:
             except ValueError as error:
                 raise ValueError(f"{what}[{i}].{error}") from None
     for contact in scenario.worlds:
-        from skyarm.contact.initial_world import require_steps_to_fly
+        from skyarm.world.contact.initial_world import require_steps_to_fly
 
         contact.check(vehicle)
         require_steps_to_fly(contact, period / MOST_STEPS)
@@ -365,8 +365,8 @@ def require_start_outside(scenario: Scenario) -> None:
     Raises:
         ValueError: one line.
     """
-    from skyarm.contact.initial_world import require_start_outside as require_outside
     from skyarm.scenario.endings import BodyContact, RotorContact
+    from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
     state, vehicle, gravity = first_state(scenario), scenario.plant.vehicle, scenario.plant.gravity
     for contact in scenario.worlds:
@@ -397,7 +397,7 @@ def _force_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tu
     """Name and frame of the first force-torque sensor on the tip's link."""
     if not sensors or not vehicle.end_effector:
         return None
-    from skyarm.sensors.sensor_kinds import ForceTorque
+    from skyarm.sensing.sensor_kinds import ForceTorque
 
     framed = ((name, vehicle.frame(s.frame or None)) for name, s in sensors if isinstance(s, ForceTorque))
     return next(((name, frame) for name, frame in framed if frame.link == vehicle.frame().link), None)
@@ -413,7 +413,7 @@ def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]],
     """Phases wait for what a sensor of the vehicle reads."""
     if not trajectory.guards:
         return
-    from skyarm.sensors.sensor_kinds import TactileSwitch
+    from skyarm.sensing.sensor_kinds import TactileSwitch
 
     switches = [name for name, sensor in sensors if isinstance(sensor, TactileSwitch)]
     for guard in trajectory.guards:

@@ -16,7 +16,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
-    [environment] wind (see skyarm.environment.environment_tables), ground (true),
+    [environment] wind (see skyarm.world.environment_tables), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
                   or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
@@ -28,10 +28,11 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [plugins]     need = [names]: plugins that must be loaded; a file never loads one itself
     [delays]      measurement, command, and on top of it rotors, joints (s); longest_command
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim;
-                  standing = true sets the vehicle down on what is below it, at rest (skyarm.contact.static_equilibrium)
+                  standing = true sets the vehicle down on what is below it, at rest
+                  (skyarm.world.contact.static_equilibrium)
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
-    [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.contact)
+    [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.scenario_tables)
     seed, episode
 
@@ -48,7 +49,9 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.model import Model
-from skyarm.files import (
+from skyarm.log.metrics.windows import windows_from
+from skyarm.plant.interface import Truth
+from skyarm.records.files import (
     Fields,
     all_wrong_words,
     file_name,
@@ -56,12 +59,10 @@ from skyarm.files import (
     one_line,
     shown,
 )
-from skyarm.files.names import names_in, read_named
-from skyarm.metrics.windows import windows_from
-from skyarm.plant.interface import Truth
+from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
+from skyarm.records.registry import names
 from skyarm.reference.task_records import Setting
-from skyarm.registry import names
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import (
@@ -210,7 +211,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
 def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting) -> Scenario:
     """The scenario with objects and vehicle where they start, and its reference governed."""
     if scenario.world is not None:
-        from skyarm.contact.static_equilibrium import with_standing_objects
+        from skyarm.world.contact.static_equilibrium import with_standing_objects
 
         rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
         scenario = scenario.with_words(world=rested)

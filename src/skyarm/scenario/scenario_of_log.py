@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.model import Model
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.control.vectored_layer import VectoredParameters
-from skyarm.files import shown, unreadable
+from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log
+from skyarm.records.files import shown, unreadable
 from skyarm.records.plain import dotted
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned, under_law
 from skyarm.scenario.scenario_record import Change, Delays, Rates, Scenario, ScenarioError, without_law

@@ -9,36 +9,36 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
-from skyarm.actuation.drive import TORQUE_DRIVE, Drive, TorqueDrive
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
-from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
-from skyarm.files import must_be_one_of, number, shown
-from skyarm.files.names import ALLOWED, is_result_name
-from skyarm.metrics.windows import Windows
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive, TorqueDrive
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.log.metrics.windows import Windows
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records import coerce, leaves
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, defaults, require_fields
+from skyarm.records.files import must_be_one_of, number, shown
+from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
 from skyarm.reference import Trajectory
 from skyarm.reference.governor.path_time import PathTime
 from skyarm.reference.governor.pause import PathPause
-from skyarm.registry.registrations import registrations
-from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.endings import Ending
-from skyarm.sensors.measurement import SensorNoise
-from skyarm.sensors.sensor import Sensor
+from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.sensing.sensor import Sensor
+from skyarm.world import NO_WIND, Component, Fault, TimedPayload, Wind
 
 if TYPE_CHECKING:
-    from skyarm.contact.contact import Contact
-    from skyarm.environment.battery_drain import BatteryDrain
+    from skyarm.world.battery_drain import BatteryDrain
+    from skyarm.world.contact.contact import Contact
 else:
     Contact = Component  # a world is imported when a scenario has one
 
@@ -256,9 +256,9 @@ class Environment:
     """Surroundings that all vehicles share.
 
     Attributes:
-        wind: of the air. air, forces: further components (:mod:`skyarm.environment.component`).
+        wind: of the air. air, forces: further components (:mod:`skyarm.world.component`).
         ground: end the episode when the lowest point reaches z = 0.
-        world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.contact`); None for free flight.
+        world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
     wind: Wind = NO_WIND
@@ -490,7 +490,7 @@ class Scenario:
         """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
         contacts = self.worlds
         if self.kind == MUJOCO_CONTACTS:
-            from skyarm.contact.plant_contact import plant_contact
+            from skyarm.world.contact.plant_contact import plant_contact
 
             contacts = tuple(map(plant_contact, contacts))
         return (self.wind, *self.air, *self.forces, *self.payloads, *contacts, *self.power)
@@ -506,7 +506,7 @@ class Scenario:
         vehicle = self.plant.vehicle
         if vehicle.battery is None:
             return ()
-        from skyarm.environment.battery_drain import BatteryDrain
+        from skyarm.world.battery_drain import BatteryDrain
 
         return (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 

@@ -9,40 +9,40 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyarm.actuation import AllocationError
-from skyarm.actuation.drive import Drive
-from skyarm.actuation.hover import highest_thrust
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import Component, Payload, faults_from, wind_from
-from skyarm.estimate.estimator import Estimator
-from skyarm.files import Fields, number, shown
-from skyarm.files.fields import list_of_tables
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.dynamics.actuators.drive import Drive
+from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
+from skyarm.records.files import Fields, number, shown
+from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
+from skyarm.records.registry.plugins import known_names
+from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.registry.plugins import known_names
-from skyarm.registry.registrations import LOADED_BY
 from skyarm.scenario.controller_table import by_words, controller_of_file, make_named_or_tuned, on_actuators
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.sensors.measurement import SensorNoise
-from skyarm.sensors.sensor import Sensor
+from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
+from skyarm.world import Component, Payload, faults_from, wind_from
 
 if TYPE_CHECKING:
-    from skyarm.contact.contact import Contact
     from skyarm.reference.feasibility import Feasibility
     from skyarm.scenario.path_governor import GovernorOptions
+    from skyarm.world.contact.contact import Contact
 
 
 def _several(kind: str, base: type, tables: Any, where: str) -> tuple[Any, ...]:
@@ -148,7 +148,7 @@ def contact(table: Any, folder: Path) -> Contact | None:
     """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
     if table is None:
         return None
-    from skyarm.contact.contact import Contact
+    from skyarm.world.contact.contact import Contact
 
     return record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
 
@@ -171,7 +171,7 @@ def with_meshes(table: Any, where: str, folder: Path) -> Any:
     found = {name: with_meshes(each, f"{where}.{name}", folder) for name, each in table.items()}
     mesh = table.get("mesh")
     if isinstance(mesh, str) and mesh:
-        from skyarm.files.stl_mesh import read_corners
+        from skyarm.records.files.stl_mesh import read_corners
 
         path = folder / mesh
         try:
@@ -337,7 +337,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     fields.done()
     if not stands:
         return state
-    from skyarm.contact.static_equilibrium import stand_vehicle
+    from skyarm.world.contact.static_equilibrium import stand_vehicle
 
     return stand_vehicle(scenario.plant.vehicle, float(scenario.plant.gravity), scenario.worlds[0], state)
 

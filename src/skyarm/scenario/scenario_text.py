@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED
-from skyarm.files import Fields, number, read_toml, shown
-from skyarm.files.toml import toml_text, toml_value
-from skyarm.registry.plugins import is_law_of_file
+from skyarm.records.files import Fields, number, read_toml, shown
+from skyarm.records.files.toml import toml_text, toml_value
+from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.scenario.paths import ROOTS
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.scenario.scenario_record import Change, Rates, ScenarioError

@@ -11,20 +11,20 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from skyarm.actuation import AllocationError, make_mixer
-from skyarm.actuation.hover import highest_thrust
-from skyarm.actuation.servo import Servo
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.control.vectored_layer import pairs_model, turns_rotors
-from skyarm.environment import ForceWind, MovingAir
-from skyarm.environment.wind import all_gusts
-from skyarm.registry.shipped import SHIPPED
+from skyarm.dynamics.actuators import AllocationError, make_mixer
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.servo import Servo
+from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.scenario_tables import feasibility_of
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.undriven import undriven_joints
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.world import ForceWind, MovingAir
+from skyarm.world.wind import all_gusts
 
 TURN = 2.0 * math.pi * 1.001
 """rad: a turn, as files round it."""

@@ -1,7 +1,7 @@
 """The closed loop: scenario in, log out, metrics from the log."""
 
 from skyarm.log.flight_log import Log
-from skyarm.metrics.windows import Window
+from skyarm.log.metrics.windows import Window
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 from skyarm.simulate.loop import run
 

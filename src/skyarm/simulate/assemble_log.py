@@ -10,25 +10,25 @@ import numpy as np
 
 from skyarm.compile import leaves
 from skyarm.control.law_estimates import found_by_law
-from skyarm.environment import Component, WindSample
-from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.log_columns import LABELS, labels_of_components
+from skyarm.log.metrics.windows import Windows
 from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
-from skyarm.metrics.windows import Windows
+from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
+from skyarm.records.registry.plugins import identities
 from skyarm.records.units import units
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import phase_numbers
-from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.world import Component, WindSample
 
 OWN = frozenset(units(Log))
 """Arrays that are fields of a log."""

@@ -13,11 +13,11 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
-from skyarm.files import shown
 from skyarm.log.batch_log import BatchLog, batch_log
-from skyarm.metrics.metric_catalogue import metric_names, needed
-from skyarm.metrics.metric_catalogue import values as metric_values
-from skyarm.metrics.windows import Windows
+from skyarm.log.metrics.metric_catalogue import metric_names, needed
+from skyarm.log.metrics.metric_catalogue import values as metric_values
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.files import shown
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
@@ -70,7 +70,7 @@ class Batch:
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.scenario.numbers`).
-        metrics: names and groups of :mod:`skyarm.metrics.metric_catalogue`; what is not asked for costs nothing.
+        metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; what is not asked for costs nothing.
         windows: of the metrics, in place of the scenario's.
         single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
             addition may be rounded once.

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -16,10 +17,9 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
+from skyarm.log.metrics.accumulate import Goal, Instant, Total, counted, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
-from skyarm.metrics.accumulate import Goal, Instant, Total, counted, first_totals
 from skyarm.reference import Publisher, Reference
-from skyarm.scalars import logical_and, where
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import logical_and
 from skyarm.compile import rebuild
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
 from skyarm.reference.trajectory import failure_words
-from skyarm.scalars import logical_and
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario

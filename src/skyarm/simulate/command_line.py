@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from skyarm.actuation import Command
-from skyarm.files import shown
+from skyarm.algebra.scalars import add, floor, maximum, minimum
+from skyarm.dynamics.actuators import Command
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.files import shown
 from skyarm.records.leaves import blend
-from skyarm.scalars import add, floor, maximum, minimum
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 

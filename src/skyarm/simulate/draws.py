@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.scalars.philox import uniforms
+from skyarm.algebra.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1

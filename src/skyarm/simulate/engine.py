@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
@@ -27,9 +28,8 @@ from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.reference import Publisher, Reference
-from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
 from skyarm.simulate.check_endings import Ended, ended_by, ending_of_command, failed_phase
 from skyarm.simulate.draws import draws_needed

@@ -6,15 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Command
-from skyarm.actuation.hover import hover_trim
+from skyarm.algebra.scalars import data
 from skyarm.compile import leaves, rebuild
-from skyarm.estimate.estimator import FULL_STATE
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.plant.compiled import example_state
-from skyarm.scalars import data
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.sensors.measurement import blank_measurement
-from skyarm.sensors.sensor import NO_PUSH
+from skyarm.sensing.estimate.estimator import FULL_STATE
+from skyarm.sensing.measurement import blank_measurement
+from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
 from skyarm.simulate.reference_clock import reference_clock

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation.servo import Servo
-from skyarm.files import shown
+from skyarm.dynamics.actuators.servo import Servo
 from skyarm.plant.largest_step import STATED, borne_step
+from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replaced
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same, require_apart, with_numbers

@@ -7,12 +7,12 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from skyarm.actuation import AllocationError
 from skyarm.compile.machine_code import SlowFlightWarning
 from skyarm.control.controller import Controller
-from skyarm.files import shown, unreadable
+from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
+from skyarm.records.files import shown, unreadable
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, without_law
 from skyarm.simulate.session import Session

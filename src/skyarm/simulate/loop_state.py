@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Command
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
-from skyarm.environment import WindSample
+from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import is_record, mismatch, parts
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
+from skyarm.world import WindSample
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

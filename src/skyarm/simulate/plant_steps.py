@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import Graph, Node
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import Moved, accelerate, after_impact
@@ -18,7 +18,7 @@ from skyarm.plant.surroundings import Surroundings, memories_of, places_in
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState

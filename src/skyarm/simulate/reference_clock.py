@@ -19,17 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.law_estimates import observed_push
-from skyarm.dynamics.kinematics import frame_pose
-from skyarm.records.leaves import blend, leaves, mismatch
-from skyarm.reference.governor.path_time import by_flight_time, offset_reference
-from skyarm.reference.splines import uniform_curve
-from skyarm.reference.task_records import Guard
-from skyarm.reference.tip_motion import counted_error
-from skyarm.reference.trajectory import PASSED, Reference
-from skyarm.scalars import (
+from skyarm.algebra.scalars import (
     Scalar,
     clip,
     divide,
@@ -42,9 +33,18 @@ from skyarm.scalars import (
     sqrt,
     where,
 )
+from skyarm.control.law_estimates import observed_push
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.leaves import blend, leaves, mismatch
+from skyarm.reference.governor.path_time import by_flight_time, offset_reference
+from skyarm.reference.splines import uniform_curve
+from skyarm.reference.task_records import Guard
+from skyarm.reference.tip_motion import counted_error
+from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.loop_state import LoopState, Row
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 

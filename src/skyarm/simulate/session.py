@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
-from skyarm.files import shown
+from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log, rows_of
+from skyarm.records.files import shown
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, require_continuous, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, describe, join_pieces
 from skyarm.simulate.check_endings import RUNNING, Ended, going_on
 from skyarm.simulate.command_line import numbers_of_command

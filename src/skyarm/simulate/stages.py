@@ -11,25 +11,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Command
-from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, mul, where
 from skyarm.control.controller import senses_torque
 from skyarm.control.law_checks import checked_law
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import Component, WindSample, effectiveness_at
-from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.loads import payloads_of
 from skyarm.plant.surroundings import Memories, Surroundings, felt
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, data, logical_and, mul, where
 from skyarm.scenario.scenario_checks import sensor_offset, tip_sensor
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensors.measurement import Measurement
-from skyarm.sensors.sensor import NO_PUSH, Push
+from skyarm.sensing.estimate.estimator import FULL_STATE
+from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import (
     command_delay,
@@ -43,6 +42,7 @@ from skyarm.simulate.loop_state import LoopState, Row, SensorState, stop
 from skyarm.simulate.reference_clock import PathClock, Waits, due, reference_clock
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.world import Component, WindSample, effectiveness_at
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

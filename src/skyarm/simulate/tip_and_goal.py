@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import cos, sin
 from skyarm.dynamics import State, frame_pose
-from skyarm.metrics.accumulate import Goal
+from skyarm.log.metrics.accumulate import Goal
 from skyarm.reference import Reference
-from skyarm.scalars import cos, sin
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

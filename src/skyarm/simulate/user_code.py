@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import data, where
 from skyarm.compile import trace
 from skyarm.compile.tracing.float_trial import PERIODS, compare_with_floats
 from skyarm.control.controller import Controller
@@ -33,22 +33,22 @@ from skyarm.control.law_checks import (
 )
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import Wrench
-from skyarm.estimate.estimator import FULL_STATE
-from skyarm.files import shown
-from skyarm.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
+from skyarm.records.files import shown
+from skyarm.records.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.leaves import leaves, named_parts, rebuild
+from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
-from skyarm.registry.class_signatures import class_mistake
-from skyarm.scalars import data, where
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
-from skyarm.sensors.measurement import Measurement, measurement_of
-from skyarm.sensors.sensor import NO_PUSH
+from skyarm.sensing.estimate.estimator import FULL_STATE
+from skyarm.sensing.measurement import Measurement, measurement_of
+from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.vehicle.linkage import BASE
+from skyarm.world import Wrench
 
 WEIGHT = Vec3(0.0, 0.0, 9.81)
 """Specific force that sensors are given in a check, m/s^2."""

@@ -18,9 +18,9 @@ from importlib import import_module
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from skyarm.files.user_code import OwnCodeError, own_failure
-from skyarm.registry import RegistryError
-from skyarm.registry.plugins import Plugin, laws_of_files, load_again, loaded, register_law_of_file
+from skyarm.records.files.user_code import OwnCodeError, own_failure
+from skyarm.records.registry import RegistryError
+from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, loaded, register_law_of_file
 
 
 def pack(value: Any) -> bytes:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.files import printable
+from skyarm.algebra.scalars import add, mul
 from skyarm.records.coerce import concrete
-from skyarm.scalars import add, mul
+from skyarm.records.files import printable
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link

@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra.monotone_curve import curve
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, where
 from skyarm.vehicle.check import VehicleError, refuse
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from skyarm.algebra import Sym3
-from skyarm.files import shown
 from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import shown
 from skyarm.vehicle import mobility
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """From the numbers of a file to records: exact zeros and ones become structure.
 
 What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
-body), is structure and folds away; every other number stays data (see :mod:`skyarm.scalars`).
+body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).
 """
 
 from __future__ import annotations

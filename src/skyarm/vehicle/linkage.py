@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, add, divide, where
 from skyarm.records.coerce import coefficient, inertia, number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle.check import LENGTH, SHARE, VehicleError, accept_named
 
 BASE = -1

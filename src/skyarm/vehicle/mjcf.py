@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3, axis_rotation
-from skyarm.files import one_line
+from skyarm.records.files import one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
 from skyarm.vehicle.check import VehicleError, refuse

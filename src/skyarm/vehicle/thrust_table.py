@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 from skyarm.algebra.monotone_curve import curve, inverse_curve
+from skyarm.algebra.scalars import Scalar, divide, maximum, sqrt
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, maximum, sqrt
 from skyarm.vehicle.check import VehicleError, refuse
 
 COLUMNS = ("speed", "thrust", "torque", "current", "throttle")

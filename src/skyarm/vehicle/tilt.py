@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import concrete, number, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
 from skyarm.vehicle.check import VehicleError, refuse
 
 ACROSS = 1e-6

@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
-from skyarm.files.stl_mesh import FARTHEST, METRES, read_corners
+from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
 from skyarm.vehicle.check import VehicleError, refuse

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import (
+from skyarm.records.files import (
     all_wrong_words,
     did_you_mean,
     file_name,
@@ -25,7 +25,7 @@ from skyarm.files import (
     shown,
     unreadable,
 )
-from skyarm.files.names import names_in, require_kind
+from skyarm.records.files.names import names_in, require_kind
 from skyarm.vehicle.attach import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -1,8 +1,8 @@
 """The vehicle: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
-structure (see :mod:`skyarm.scalars`). Where a record holds a vector, matrix or tuple it also takes plain sequences and
-arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checked when a :class:`Vehicle` is made.
+structure (see :mod:`skyarm.algebra.scalars`). Where a record holds a vector, matrix or tuple it also takes plain
+sequences and arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checked when a :class:`Vehicle` is made.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, add
 from skyarm.records.coerce import number, pairs, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add
 from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import LENGTH, SHARE, VehicleError, accept_named

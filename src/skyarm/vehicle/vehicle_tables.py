@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Mat3
-from skyarm.files import Fields, shown
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import defaults
+from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in

@@ -10,7 +10,7 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.contour import ContourSet
 
 from logs_synthetic import WINDOWS, all_logs
-from skyarm.stability.basin import Basin
+from skyarm.studies.stability.basin import Basin
 from skyarm.view.figures.paper_figures import JOINT_ERRORS, POSITION_ERRORS, TOOL_ERRORS, paper_figures
 from skyarm.view.figures.study_figures import basin_figure
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from logs_synthetic import all_logs, synthetic_log
-from skyarm.pages import page, plot
 from skyarm.simulate import Window
 from skyarm.view.figures.interactive import (
     STYLES,
@@ -22,6 +21,7 @@ from skyarm.view.figures.interactive import (
     plot_style,
 )
 from skyarm.view.figures.paper_figures import by_hold
+from skyarm.view.pages import page, plot
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.sweep.banded_curves import (
+from skyarm.studies.sweep.banded_curves import (
     FEWEST_OF_BAND,
     PER_CELL,
     BandedCurve,
@@ -22,7 +22,7 @@ from skyarm.sweep.banded_curves import (
     banded_curves,
     variable,
 )
-from skyarm.sweep.stats import Rows
+from skyarm.studies.sweep.stats import Rows
 from skyarm.view.figures.study_figures import metric_figure, plot_sweep
 from skyarm.view.figures.style import PAPER
 from sweeps import MASS, WIND, flown, read

@@ -17,8 +17,8 @@ from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
 from skyarm.view.figures.style import TALK_DARK
 from skyarm.view.figures.vehicle_drawing import AZIMUTH, BENT, ELEVATION, drawing_angles, pose, vehicle_drawing
-from skyarm.view.scene.shapes import between
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.shapes import between
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from thorough import sampled
 
 PAPER_VEHICLE = "hummingbird_arm2_rotors"

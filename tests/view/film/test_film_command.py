@@ -16,7 +16,7 @@ from PIL import Image
 import skyarm
 from film_flights import flight, needs_display, why_no_pictures
 from skyarm.cli.commands import perform
-from skyarm.compare.suite import PAPER_CASES
+from skyarm.studies.compare.suite import PAPER_CASES
 from skyarm.view.film import offscreen, recording, video_files
 from skyarm.view.film.make_film import FilmSettings, make_film
 

@@ -14,7 +14,7 @@ from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, vehicle_solids
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
 from skyarm.view.film.stage import Panel, open_stage
-from skyarm.view.scene.shapes import Solid
+from skyarm.world.scene.shapes import Solid
 
 pytestmark = needs_display
 

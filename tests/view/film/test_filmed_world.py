@@ -29,7 +29,7 @@ from skyarm.view.film.filmed_flight import (
     vehicle_solids,
 )
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
-from skyarm.view.scene.shapes import OBJECT, SURFACE, Solid
+from skyarm.world.scene.shapes import OBJECT, SURFACE, Solid
 from world_flights import WALL_ANGLE, touching
 
 TIMES = np.arange(24) * 0.05

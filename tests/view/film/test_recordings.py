@@ -25,7 +25,7 @@ from skyarm.view.film.recording import (
     recording_frame,
     save_recording,
 )
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 FPS = 20
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.fleet import (
     LONGEST,
@@ -23,6 +22,7 @@ from skyarm.view.studio.fleet import (
 )
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.view.studio.sights import Watched
+from skyarm.world import TimedPayload
 from thorough import sampled
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

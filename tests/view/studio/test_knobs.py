@@ -10,12 +10,12 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.environment import Wrench
+from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
-from skyarm.registry import registrations
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.view.studio.fleet import law_names, prepare, read_document, under_law
 from skyarm.view.studio.knobs import GROUPS, Knob, knobs_of
+from skyarm.world import Wrench
 
 LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"
 
@@ -86,7 +86,9 @@ def test_a_law_has_its_own_gains() -> None:
 
 
 def test_what_a_plugin_adds_has_a_slider(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(import_module("skyarm.registry.registrations")._FOUND, "force", dict(registrations("force")))
+    monkeypatch.setitem(
+        import_module("skyarm.records.registry.registrations")._FOUND, "force", dict(registrations("force"))
+    )
     skyarm.register.force("tug")(Tug)
     document, folder = read_document("case1")
     document["environment"] = {"forces": [{"kind": "tug", "pull": 0.5}]}

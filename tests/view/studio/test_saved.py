@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from skyarm.files import read_toml
+from skyarm.records.files import read_toml
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.view.studio.fleet import (
     Fleet,

@@ -11,10 +11,10 @@ import skyarm
 from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
-from skyarm.view.scene.vehicle_shapes import place
 from skyarm.view.studio.picture import FlightNodes, tones_of
 from skyarm.view.studio.scene_nodes import STILL, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Load
+from skyarm.world.scene.vehicle_shapes import place
 
 PAINT = tones_of((10, 20, 30))
 

@@ -9,7 +9,7 @@ import pytest
 import skyarm
 from commanded import skyarm as skyarm_command
 from shown_commands import run_shown
-from skyarm.files import read_toml
+from skyarm.records.files import read_toml
 from skyarm.view.studio.controls import CLOCK
 from skyarm.view.studio.fleet import BLOW, GUST, MOST, SPEEDS
 

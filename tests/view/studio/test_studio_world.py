@@ -13,16 +13,16 @@ import pytest
 
 from scenes_without_browser import Scene
 from skyarm import scenario_from
-from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics.actuators.tilting import turned
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.view.scene.vehicle_shapes import place, rotor_turns
-from skyarm.view.scene.world_shapes import held_poses, world_shapes
 from skyarm.view.studio.controls import Chart, charts
 from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import Watched, sight
+from skyarm.world.scene.vehicle_shapes import place, rotor_turns
+from skyarm.world.scene.world_shapes import held_poses, world_shapes
 from world_flights import DOCUMENT, WALL_ANGLE
 
 

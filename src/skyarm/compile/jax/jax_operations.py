@@ -4,8 +4,8 @@
 (sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such a slope is 0 here, a subgradient of every length |v|.
 |x| and copysign take their slope at 0 from the sign bit, so that atan2 keeps its slope of 1 there.
 
-Lane k of seed s draws what :mod:`skyarm.scalars.philox` draws for (seed, episode k, channel, step), bit for bit. Only
-the last step of a double needs 64-bit integers, so that single precision runs where JAX has none.
+Lane k of seed s draws what :mod:`skyarm.algebra.scalars.philox` draws for (seed, episode k, channel, step), bit for
+bit. Only the last step of a double needs 64-bit integers, so that single precision runs where JAX has none.
 Source: Salmon, Moraes, Dror, Shaw 2011, section 3.3.
 """
 
@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.lower import Lowered
 from skyarm.compile.tracing.tracer import Node
-from skyarm.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 
 try:
     import jax
@@ -184,7 +184,7 @@ Words = tuple[Any, Any, Any, Any]
 
 
 def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]], dtype: Any) -> list[Any]:
-    """Numbers in (0, 1) of one lane and step, equal to those of :mod:`skyarm.scalars.philox`.
+    """Numbers in (0, 1) of one lane and step, equal to those of :mod:`skyarm.algebra.scalars.philox`.
 
     Args:
         seed: low and high word, uint32.

@@ -13,10 +13,10 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Sequence
 
+from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.llvm.llvm_text import Lanes, Writer
 from skyarm.compile.tracing.program import Loop
 from skyarm.compile.tracing.tracer import Node
-from skyarm.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 
 LOW = 0xFFFFFFFF
 

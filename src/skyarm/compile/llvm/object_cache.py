@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from skyarm.files import shown
-from skyarm.files.private import private_folder, read_private, write_private
+from skyarm.records.files import shown
+from skyarm.records.files.private import private_folder, read_private, write_private
 
 SIZE = 256.0
 """MB that the entries may take together, if ``SKYARM_CACHE_SIZE`` does not say otherwise."""

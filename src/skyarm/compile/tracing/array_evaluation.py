@@ -17,17 +17,17 @@ Array = npt.NDArray[Any]
 
 
 def _mantissa(x: Array) -> Array:
-    """As :func:`skyarm.scalars.floats.mantissa`: NaN where there is none."""
+    """As :func:`skyarm.algebra.scalars.floats.mantissa`: NaN where there is none."""
     return np.where(np.isfinite(x) & (x != 0.0), 2.0 * np.frexp(x)[0], np.nan)
 
 
 def _exponent(x: Array) -> Array:
-    """As :func:`skyarm.scalars.floats.exponent`."""
+    """As :func:`skyarm.algebra.scalars.floats.exponent`."""
     return np.where(np.isfinite(x) & (x != 0.0), np.frexp(x)[1] - 1.0, np.nan)
 
 
 def _power_of_two(k: Array) -> Array:
-    """As :func:`skyarm.scalars.floats.power_of_two`."""
+    """As :func:`skyarm.algebra.scalars.floats.power_of_two`."""
     sound = (k > -1100.0) & (k < 1100.0)
     return np.where(sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan)
 

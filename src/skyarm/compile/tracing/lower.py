@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import blend, leaves, rebuild
-from skyarm.scalars.elementary import COMPOSED
 
 
 @dataclass(frozen=True, slots=True)

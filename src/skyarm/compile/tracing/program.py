@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.algebra.scalars import floats
 from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
-from skyarm.scalars import floats
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
 _FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}

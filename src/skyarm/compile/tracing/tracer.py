@@ -11,8 +11,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skyarm.scalars import floats, register
-from skyarm.scalars.elementary import COMPOSED
+from skyarm.algebra.scalars import floats, register
+from skyarm.algebra.scalars.elementary import COMPOSED
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
@@ -51,7 +51,8 @@ class Node:
     """One value of a traced program.
 
     Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
-    keeps the bits of plain Python arithmetic; :mod:`skyarm.scalars.fold` folds structural zeros on every engine alike.
+    keeps the bits of plain Python arithmetic; :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every
+    engine alike.
     """
 
     __slots__ = ("args", "graph", "index", "op", "value")
@@ -134,7 +135,9 @@ class Node:
 
     def __bool__(self) -> bool:
         """Refused: a branch would be taken once, while tracing, for every lane and for ever."""
-        raise TracedBranchError(f"{_caller()}: branch on a traced value; use skyarm.scalars.where(condition, a, b)")
+        raise TracedBranchError(
+            f"{_caller()}: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b)"
+        )
 
     def __float__(self) -> float:
         """Refused for the same reason."""
@@ -279,7 +282,7 @@ class Graph:
 
 
 class _NodeFunctions:
-    """The functions of :mod:`skyarm.scalars` for nodes."""
+    """The functions of :mod:`skyarm.algebra.scalars` for nodes."""
 
     @staticmethod
     def _graph(*values: Any) -> Graph:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import absolute, add, clip, divide, exp, logical_and, minimum, mul, where
 from skyarm.control.model import Parameters
-from skyarm.scalars import absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.dynamics.actuators import Mixer
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
@@ -51,7 +51,7 @@ def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> A
         speed: now, rad/s.
         wanted: rad/s.
         dt: control period, s.
-        share: 1 inverts the lag (:func:`skyarm.actuation.speed_after`) exactly, 0 sends ``wanted`` itself.
+        share: 1 inverts the lag (:func:`skyarm.dynamics.actuators.speed_after`) exactly, 0 sends ``wanted`` itself.
 
     Without the inversion noise through two time constants rectifies into thrust.
     """

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, cos, divide, sin, sqrt
+from skyarm.algebra.scalars.taylor import Taylor, chosen
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, cos, divide, sin, sqrt
-from skyarm.scalars.taylor import Taylor, chosen
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

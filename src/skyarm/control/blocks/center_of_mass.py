@@ -7,9 +7,9 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Motion, SpatialInertia, Sym3, Vec3
+from skyarm.algebra.scalars import divide
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
-from skyarm.scalars import divide
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 

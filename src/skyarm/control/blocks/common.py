@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.algebra.scalars import divide
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command, mix
 from skyarm.reference import Reference
-from skyarm.scalars import divide
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     BelievedAir,
@@ -43,9 +43,9 @@ from skyarm.control.blocks.select import choose, choose_each, data, vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, mul, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

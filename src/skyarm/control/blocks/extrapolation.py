@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, mul, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, divide, logical_or, minimum, mul, where
-from skyarm.scalars.taylor import Taylor
 
 JUMP, ROUGH = 0.1, 0.02
 """A rate that misses the mean of two accelerations by this share of their difference and of their size has jumped."""

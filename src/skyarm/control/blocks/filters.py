@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra.scalars import Scalar, divide, exp, tan
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, exp, tan
 
 PI = 3.141592653589793
 ROOT_TWO = 1.4142135623730951

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
+from skyarm.algebra.scalars import atan2, cos, divide, mul, sin, where
 from skyarm.control.model import GeometricGains
-from skyarm.scalars import atan2, cos, divide, mul, sin, where
 
 RATE_ERRORS = ("rotors_sim", "corrected")
 

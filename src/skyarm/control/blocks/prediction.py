@@ -1,7 +1,7 @@
 """The model in motion: forces of its rotors and of the air, its acceleration, and its steps across a known delay.
 
 Hub drag and drag of the hull act on the base and depend on the velocity against the air, v - wind: hub drag is
-proportional to it and to the rotors' speeds, drag of the hull to its square (:func:`skyarm.environment.body_drag`).
+proportional to it and to the rotors' speeds, drag of the hull to its square (:func:`skyarm.world.body_drag`).
 Along a reference the second changes with d/dt (|u| u) for u = v - wind, which a series in time gives to second order.
 """
 
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, friction, limited_effort, rotor_force, speeds_after
-from skyarm.actuation.mixer import allocation_matrix
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
+from skyarm.algebra.scalars import add, sub
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, speeds_after
+from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.environment import body_drag
 from skyarm.records.units import Unit
-from skyarm.scalars import add, sub
-from skyarm.scalars.taylor import Taylor
+from skyarm.world import body_drag
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

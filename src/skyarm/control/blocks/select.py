@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.scalars import where
+from skyarm.algebra.scalars import where
 
 
 def data(value: Any) -> Any:

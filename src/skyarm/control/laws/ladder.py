@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, friction, mix
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.algebra.scalars import Scalar, add, divide, minimum, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.attitude import attitude, reachable
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
@@ -41,11 +41,11 @@ from skyarm.control.blocks.select import data
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command, friction, mix
+from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, divide, minimum, where
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION = range(1, 7)
 """Steps on top of the paper's law; each has those before it.

@@ -12,17 +12,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, mix
-from skyarm.actuation.drive import friction
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.algebra.scalars import add, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
+from skyarm.dynamics.actuators import Command, mix
+from skyarm.dynamics.actuators.drive import friction
 from skyarm.reference import Reference
-from skyarm.scalars import add, mul
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 def geometric_accelerations(

@@ -35,8 +35,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
+from skyarm.algebra.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance_observer import (
@@ -61,12 +61,12 @@ from skyarm.control.laws.centroidal.interaction import (
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
 from skyarm.control.model import Model, Parameters
+from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.files import shown
+from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3, ldl_solve
+from skyarm.algebra.scalars import Scalar, add, clip, logical_or, maximum, minimum, mul, sqrt, sub, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
-from skyarm.scalars import Scalar, add, clip, logical_or, maximum, minimum, mul, sqrt, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.dynamics.actuators import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force
+from skyarm.sensing.measurement import Measurement
 
 
 def with_priorities(model: Model, mixer: Mixer) -> Mixer:

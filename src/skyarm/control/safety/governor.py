@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 TINY = 1e-9
 """m, m/s or m/s^2 added to a length that divides."""

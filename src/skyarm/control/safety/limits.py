@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import checked_law
 from skyarm.control.model import Model
-from skyarm.files import shown
+from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
+from skyarm.records.files import shown
 from skyarm.records.units import Unit, units
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.linkage import Joint
 
 STEP = 1e-3

@@ -10,8 +10,21 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, Mixer, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    add,
+    cos,
+    divide,
+    logical_and,
+    logical_or,
+    maximum,
+    mul,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.compile import leaves
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -24,11 +37,11 @@ from skyarm.control.blocks.geometric import (
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
-from skyarm.files import number, shown
+from skyarm.dynamics.actuators import Command, Mixer, mix
+from skyarm.records.files import number, shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, add, cos, divide, logical_and, logical_or, maximum, mul, sqrt, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.linkage import Joint, Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.actuation import Command, Mixer
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
@@ -38,13 +38,13 @@ from skyarm.control.safety.recovery import (
     update_confidence,
 )
 from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
-from skyarm.files import shown
+from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.coerce import RecordError
+from skyarm.records.files import shown
 from skyarm.records.leaves import blend, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, logical_or, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import inner_product
+from skyarm.algebra.scalars import add, divide, mul, neg, sin, sqrt, sub, where
 from skyarm.dynamics.euler_lagrange.mass import Matrix, elbow_coupling, mass_matrix
 from skyarm.dynamics.euler_lagrange.mass_derivative import ANGLES, mass_matrix_partials
 from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
-from skyarm.scalars import add, divide, mul, neg, sin, sqrt, sub, where
 
 STEP = 6e-6
 """Cube root of the rounding unit: truncation and rounding of a central difference meet (Press et al. 2007, 5.7)."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, add, divide, mul, neg, sub
 from skyarm.records.coerce import concrete
-from skyarm.scalars import Scalar, add, divide, mul, neg, sub
 from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.files import needs_extra, shown, versions
-from skyarm.files.writing import writing_atomically
 from skyarm.log.contents import arrays_of, as_cut, columns_in, described, log_of
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.ros.messages import FLIGHT, definition, full_name
 from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics, Topic
+from skyarm.records.files import needs_extra, shown, versions
+from skyarm.records.files.writing import writing_atomically
 
 INFO, SCENARIO = "info.json", "scenario.json"
 """Attachments of an MCAP file: the description of the flight, and in a file of its own the scenario as plain data."""

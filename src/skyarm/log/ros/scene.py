@@ -18,9 +18,9 @@ from skyarm.log.ros.messages import NANO
 from skyarm.records.restore import restore
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.shapes import Solid, turn_onto
-from skyarm.view.scene.vehicle_shapes import vehicle_shapes
-from skyarm.view.scene.world_shapes import logged_poses, without_holes, world_shapes
+from skyarm.world.scene.shapes import Solid, turn_onto
+from skyarm.world.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.world_shapes import logged_poses, without_holes, world_shapes
 
 Array = npt.NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import rotor_forces
-from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
+from skyarm.dynamics.actuators import rotor_forces
+from skyarm.dynamics.actuators.tilting import turned
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word

@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, add, mul, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scalars import Scalar, add, mul, where
-from skyarm.scalars.taylor import Taylor
 
 Array = npt.NDArray[Any]
 

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra.scalars import Scalar, clip, divide, minimum
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, clip, divide, minimum
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -106,7 +106,8 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
     """Draw a panel for each axis of an envelope, a line for each law, and where it is lost.
 
     Args:
-        axes: name -> values, unit, and of each law a point for every value (:mod:`skyarm.compare.envelope_report`).
+        axes: name -> values, unit, and of each law a point for every value
+            (:mod:`skyarm.studies.compare.envelope_report`).
         laws: in the order of the legend.
     """
     rows, looks, low = -(-len(axes) // ACROSS), _looks(laws), _low(axes)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.environment import Gust
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import names_of
@@ -19,6 +18,7 @@ from skyarm.log.periods import contact_pairs, contact_periods
 from skyarm.records.leaves import parts
 from skyarm.scenario.in_flight import Overrides, stretches
 from skyarm.scenario.scenario_record import Change, Scenario
+from skyarm.world import Gust
 
 Array = npt.NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.view.figures.flight_facts import FlightFacts, Touching, contact_force, wanted_force
 
 Array = npt.NDArray[np.float64]

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from skyarm.files import number
-from skyarm.files.names import require_suffix
 from skyarm.log.flight_log import Log
+from skyarm.records.files import number
+from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import Event, FlightFacts, end_time, ending_of, flight_facts, flights_by_label
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.path_views import TOUCH_WORDS, mark_touches, path_figure

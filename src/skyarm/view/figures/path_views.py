@@ -23,8 +23,8 @@ from skyarm.view.figures.flight_facts import (
 from skyarm.view.figures.flight_panels import Panel
 from skyarm.view.figures.projection import BEHIND, SIDE, TOP, View, hull, surface
 from skyarm.view.figures.style import PAPER, Picture, PictureStyle
-from skyarm.view.scene.shapes import Solid
-from skyarm.view.scene.world_shapes import ground_height, logged_poses, world_shapes
+from skyarm.world.scene.shapes import Solid
+from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
 
 Array = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.view.scene.shapes import Shape, mesh_of
+from skyarm.world.scene.shapes import Shape, mesh_of
 
 Array = npt.NDArray[np.float64]
 

@@ -15,16 +15,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from skyarm.files.names import require_suffix
-from skyarm.metrics.metric_catalogue import metric_words
+from skyarm.log.metrics.metric_catalogue import metric_words
+from skyarm.records.files.names import require_suffix
 from skyarm.scenario.numbers import labelled
-from skyarm.stability.along import Locus
-from skyarm.stability.basin import CAUGHT, RATES, TILTS, Basin
-from skyarm.stability.disk_margins import MOST
-from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
-from skyarm.sweep.maps import RobustnessMap
-from skyarm.sweep.stats import Rows
-from skyarm.sweep.study import StudyError
+from skyarm.studies.stability.along import Locus
+from skyarm.studies.stability.basin import CAUGHT, RATES, TILTS, Basin
+from skyarm.studies.stability.disk_margins import MOST
+from skyarm.studies.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
+from skyarm.studies.sweep.maps import RobustnessMap
+from skyarm.studies.sweep.stats import Rows
+from skyarm.studies.sweep.study import StudyError
 from skyarm.view.figures.style import (
     PAPER,
     Look,
@@ -202,7 +202,7 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
     """Draw a metric over each varied number of a study, a panel each on one value axis, a line for each law.
 
     Args:
-        curves: from :func:`skyarm.sweep.banded_curves.metric_curves`; one at least.
+        curves: from :func:`skyarm.studies.sweep.banded_curves.metric_curves`; one at least.
         label: of the metric, with its unit.
     """
     columns = min(COLUMNS, len(curves))

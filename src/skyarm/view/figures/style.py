@@ -25,8 +25,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from skyarm.files import must_be_one_of, shown, write_atomically
-from skyarm.files.names import require_suffix
+from skyarm.records.files import must_be_one_of, shown, write_atomically
+from skyarm.records.files.names import require_suffix
 
 Array = npt.NDArray[np.float64]
 

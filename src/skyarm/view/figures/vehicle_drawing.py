@@ -18,8 +18,8 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, View, across, arc, axonometric, hull, surface
 from skyarm.view.figures.style import Picture, PictureStyle, picture_style
-from skyarm.view.scene.shapes import Shape
-from skyarm.view.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
+from skyarm.world.scene.shapes import Shape
+from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -79,8 +79,8 @@ def vehicle_drawing(
         dark: of a talk.
 
     Returns:
-        a figure in which bodies are guesses by :mod:`skyarm.view.scene`, and frames, joints, rotors and lengths are the
-        vehicle's own. World z up, body x forward, y left, z up.
+        a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors and lengths are
+        the vehicle's own. World z up, body x forward, y left, z up.
 
     Raises:
         ValueError: one line: an unknown style, or another number of joints.

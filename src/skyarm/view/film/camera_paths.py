@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.view.film.filmed_flight import FilmedFlight
-from skyarm.view.scene.vehicle_shapes import longest_boom
-from skyarm.view.scene.world_shapes import hidden_share
+from skyarm.world.scene.vehicle_shapes import longest_boom
+from skyarm.world.scene.world_shapes import hidden_share
 
 Array = npt.NDArray[np.float64]
 

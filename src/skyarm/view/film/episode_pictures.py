@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile import leaves
-from skyarm.environment import WindSample
-from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
@@ -38,8 +37,9 @@ from skyarm.view.film.filmed_flight import (
 )
 from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.film.stage import Panel, Stage, open_stage
-from skyarm.view.scene.vehicle_shapes import longest_boom
-from skyarm.view.scene.world_shapes import world_shapes
+from skyarm.world import WindSample
+from skyarm.world.scene.vehicle_shapes import longest_boom
+from skyarm.world.scene.world_shapes import world_shapes
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]

@@ -11,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.files import shown
 from skyarm.log.flight_log import Log
+from skyarm.records.files import shown
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import flight_labels, wanted_push
-from skyarm.view.scene.shapes import RGBA, Shape, Solid
-from skyarm.view.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, shape_rotation, vehicle_shapes
-from skyarm.view.scene.world_shapes import (
+from skyarm.world.scene.shapes import RGBA, Shape, Solid
+from skyarm.world.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, shape_rotation, vehicle_shapes
+from skyarm.world.scene.world_shapes import (
     PATCH,
     CarriedPoses,
     TouchArrow,

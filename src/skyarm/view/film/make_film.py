@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import must_be_one_of, number, shown
 from skyarm.log.flight_log import Log
+from skyarm.records.files import must_be_one_of, number, shown
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, end_of, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import Panel, open_stage
 from skyarm.view.film.video_files import require_film_format
-from skyarm.view.scene.shapes import Solid
-from skyarm.view.scene.vehicle_shapes import longest_boom
+from skyarm.world.scene.shapes import Solid
+from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]

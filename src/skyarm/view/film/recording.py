@@ -20,8 +20,8 @@ from urllib.parse import quote
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import needs_extra, write_atomically
 from skyarm.log.flight_log import Log
+from skyarm.records.files import needs_extra, write_atomically
 from skyarm.view.film.camera_paths import (
     CAMERAS,
     FIELD_OF_VIEW,
@@ -44,9 +44,9 @@ from skyarm.view.film.filmed_flight import (
     wind_words,
 )
 from skyarm.view.film.make_film import FilmSettings, frame_times
-from skyarm.view.scene.shapes import RGBA
-from skyarm.view.scene.vehicle_shapes import body_poses, rotor_turns
 from skyarm.view.studio.scene_nodes import DIGITS, Arrows, SolidNodes, VehicleNodes, bytes_of
+from skyarm.world.scene.shapes import RGBA
+from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 
 Array = npt.NDArray[np.float64]
 

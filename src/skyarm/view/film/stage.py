@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
-from skyarm.view.scene.shapes import Shape, Solid, own_mesh
+from skyarm.world.scene.shapes import Shape, Solid, own_mesh
 
 Pixels = npt.NDArray[np.uint8]
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from skyarm.files import must_be_one_of, needs_extra, shown, write_atomically
+from skyarm.records.files import must_be_one_of, needs_extra, shown, write_atomically
 
 Pixels = npt.NDArray[np.uint8]
 Frames = Iterator[Pixels]

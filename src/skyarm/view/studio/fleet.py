@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
-from skyarm.files import must_be_one_of, read_toml, require_writable, shown, write_atomically
-from skyarm.files.toml import toml_text
+from skyarm.records.files import must_be_one_of, read_toml, require_writable, shown, write_atomically
+from skyarm.records.files.toml import toml_text
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.scenario_text import LAYERS

@@ -10,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.view.scene.shapes import RGBA, Solid, floats
-from skyarm.view.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
-from skyarm.view.scene.world_shapes import (
+from skyarm.view.studio.scene_nodes import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
+from skyarm.view.studio.sights import Load, Touching, Watched, goal_of
+from skyarm.world.scene.shapes import RGBA, Solid, floats
+from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
+from skyarm.world.scene.world_shapes import (
     CarriedPoses,
     ground_height,
     held_poses,
@@ -20,8 +22,6 @@ from skyarm.view.scene.world_shapes import (
     point_shapes,
     world_shapes,
 )
-from skyarm.view.studio.scene_nodes import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import Load, Touching, Watched, goal_of
 
 Array = npt.NDArray[np.float64]
 

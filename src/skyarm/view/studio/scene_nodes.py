@@ -16,8 +16,8 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.shapes import RGBA, UPRIGHT, Shape, Solid, blade_mesh, floats, mesh_of, turn_onto
-from skyarm.view.scene.vehicle_shapes import disc_name, quaternions_of, rotor_radius, vehicle_shapes
+from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, blade_mesh, floats, mesh_of, turn_onto
+from skyarm.world.scene.vehicle_shapes import disc_name, quaternions_of, rotor_radius, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from skyarm.files.packages import needs_extra
+from skyarm.records.files.packages import needs_extra
 
 QUIET = "websockets.server"
 

@@ -15,15 +15,15 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import TimedPayload
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.scene.shapes import floats
-from skyarm.view.scene.vehicle_shapes import Placed, place
+from skyarm.world import TimedPayload
+from skyarm.world.scene.shapes import floats
+from skyarm.world.scene.vehicle_shapes import Placed, place
 
 Array = npt.NDArray[np.float64]
 

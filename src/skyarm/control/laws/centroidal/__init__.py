@@ -4,7 +4,7 @@ from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.presets import PRESETS
-from skyarm.files.old_names import old_attributes
+from skyarm.records.files.old_names import old_attributes
 
 __all__ = ["PRESETS", "CentroidalParameters", "centroidal", "make_centroidal"]
 

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3
+from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -37,7 +38,6 @@ from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3

@@ -27,6 +27,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, logical_and, logical_or, minimum, mul, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -39,11 +41,9 @@ from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_wr
 from skyarm.control.laws.centroidal.tip_rotation import ArmTurn, TurnWeights, require_turning, turned_reference
 from skyarm.control.laws.centroidal.virtual_body import Compliance, VirtualBody, move, rotate, rotation_series
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.files import Fields, shown
 from skyarm.records.coerce import concrete
+from skyarm.records.files import Fields, shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, logical_and, logical_or, minimum, mul, where
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 MASSES, INERTIAS = (0.01, 1000.0), (0.001, 100.0)

@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, divide, minimum, mul, sqrt, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, derivative, reachable
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.sideways_force import Reach, across, applied
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, minimum, mul, sqrt, where
-from skyarm.scalars.taylor import Taylor
 
 
 @dataclass(frozen=True, slots=True)

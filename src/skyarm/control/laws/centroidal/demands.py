@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import add, mul, sub
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     Attitude,
     Posture,
@@ -38,8 +40,6 @@ from skyarm.control.laws.centroidal.shift_motion import (
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.scalars import add, mul, sub
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul
 
 STAGES = 3
 """Of the chain that delays."""

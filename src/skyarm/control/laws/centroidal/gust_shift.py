@@ -31,6 +31,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import divide, exp, maximum
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
@@ -41,8 +43,6 @@ from skyarm.control.laws.centroidal.presets import SHORTEST, arm_length
 from skyarm.control.laws.centroidal.tip_tasks import level_turn
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.records.units import Unit
-from skyarm.scalars import divide, exp, maximum
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 QUICKEST = 10.0

@@ -47,21 +47,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance_observer import disturbance
-from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
-from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
-from skyarm.control.laws.centroidal.tip_tasks import Goal
-from skyarm.dynamics.kinematics import frame_pose
-from skyarm.files import shown
-from skyarm.records.units import Unit
-from skyarm.reference.tip_motion import STRONGEST, out_of_axis
-from skyarm.scalars import (
+from skyarm.algebra.scalars import (
     Scalar,
     absolute,
     clip,
@@ -75,7 +62,20 @@ from skyarm.scalars import (
     sqrt,
     where,
 )
-from skyarm.scalars.taylor import Taylor
+from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
+from skyarm.control.laws.centroidal.tip_tasks import Goal
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference.tip_motion import STRONGEST, out_of_axis
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PRESSED = 0.75

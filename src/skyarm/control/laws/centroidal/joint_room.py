@@ -21,10 +21,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra.scalars import add, maximum, minimum, mul, sqrt, sub
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
-from skyarm.scalars import add, maximum, minimum, mul, sqrt, sub
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SHARE, WITH_STOP = 0.5, 0.75

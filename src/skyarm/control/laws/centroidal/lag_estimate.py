@@ -24,6 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.disturbance_observer import Told
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
@@ -31,8 +32,7 @@ from skyarm.control.controller import part_of
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 CANDIDATES = 9
 """Lags in the bank: none, and eight steps."""

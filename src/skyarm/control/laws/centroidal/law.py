@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import ZERO3
+from skyarm.algebra.scalars import add, mul, sub, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
@@ -29,9 +29,9 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from skyarm.scalars import add, mul, sub, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 def centroidal(

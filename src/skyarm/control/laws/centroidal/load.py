@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, add, clip, divide, logical_or, maximum, minimum, mul, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -45,9 +46,8 @@ from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, LeastSquares
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.files import shown
+from skyarm.records.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, clip, divide, logical_or, maximum, minimum, mul, where
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -29,6 +29,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.algebra.scalars import Scalar, clip, divide, exp, maximum, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
@@ -38,8 +40,6 @@ from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, clip, divide, exp, maximum, where
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ORIGIN = Vec3(0.0, 0.0, 0.0)

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
-from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import minimum
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
@@ -52,8 +51,9 @@ from skyarm.control.laws.centroidal.presets import (
 )
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
-from skyarm.files import shown
-from skyarm.scalars import minimum
+from skyarm.dynamics.actuators import AllocationError, Command, Mixer, make_mixer
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 
 __all__ = ["ENTRIES", "make_centroidal"]

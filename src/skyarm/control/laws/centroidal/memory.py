@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gust_shift import GustMemory
+from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -6,15 +6,15 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import Mixer
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains
 from skyarm.control.blocks.prediction import BelievedAir
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
+from skyarm.dynamics.actuators import Mixer
 from skyarm.records.leaves import is_record, parts
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
 
 MODES = ("joint", "tip")
 

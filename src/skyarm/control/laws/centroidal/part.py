@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import mul
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import mul
-from skyarm.scalars.taylor import Taylor
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand

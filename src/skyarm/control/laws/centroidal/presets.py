@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
-from skyarm.files import number, shown
+from skyarm.records.files import number, shown
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -49,14 +49,14 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, where
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, ShiftGains
 from skyarm.control.laws.centroidal.tip_tasks import needed_shift
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, maximum, minimum, where
-from skyarm.scalars.taylor import Taylor
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -18,11 +18,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import Mixer
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
+from skyarm.algebra.scalars import cos, divide, mul, sin, sqrt
+from skyarm.algebra.scalars.taylor import Taylor, chosen
 from skyarm.control.blocks.attitude import Attitude, derivative
-from skyarm.scalars import cos, divide, mul, sin, sqrt
-from skyarm.scalars.taylor import Taylor, chosen
+from skyarm.dynamics.actuators import Mixer
 
 LEAST = 0.4
 """Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, mul
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sub
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture, derivative, moving, posture
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import ControllerError
@@ -31,10 +33,8 @@ from skyarm.control.laws.centroidal.joint_room import Ends, towards
 from skyarm.control.laws.centroidal.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.tip_tasks import orientation_error, turn_by_yaw
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.files import shown
+from skyarm.records.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, maximum, minimum, sub
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 BENT = 0.4

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, led
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
@@ -17,7 +17,7 @@ from skyarm.control.laws.centroidal.demands import Demand
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TRIM = 0.1

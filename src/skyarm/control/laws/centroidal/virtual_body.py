@@ -34,10 +34,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, cos, divide, maximum, sin, sqrt, where
+from skyarm.algebra.scalars.taylor import Taylor, chosen
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, cos, divide, maximum, sin, sqrt, where
-from skyarm.scalars.taylor import Taylor, chosen
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -24,19 +24,19 @@ from importlib import resources
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, rotor_force
 from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
+from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
 from skyarm.control.blocks.common import make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
-from skyarm.files import shown
+from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.records.coerce import concrete
+from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SCHEMA = 1

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.tip_force import levers
@@ -29,7 +30,6 @@ from skyarm.control.laws.predictive.prediction import Inputs, accelerations, car
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 

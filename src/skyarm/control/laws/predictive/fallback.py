@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import AllocationError, Command, mix
 from skyarm.algebra import Motion, Vec3
+from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
@@ -26,9 +26,9 @@ from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.solver import Compiled, Plan
 from skyarm.control.model import Model, Parameters
+from skyarm.dynamics.actuators import AllocationError, Command, mix
 from skyarm.reference import Reference
-from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
-from skyarm.sensors.measurement import Measurement, blank_measurement
+from skyarm.sensing.measurement import Measurement, blank_measurement
 
 Array = npt.NDArray[np.float64]
 

@@ -30,7 +30,6 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command, Mixer, make_mixer
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.controller import Controller, ControllerError
@@ -65,10 +64,11 @@ from skyarm.control.laws.predictive.solver import (
 )
 from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
-from skyarm.files import shown
+from skyarm.dynamics.actuators import Command, Mixer, make_mixer
+from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference, Trajectory
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 WEIGHTS = Weights(
     position=10.0,

@@ -22,17 +22,17 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command, limited_effort
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.predictive.prediction import Inputs, advance
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
+from skyarm.dynamics.actuators import Command, limited_effort
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, mul
-from skyarm.sensors.measurement import Measurement, blank_measurement
+from skyarm.sensing.measurement import Measurement, blank_measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import cos, sin
 from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
@@ -23,7 +24,6 @@ from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.reference import Reference, Trajectory
-from skyarm.scalars import cos, sin
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]

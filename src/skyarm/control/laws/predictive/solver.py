@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -25,7 +26,6 @@ from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, foreseen
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.scalars import maximum, minimum
 
 Array = npt.NDArray[np.float64]
 

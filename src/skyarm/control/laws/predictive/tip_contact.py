@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
+from skyarm.algebra.scalars import minimum, where
 from skyarm.compile import leaves, rebuild
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
@@ -29,7 +30,6 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.scalars import minimum, where
 
 Array = npt.NDArray[np.float64]
 

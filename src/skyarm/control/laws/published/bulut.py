@@ -19,14 +19,15 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Motion, Vec3
 from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import atan2, clip, cos, divide, maximum, sin
 from skyarm.control.blocks.common import make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix
 from skyarm.dynamics.euler_lagrange.transforms import (
     euler_rates,
@@ -34,8 +35,7 @@ from skyarm.dynamics.euler_lagrange.transforms import (
     singularity_measure,
 )
 from skyarm.reference import Reference
-from skyarm.scalars import atan2, clip, cos, divide, maximum, sin
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 STEEPEST = 0.6
 """rad: the small-angle inversion is cut here; 0.6 rad asks for 0.68 g sideways."""

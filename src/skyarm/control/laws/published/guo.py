@@ -18,15 +18,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

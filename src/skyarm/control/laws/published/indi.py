@@ -23,8 +23,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation import Command, speeds_after
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
     arm_alone,
@@ -38,10 +38,10 @@ from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filter
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, divide, minimum, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 NYQUIST_SHARE = 0.45
 """Largest cut-off frequency times the period: the bilinear transform folds at one half."""

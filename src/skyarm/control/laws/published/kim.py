@@ -22,18 +22,18 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
+from skyarm.algebra.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.common import make_command, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.controller import all_applied
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 Triple = tuple[float, float, float]
 

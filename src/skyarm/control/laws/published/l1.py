@@ -33,8 +33,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
     inverse_mass,
     make_command,
@@ -47,11 +47,11 @@ from skyarm.control.blocks.filters import low_pass
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, clip, divide, exp, minimum, where
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

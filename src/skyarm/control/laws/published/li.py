@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
 from skyarm.control.blocks.common import (
     arm_alone,
@@ -32,8 +31,9 @@ from skyarm.control.blocks.common import (
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
+from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from skyarm.sensors.measurement import Measurement
+from skyarm.sensing.measurement import Measurement
 
 
 def li_feedforward(

@@ -1,0 +1,187 @@
+"""Truncated Taylor series as scalars: laws written over any scalar then give time derivatives, exactly.
+
+A series holds x(t0 + s) = c_0 + c_1 s + ... + c_K s^K; the k-th derivative is k! c_k. Coefficients are scalars of any
+kind and structural zeros among them fold, so that a constant costs nothing.
+Source: Griewank, Walther 2008, section 13.2 (recurrences of products, quotients, roots, sine and cosine).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra.scalars import functions
+from skyarm.algebra.scalars.fold import add, mul, neg, sub
+
+
+class Taylor:
+    """A series of fixed order; an operation keeps the lower order of its two series."""
+
+    __slots__ = ("c",)
+    __array_ufunc__ = None
+
+    def __init__(self, coefficients: Sequence[Any]) -> None:
+        self.c = tuple(coefficients)
+
+    @classmethod
+    def of_derivatives(cls, derivatives: Sequence[Any]) -> Taylor:
+        """From value, first derivative, second ..."""
+        return cls([mul(d, 1 if k < 2 else 1.0 / math.factorial(k)) for k, d in enumerate(derivatives)])
+
+    @classmethod
+    def constant(cls, value: Any, order: int) -> Taylor:
+        """A value that does not change."""
+        return cls((value, *(0,) * order))
+
+    def derivative(self, k: int) -> Any:
+        """The k-th derivative."""
+        return mul(self.c[k], 1 if k < 2 else float(math.factorial(k)))
+
+    def differentiated(self) -> Taylor:
+        """Series of the first derivative, one order lower."""
+        return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
+
+    def truncated(self, order: int) -> Taylor:
+        """The same series to a lower order."""
+        return Taylor(self.c[: order + 1])
+
+    def _terms(self, other: Any) -> tuple[Any, ...]:
+        """Coefficients of another operand, a constant if it is no series."""
+        return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
+
+    def __add__(self, other: Any) -> Taylor:
+        """Sum."""
+        return Taylor([add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Taylor:
+        """Difference."""
+        return Taylor([sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
+
+    def __rsub__(self, other: Any) -> Taylor:
+        """Difference with a constant on the left."""
+        return Taylor([sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)])
+
+    def __neg__(self) -> Taylor:
+        """Opposite."""
+        return Taylor([neg(a) for a in self.c])
+
+    def __mul__(self, other: Any) -> Taylor:
+        """Cauchy product."""
+        if not isinstance(other, Taylor):
+            return Taylor([mul(a, other) for a in self.c])
+        return Taylor([_convolve(self.c, other.c, k) for k in range(min(len(self.c), len(other.c)))])
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Taylor:
+        """Quotient."""
+        b = self._terms(other)
+        inverse = functions.divide(1.0, b[0])
+        q: list[Any] = []
+        for k, a in enumerate(self.c[: len(b)]):
+            for j in range(1, k + 1):
+                a = sub(a, mul(b[j], q[k - j]))  # noqa: PLW2901
+            q.append(mul(a, inverse))
+        return Taylor(q)
+
+    def __rtruediv__(self, other: Any) -> Taylor:
+        """Quotient of a constant."""
+        return Taylor(self._terms(other)) / self
+
+    def __lt__(self, other: Any) -> Any:
+        """Compare values."""
+        return self.c[0] < self._terms(other)[0]
+
+    def __le__(self, other: Any) -> Any:
+        """Compare values."""
+        return self.c[0] <= self._terms(other)[0]
+
+    def __gt__(self, other: Any) -> Any:
+        """Compare values."""
+        return self.c[0] > self._terms(other)[0]
+
+    def __ge__(self, other: Any) -> Any:
+        """Compare values."""
+        return self.c[0] >= self._terms(other)[0]
+
+    def __float__(self) -> float:
+        """Refused: a series is not a number."""
+        raise TypeError("float() of a Taylor series; take derivative(0)")
+
+    def __repr__(self) -> str:
+        """Coefficients."""
+        return f"Taylor({', '.join(map(repr, self.c))})"
+
+
+def _convolve(a: Sequence[Any], b: Sequence[Any], k: int) -> Any:
+    total: Any = 0
+    for j in range(k + 1):
+        total = add(total, mul(a[j], b[k - j]))
+    return total
+
+
+def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
+    """k s_k = sum_j j x_j c_(k-j), k c_k = -sum_j j x_j s_(k-j)."""
+    s, c = [functions.sin(x.c[0])], [functions.cos(x.c[0])]
+    slope = [mul(float(j), x.c[j]) if j > 1 else x.c[j] for j in range(len(x.c))]
+    for k in range(1, len(x.c)):
+        up: Any = 0
+        down: Any = 0
+        for j in range(1, k + 1):
+            up, down = add(up, mul(slope[j], c[k - j])), add(down, mul(slope[j], s[k - j]))
+        share = 1 if k == 1 else 1.0 / k
+        s.append(mul(up, share))
+        c.append(mul(neg(down), share))
+    return Taylor(s), Taylor(c)
+
+
+class _TaylorFunctions:
+    """The functions of :mod:`skyarm.algebra.scalars` that series have."""
+
+    @staticmethod
+    def sin(x: Taylor) -> Taylor:
+        return _sine_cosine(x)[0]
+
+    @staticmethod
+    def cos(x: Taylor) -> Taylor:
+        return _sine_cosine(x)[1]
+
+    @staticmethod
+    def sqrt(x: Taylor) -> Taylor:
+        root = [functions.sqrt(x.c[0])]
+        half = functions.divide(0.5, root[0])
+        for k in range(1, len(x.c)):
+            rest = x.c[k]
+            for j in range(1, k):
+                rest = sub(rest, mul(root[j], root[k - j]))
+            root.append(mul(rest, half))
+        return Taylor(root)
+
+    @staticmethod
+    def divide(a: Any, b: Any) -> Taylor:
+        series: Taylor = a / b
+        return series
+
+    @staticmethod
+    def where(condition: Any, a: Any, b: Any) -> Taylor:
+        return chosen(condition, a, b)
+
+
+def chosen(condition: Any, a: Any, b: Any) -> Taylor:
+    """``a`` where the condition (on values, not a series) holds, else ``b``, coefficient by coefficient."""
+    order = len((a if isinstance(a, Taylor) else b).c) - 1
+    first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
+    pairs = zip(first, second, strict=False)
+    return Taylor(
+        [0 if type(x) is int and type(y) is int and x == y == 0 else _where(condition, x, y) for x, y in pairs]
+    )
+
+
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    return functions.where(condition, *(float(x) if type(x) is int else x for x in (a, b)))
+
+
+functions.register(Taylor, _TaylorFunctions())

@@ -1,0 +1,425 @@
+"""A controller as one C99 file: structs in and out, gains and masses in a struct, nothing to link but libm.
+
+The file is written from the program that the law's own lines compute, so a double build without contraction gives
+the bits of the Python law. Structure (topology, exact zeros of the description, ablations) is folded in; every number
+the law reads is a parameter that may change at run time.
+
+With an estimator the file takes readings: the law stands behind the error-state filter, as one step to a command.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from skyarm.algebra.scalars import Scalar
+from skyarm.compile import Program, leaves, trace
+from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
+from skyarm.compile.tracing.float_trial import PERIODS
+from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force, senses_torque
+from skyarm.control.law_checks import check_controller, checked_law, level, try_law
+from skyarm.control.model import TORQUE_GAINS
+from skyarm.control.vectored_layer import turns_rotors
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import TorqueDrive
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
+from skyarm.records.leaves import Place, parts
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
+from skyarm.sensing.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
+from skyarm.sensing.measurement import Measurement, blank_measurement
+from skyarm.sensing.sensor_kinds import (
+    EncoderReading,
+    HeadingReading,
+    ImuReading,
+    PoseReading,
+    PositionReading,
+)
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
+
+UNITS = {"revolute": "revolute, rad, N m", "prismatic": "prismatic, m, N"}
+LENGTHS = {"revolute": "rad", "prismatic": "m"}
+
+SETPOINTS = {"efforts": Unit("", "of each joint what its line above says, in that order")}
+"""Of a command some of whose numbers are setpoints."""
+
+SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors above")}
+
+
+def units_of(joint: Joint, vehicle: Vehicle) -> str:
+    """Kind, unit of the position, and what the command is: an effort, or a setpoint in its unit."""
+    kind, effort = UNITS[joint.kind].rsplit(", ", 1)
+    return f"{kind}, {_setpoint(joint, vehicle) or effort}"
+
+
+def _setpoint(joint: Joint, vehicle: Vehicle) -> str:
+    """Empty for a joint that takes its torque."""
+    drive = drives_of(vehicle).get(joint.name)
+    if drive is None:
+        return ""
+    length = LENGTHS[joint.kind]
+    if isinstance(drive, PositionServo):
+        return f"setpoint of its position servo in {length}"
+    if isinstance(drive, VelocityServo):
+        return f"setpoint of its velocity servo in {length}/s"
+    return f"setpoint as its drive {type(drive).__name__} takes it"
+
+
+def drives_of(vehicle: Vehicle) -> dict[str, Any]:
+    """Drives by joint whose setpoint is no torque."""
+    return {each.name: each.drive for each in vehicle.drives if not isinstance(each.drive, TorqueDrive)}
+
+
+def command_units(vehicle: Vehicle, *place: str) -> Units:
+    """Units of the command that stands at a place, where it holds setpoints."""
+    return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilterReadings:
+    """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
+
+    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. Force
+    and torque at the tip go past the filter to a law that hears them.
+    """
+
+    imu: ImuReading
+    pose: PoseReading | tuple[()] = ()
+    position: PositionReading | tuple[()] = ()
+    heading: HeadingReading | tuple[()] = ()
+    encoders: EncoderReading | tuple[()] = ()
+    tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
+    tip_torque: Annotated[tuple[Scalar, ...], Unit("N m", "about the tip, likewise; of a law that asks for it")] = ()
+
+
+AT_TIP = ("tip_force", "tip_torque")
+"""What of the readings no filter takes."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EstimatedConstants:
+    """What a call does not change: constants of the law and of the filter, and the time between two calls (s)."""
+
+    parameters: Any
+    estimator: ErrorStateFilter
+    period: Annotated[float, Unit("s", "between two calls")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EstimatedMemory:
+    """What filter and law keep, and the last command, which acts until the next."""
+
+    estimate: FilterMemory
+    law: Any
+    sent: Command
+
+
+def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0, tip_torque: int = 0) -> FilterReadings:
+    """Readings whose numbers are not used, of the sensors that a filter takes, and of so many axes of a force."""
+    named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
+    aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
+    still = (0.0,) * joints
+    encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
+    aids |= {"tip_force": (0.0,) * tip_force, "tip_torque": (0.0,) * tip_torque}
+    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, **aids)
+
+
+def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
+    """Before the first readings, in hover with all joints at zero: the command that acts then, setpoints for drives."""
+    model = controller.par.model
+    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
+    drives = drives_of(model.vehicle)
+    efforts = tuple(
+        drives[link.joint.name].standing(effort, 0.0) if link.joint.name in drives else effort
+        for link, effort in zip(model.vehicle.links, trim.efforts, strict=True)
+    )
+    sent = as_data(Command(rotor_speeds=tuple(trim.speeds), efforts=efforts))
+    return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
+
+
+def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory, Command]]:
+    """The step (constants, readings, reference, memory) -> (memory, command) of a controller behind a filter."""
+    law = checked_law(controller)
+
+    def step(
+        constants: EstimatedConstants, readings: FilterReadings, reference: Reference, memory: EstimatedMemory
+    ) -> tuple[EstimatedMemory, Command]:
+        model = constants.parameters.model
+        estimator = constants.estimator.believing(model.vehicle, model.gravity)
+        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name not in AT_TIP}
+        estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
+        if readings.tip_force:
+            force, torque = readings.tip_force, readings.tip_torque
+            measurement = dataclasses.replace(measurement, tip_force=force, tip_torque=torque)
+        following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
+        held = as_data(command)
+        return EstimatedMemory(estimate=estimate, law=following, sent=held), held
+
+    return step
+
+
+def as_data(command: Command) -> Command:
+    """A structural zero of a command as data, so that every command has its place."""
+
+    def number(value: Any) -> Any:
+        return float(value) if isinstance(value, int) else value
+
+    return Command(
+        rotor_speeds=tuple(number(w) for w in command.rotor_speeds),
+        efforts=tuple(number(e) for e in command.efforts),
+        tilts=tuple(number(a) for a in command.tilts),
+    )
+
+
+SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
+"""Words of a parameter's path that its name in C leaves out or shortens."""
+
+C_NAMES = {"applied": "obeyed", "feedforward": "fed", "confidence": "doubt"}
+"""Names of the last version that members keep in C, whatever the record calls its field."""
+
+STRUCTS = {
+    "measurement": "What the sensors say.",
+    "reference": "Desired motion.",
+    "memory": "What the law keeps from one call to the next; begin with the first memory.",
+    "command": "What the actuators are asked for.",
+    "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
+}
+"""Comment of each struct."""
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Constants:
+    """What a call does not change: constants of the law, and the time between two calls (s)."""
+
+    parameters: Any
+    period: Annotated[float, Unit("s", "between two calls")]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedC:
+    """A C file and what is in it."""
+
+    name: str
+    text: str
+    operations: int
+    parameters: tuple[str, ...]
+
+
+def export_c(
+    controller: Controller,
+    *,
+    name: str,
+    period: float,
+    single: bool = False,
+    generator: str = "skyarm",
+    estimator: ErrorStateFilter | None = None,
+) -> ExportedC:
+    """Write a controller as a C file.
+
+    Args:
+        controller: law and constants; its model's vehicle gives joints and rotors.
+        name: begins every name of the file that others see; a C identifier.
+        period: s, time between two calls.
+        single: float in place of double.
+        generator: who writes the file, with its version, for the opening comment.
+        estimator: from readings to what the law is told; the file's measurement then holds the readings.
+
+    Raises:
+        ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's
+            model takes setpoints of the vehicle's drives for torques.
+    """
+    if not NAME.fullmatch(name):
+        raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
+    controller.require_compiled("export as C")
+    check_controller(controller)
+    vehicle = controller.par.model.vehicle
+    if estimator is not None:
+        estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
+    records = _examples(controller, period, estimator)
+    seen = level(_blank(controller), float(controller.par.model.gravity))
+    try_law(controller, period, seen, (records["reference"],) * PERIODS)
+    program = _trace_step(controller, records, estimator)
+    structs = _structs(controller, records, program, behind_filter=estimator is not None)
+    file = StepFile(
+        name=name,
+        floats=Floats(single),
+        program=program.lowered,
+        structs=structs,
+        notes=STRUCTS,
+        inputs=("measurement", "reference"),
+        output="command",
+    )
+    operations = sum(node.op not in ("input", "const") for node in program.lowered.nodes)
+    names = tuple(member.name for member in structs["parameters"].members)
+    opening = _header(controller, file, period, operations, generator)
+    if estimator is not None:
+        opening[1:1] = [f"The law is told what an error-state filter makes of {estimator.aiding} and an inertial unit."]
+    text = file.text(opening)
+    return ExportedC(name=name, text=text, operations=operations, parameters=names)
+
+
+def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
+    """Records of data: their values are not used but for the constants and the memory, which become defaults."""
+    vehicle = controller.par.model.vehicle
+    joints = (0.0,) * vehicle.n
+    arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
+    found = {
+        "parameters": Constants(parameters=controller.par, period=period),
+        "measurement": _blank(controller),
+        "reference": Reference(**arm, **_beside(controller.par)).dense(),
+        "memory": controller.memory,
+    }
+    if estimator is not None:
+        found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
+        found["measurement"] = blank_readings(estimator, vehicle.n, *_axes_at_tip(controller))
+        found["memory"] = first_estimated_memory(controller, estimator)
+    return found
+
+
+def _blank(controller: Controller) -> Measurement:
+    """What a law without an estimator is told, as an example."""
+    vehicle = controller.par.model.vehicle
+    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), *_axes_at_tip(controller))
+
+
+def _axes_at_tip(controller: Controller) -> tuple[int, int]:
+    """Numbers of the force and of the torque at the tip that the law hears."""
+    return 3 if senses_force(controller.par) else 0, 3 if senses_torque(controller.par) else 0
+
+
+def _beside(par: Any) -> dict[str, Any]:
+    """What of a reference, beside the motion, the law answers."""
+    return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
+
+
+def _trace_step(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:
+    if estimator is not None:
+        return trace(estimated_law(controller), *records.values())
+    law = checked_law(controller)
+
+    def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> Any:
+        following, command = law(memory, measurement, reference, constants.period, par=constants.parameters)
+        if len(leaves(following)) != len(leaves(memory)):
+            raise ValueError(f"law '{controller.name}': its memory must keep its structure to be written in C")
+        return following, as_data(command)
+
+    return trace(step, *records.values())
+
+
+def _structs(
+    controller: Controller, records: dict[str, Any], program: Program, *, behind_filter: bool
+) -> dict[str, Struct]:
+    """Struct of each record; of the parameters only what the law reads."""
+    live = {node.index for node in program.lowered.nodes}
+    used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
+    vehicle = controller.par.model.vehicle
+    angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n, tilts=angles)
+    units: dict[str, Units] = {"command": command_units(vehicle)}
+    if behind_filter:
+        units["memory"] = command_units(vehicle, "sent")
+    structs = {}
+    for key, record in (records | {"command": command}).items():
+        # measurement, reference and command have the same members in every law of a vehicle
+        everything = [True] * len(leaves(record))
+        structs[key] = make_struct(
+            record,
+            _member,
+            used if key == "parameters" else everything,
+            {**_on_torque(controller), **units.get(key, {})},
+        )
+    return structs
+
+
+MOST_LAYERS = 3
+"""Layers around a law at most: safety, rotors that tilt, actuators."""
+
+
+def _on_torque(controller: Controller) -> Units:
+    """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in two laws."""
+    deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
+    places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
+    if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
+        places += [(*place, "joint_gains") for place in deep]
+    return {("parameters", *place): TORQUE_GAINS for place in places}
+
+
+def _member(path: Place) -> str:
+    """Name of a struct's member: ("parameters", "model", "vehicle", "links", "0", "body", "mass") is link0_mass."""
+    words: list[str] = []
+    for part in path:
+        if part.isdigit() and words and words[-1] in SHORTER.values():
+            words[-1] += part
+        else:
+            words.append(SHORTER.get(part, C_NAMES.get(part, part)))
+    text = "_".join(word for word in words if word)
+    return text if text[:1].isalpha() else f"value{text}"
+
+
+def _header(controller: Controller, file: StepFile, period: float, operations: int, generator: str) -> list[str]:
+    """Lines of the opening comment: what the file is, of which law and vehicle, its conventions, how to compile it."""
+    name, vehicle = file.name, controller.par.model.vehicle
+    step = controller.law.func if isinstance(controller.law, partial) else controller.law
+    paragraphs = (inspect.getdoc(step) or controller.name).split("\n\n")
+    if not any(part.startswith("Source:") for part in paragraphs):  # of a law that is a file of its own
+        paragraphs += (inspect.getdoc(inspect.getmodule(step)) or "").split("\n\n")
+    clocked = any(member.name == "period" for member in file.structs["parameters"].members)
+    return [
+        f"{name}: controller '{controller.name}' for the vehicle '{vehicle.name}'.",
+        f"Generated by {generator}: change the law or the vehicle and export again, do not edit.",
+        "",
+        *(
+            line
+            for part in paragraphs
+            if part is paragraphs[0] or part.startswith("Source:")
+            for line in part.split("\n")
+        ),
+        *([f"Not defined at: {controller.limit}"] if controller.limit else []),
+        f"Structure: {', '.join(_structure(controller))}.",
+        "",
+        f"Vehicle: {vehicle.title or vehicle.name}",
+        *(
+            f"  joint {i}: {link.joint.name} of link {i} '{link.name}', {units_of(link.joint, vehicle)}"
+            for i, link in enumerate(vehicle.links)
+        ),
+        *(
+            f"  rotor {i}: {rotor.name}, {'ccw' if rotor.direction > 0 else 'cw'}, at "
+            f"[{', '.join(f'{float(c):.4g}' for c in rotor.position)}] m"
+            for i, rotor in enumerate(vehicle.rotors)
+        ),
+        "",
+        "SI units and radians. World z up; base x forward, y left, z up; quaternions w x y z, base to world.",
+        f"Call {name}_step once every {period:g} s{'' if clocked else ' or at another rate: this law has no clock'}.",
+        "A NaN that the law reads reaches the command: check the command before an actuator gets it.",
+        f"{operations} operations in {file.floats.kind}; nothing is allocated, nothing is global but constants.",
+        "",
+        f"  cc -std=c99 -O2 -c {name}.c        (link with -lm)",
+        "",
+        "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
+        f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
+    ]
+
+
+def _structure(controller: Controller) -> list[str]:
+    """Choices that are folded into the code, in words."""
+    par = controller.par
+    own = innermost(par)
+    if hasattr(own, "choices"):
+        return [f"mixer '{par.mixer.policy}'", *own.choices()]
+    terms, rate_error = getattr(own, "terms", None), getattr(own, "rate_error", None)
+    left_out = [name for name, kept in parts(terms).items() if not kept]
+    return [
+        f"mixer '{par.mixer.policy}'",
+        *([f"rate error '{rate_error}'"] if rate_error else []),
+        *([f"without {' and '.join(left_out)}"] if left_out else []),
+    ]

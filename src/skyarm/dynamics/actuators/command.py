@@ -1,0 +1,30 @@
+"""Command of a controller to the actuators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Command:
+    """A command holds rotor speeds (rad/s, unsigned), joint torques or forces (N m or N) and angles of tilting rotors.
+
+    ``tilts`` may be left out: then every rotor stays in the middle, at angle 0.
+    """
+
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned, in the order of the rotors above")] = ()
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "in the order of the joints above")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "of the rotors that tilt")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
+
+    def __post_init__(self) -> None:
+        # made in every period: what holds tuples already is not looked at
+        if not (type(self.rotor_speeds) is type(self.efforts) is type(self.tilts) is tuple):
+            accept_fields(self, "command")

@@ -1,0 +1,176 @@
+"""Joint drives: from a setpoint to the torque on the joint, with its limit, friction and hard stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, tanh
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.vehicle.linkage import Joint
+
+
+def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -> Any:
+    """Torque (N m) or force (N) on the joint: the limited command, less viscous and smooth Coulomb friction.
+
+    ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
+    The friction law c tanh(qd / v0) is smooth through zero, so that both plants integrate the same right-hand side.
+    """
+    return sub(mul(effectiveness, limited_effort(joint, command)), friction(joint, rate, rate))
+
+
+def limited_effort(joint: Joint, command: Any) -> Any:
+    """Commanded torque (N m) or force (N) within the drive's limit, either way."""
+    return clip(command, -joint.effort_limit, joint.effort_limit)
+
+
+def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
+    """Joint friction: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
+
+    A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
+    """
+    return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))
+
+
+def stop_force(joint: Joint, position: Any, rate: Any) -> Any:
+    """Torque or force of the stops at a joint's limits, N m or N; a structural 0 without stops.
+
+    k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
+    so that integrators of both plants meet no jump, and takes energy away with every push.
+    Source: Hunt, Crossley 1975, with a linear spring.
+    """
+    if not joint.has_stops:
+        return 0
+    k, more = joint.stop_stiffness, mul(joint.stop_damping, rate)
+    above = mul(maximum(sub(position, joint.upper), 0.0), maximum(add(1.0, more), 0.0))
+    below = mul(maximum(sub(joint.lower, position), 0.0), maximum(sub(1.0, more), 0.0))
+    return mul(k, sub(below, above))
+
+
+class Drive:
+    """A drive is the actuator of one joint. A subclass is a frozen dataclass of numbers with pure, traceable functions.
+
+    ``advance`` steps the memory once per control period; ``effort`` is evaluated at every stage of the integrator with
+    the memory held. The joint's own effort limit, its friction and its faults act on what ``effort`` gives.
+    """
+
+    __slots__ = ()
+
+    largest_step: float | None = None
+    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+
+    takes: ClassVar[str] = ""
+    """Unit of the setpoint, that of a revolute joint before that of a prismatic one: ``rad or m``; for logs."""
+
+    @classmethod
+    def require_stated(cls, stated: Collection[str]) -> None:
+        """Refuse a file's table that leaves out what others of its numbers need; ``stated`` are those that it has.
+
+        Raises:
+            ValueError: one line that begins with the field.
+        """
+
+    def why_short_steps(self) -> str:
+        """The numbers from which a very short ``largest_step`` follows, in words; empty where that is a field."""
+        return ""
+
+    def start(self, position: Any) -> Any:
+        """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
+        return ()
+
+    def begin(self, position: Any, setpoint: Any, dt: float) -> Any:
+        """First memory of a drive that needs to know more: the setpoint before the first command, the period (s)."""
+        return self.start(position)
+
+    def settled(self, memory: Any, position: Any, setpoint: Any) -> Any:
+        """A memory like ``memory``, of a drive that received its setpoint long ago: initial state of its model."""
+        return memory
+
+    def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+        """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
+        return memory
+
+    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Torque (N m) or force (N) on the joint."""
+        raise NotImplementedError(f"{type(self).__name__} must say its effort")
+
+    def largest_effort(self) -> Any:
+        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
+        return math.inf
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
+        return position
+
+    def setpoint(self, memory: Any, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The setpoint with which the drive gives an effort, by which torque laws fly it.
+
+        The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
+        """
+        return self.standing(effort, position)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TorqueDrive(Drive):
+    """The setpoint is the torque or force."""
+
+    takes: ClassVar[str] = "N m or N"
+
+    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+        """The setpoint itself."""
+        return setpoint
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The torque that holds the arm."""
+        return effort
+
+
+TORQUE_DRIVE = TorqueDrive()
+
+
+@dataclass(frozen=True, slots=True)
+class LaggedTorqueMemory:
+    """Torque at the end of the period that has begun, and its mean in that period, N m or N."""
+
+    following: Scalar
+    mean: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LaggedTorque(TorqueDrive):
+    """A lagged torque obeys T d(torque)/dt = setpoint - torque; within a control period its exact mean acts.
+
+    The impulse of every period is that of the continuous lag. The joint's own effort limit acts on the torque, not on
+    the setpoint, which is a torque: laws fly it as they are.
+    """
+
+    time_constant: Annotated[Scalar, Unit("s", "of the first-order lag", low=0.0, strict=True)]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "lagged_torque")
+
+    def start(self, position: Any) -> LaggedTorqueMemory:
+        """No torque yet."""
+        return LaggedTorqueMemory(0.0, 0.0)
+
+    def begin(self, position: Any, setpoint: Any, dt: float) -> LaggedTorqueMemory:
+        """The torque that has held the joint before the first command."""
+        return LaggedTorqueMemory(setpoint, setpoint)
+
+    def settled(self, memory: LaggedTorqueMemory, position: Any, setpoint: Any) -> LaggedTorqueMemory:
+        """The setpoint itself."""
+        return LaggedTorqueMemory(setpoint, setpoint)
+
+    def advance(self, memory: LaggedTorqueMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The lag of one period, exactly: from the torque at its begin, towards a setpoint that is held."""
+        share: Any = dt / self.time_constant
+        left = exp(-share)
+        before = memory.following - setpoint
+        return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))
+
+    def effort(self, memory: LaggedTorqueMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Mean torque of the period."""
+        return memory.mean

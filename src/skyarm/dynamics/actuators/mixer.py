@@ -1,0 +1,328 @@
+"""Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout, with priorities.
+
+Rotors that span all six directions of a wrench may give a force across body z besides.
+
+Yaw torque next to roll and pitch: rotor i asks for 0 <= t_i + p_i f + y_i u <= top_i with t_i the squared speed that
+roll and pitch take, f the thrust, u the yaw torque. Each is a lower and an upper bound of u, linear in f; u also stays
+between nothing and its demand, or goes ``slack`` beyond. Where every lower bound is below every upper one a yaw
+torque exists (Fourier-Motzkin elimination): an interval of f. It is never empty if the thrust alone can make room for
+roll and pitch, because then u = 0 will do.
+
+Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for any number of rotors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.records.coerce import concrete
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SMALL = 1e-9
+"""Of the largest: the least squared speed per N m of yaw that is reckoned with."""
+
+ENDLESS = 1e100
+"""N: no bound of the thrust."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Bounds of the yaw torque, N m: from ``low`` + ``slope`` f to ``high`` + ``slope`` f, f the thrust in N."""
+
+    low: Any
+    high: Any
+    slope: Any
+
+
+def yaw_bounds(
+    taken: Sequence[Any],
+    per_newton: Sequence[Any],
+    per_turn: Sequence[Any],
+    highest: Sequence[Any],
+    wanted: Any,
+    slack: Any,
+) -> list[Bound]:
+    """Bounds of the yaw torque by its demand and by each rotor.
+
+    Args:
+        taken: squared speeds for roll and pitch, (rad/s)^2.
+        per_newton: of each rotor, per N of thrust.
+        per_turn: per N m of yaw torque.
+        highest: squared speeds.
+        wanted: yaw torque, N m.
+        slack: N m, by which it may be missed beyond nothing.
+    """
+    largest: Any = 0.0
+    for each in per_turn:
+        largest = maximum(largest, absolute(each))
+    least = mul(SMALL, largest)
+    found = [Bound(minimum(0.0, sub(wanted, slack)), maximum(0.0, add(wanted, slack)), 0.0)]
+    for value, slope, turning, top in zip(taken, per_newton, per_turn, highest, strict=True):
+        by = where(absolute(turning) > least, turning, least)
+        a, b = divide(0.0 - value, by), divide(top - value, by)
+        found.append(Bound(minimum(a, b), maximum(a, b), 0.0 - divide(slope, by)))
+    return found
+
+
+def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
+    """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
+    low: Any = -ENDLESS
+    high: Any = ENDLESS
+    for i, under in enumerate(bounds):
+        for j, over in enumerate(bounds):
+            if i == j:
+                continue
+            # under.low + under.slope f <= over.high + over.slope f
+            steeper, room = sub(under.slope, over.slope), sub(over.high, under.low)
+            edge = divide(room, where(absolute(steeper) > 0.0, steeper, 1.0))
+            high = minimum(high, where(steeper > 0.0, edge, high))
+            low = maximum(low, where(steeper < 0.0, edge, low))
+    return minimum(maximum(wanted, low), high)
+
+
+def nearest_yaw(bounds: Sequence[Bound], thrust: Any, wanted: Any) -> Any:
+    """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
+    for each in bounds:
+        moved = mul(each.slope, thrust)
+        wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
+    return wanted
+
+
+POLICIES = ("clip", "priority", "thrust_before_yaw")
+
+LARGEST = 1e100
+"""Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
+
+
+AXES = ("roll torque", "pitch torque", "yaw torque", "thrust", "force along x", "force along y")
+"""Rows of an allocation matrix."""
+
+
+class AllocationError(ValueError):
+    """The rotors cannot produce independent torques and thrust."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mixer:
+    """Squared rotor speeds per unit of (torque x, y, z, thrust along body z).
+
+    Attributes:
+        inverse: one row of four per rotor, (rad/s)^2 per N m or N.
+        highest: largest squared speed of each rotor, (rad/s)^2.
+        policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
+            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
+            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:func:`yaw_bounds`).
+        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the wanted one, to keep
+            the thrust.
+        across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
+            asked for one. ``inverse`` then gives none.
+    """
+
+    inverse: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("(rad/s)^2 per N m or N", "for torque x, y, z and thrust, a row a rotor; follows from the rotors"),
+    ]
+    highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
+    policy: str = "clip"
+    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque against the wanted one that keeping the thrust may take")] = (
+        0.0
+    )
+    across: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("(rad/s)^2 per N", "for force along body x and y, a row a rotor; follows from the rotors"),
+    ] = ()
+
+
+def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Any]]:
+    """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed.
+
+    ``sideways`` adds the rows of force along body x and y.
+    """
+    columns = []
+    for rotor in vehicle.rotors:
+        force = rotor.axis * rotor.thrust_coefficient
+        drag = rotor.axis * mul(mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient)
+        columns.append((*(rotor.position.cross(force) + drag), force.z, *((force.x, force.y) if sideways else ())))
+    return [[column[row] for column in columns] for row in range(6 if sideways else 4)]
+
+
+def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Any = 0.0) -> Mixer:
+    """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix; ``sideways`` of all its six rows.
+
+    Raises:
+        AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
+            6), or, for "priority", a rotor has no share in the thrust.
+    """
+    if policy not in POLICIES:
+        raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
+    A = allocation_matrix(vehicle, sideways)
+    _require_rank(vehicle, A)
+    gram, size = [[inner_product(a, b) for b in A] for a in A], len(A)
+    inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)]
+    rows = tuple(
+        tuple(inner_product([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
+        for rotor in range(len(vehicle.rotors))
+    )
+    if policy != "clip":
+        _require_thrust_shares(vehicle, [row[3] for row in rows])
+    highest = tuple(push(rotor, rotor.max_speed) for rotor in vehicle.rotors)
+    across = tuple(row[4:] for row in rows) if sideways else ()
+    inverse = tuple(row[:4] for row in rows)
+    return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
+
+
+def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
+    """Concrete layouts must reach torque about three axes and thrust, or all of a wrench, independently."""
+    if not concrete(*(entry for row in A for entry in row)):
+        return
+    import numpy as np
+
+    matrix = np.array(A, dtype=float).reshape(len(A), len(vehicle.rotors))
+    for rotor, column in zip(vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True):
+        if not column < LARGEST:
+            raise AllocationError(
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N or N m per (rad/s)^2: must be "
+                f"below {LARGEST:g}; check its thrust_coefficient and position"
+            )
+    # rows are scaled to unit length, because torque and thrust have different units
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((len(A), 1))
+    scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
+    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
+    if rank < len(A):
+        # an axis is lost where the others' rows span its own
+        others = [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
+        lost = [name for name, left in zip(AXES, others, strict=False) if np.linalg.matrix_rank(left, tol=1e-6) == rank]
+        raise AllocationError(
+            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: must be {len(A)}; "
+            f"no {', '.join(lost or AXES[: len(A)])} of its own; check rotor positions, axes and directions"
+        )
+
+
+def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
+    """Every rotor must speed up with thrust: the priority policy makes room for torque by moving the thrust."""
+    if not concrete(*per_newton):
+        return
+    for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
+        if value <= 1e-6 * max(per_newton):
+            raise AllocationError(
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g} (rad/s)^2 per N of thrust: must be "
+                "positive for a mixer policy with priorities; use 'clip' or change the rotor's axis"
+            )
+
+
+def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Rotor speeds (rad/s) for a body torque (N m), a thrust along body z and a force across it (N).
+
+    A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
+
+    Returns:
+        The commanded speeds and the squared speeds of torque and thrust before any limit.
+    """
+    raw = tuple(inner_product(row, [*torque, thrust]) for row in mixer.inverse)
+    allowed = _prioritized(mixer, torque, thrust) if mixer.policy != "clip" else raw
+    if mixer.across:
+        side = [inner_product(row, [across.x, across.y]) for row in mixer.across]
+        allowed = _with_side(mixer, raw, allowed, side)
+    return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
+
+
+def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
+    """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
+
+    1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
+    leave that room. 3. Yaw takes the largest share of what remains.
+    """
+    per_newton = [row[3] for row in mixer.inverse]
+    tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
+    share = _tilt_share(tilt, per_newton, mixer.highest)
+    tilt = [mul(each, share) for each in tilt]
+    if mixer.policy == "thrust_before_yaw":
+        return _thrust_before_yaw(mixer, tilt, torque.z, thrust)
+    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
+    low, high = _thrust_range(tilt, per_newton, mixer.highest)
+    held = minimum(maximum(thrust, low), high)
+    kept = [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
+    yaw_share = _largest_share(kept, yaw, mixer.highest)
+    wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
+    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+
+
+def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
+    """Squared speeds within [0, highest] in addition to roll and pitch: thrust first, then yaw torque."""
+    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
+    room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
+    held = nearest_thrust(room, thrust)
+    turn = nearest_yaw(room, held, yaw)
+    wanted = [
+        add(add(value, mul(slope, held)), mul(turning, turn))
+        for value, slope, turning in zip(tilt, per_newton, per_turn, strict=True)
+    ]
+    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+
+
+def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> Any:
+    """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
+
+    Rotor i asks for thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
+    e = highest / per_newton: every pair must agree (Fourier-Motzkin elimination of the thrust).
+    """
+    d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]
+    e = [divide(top, slope) for top, slope in zip(highest, per_newton, strict=True)]
+    share: Any = 1.0
+    for j, d_j in enumerate(d):
+        for i, d_i in enumerate(d):
+            if i != j:
+                spread = sub(d_j, d_i)
+                share = minimum(share, where(spread > 0.0, divide(e[j], spread), share))
+    return share
+
+
+def _thrust_range(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> tuple[Any, Any]:
+    """Smallest and largest thrust (N) with 0 <= tilt_i + thrust per_newton_i <= highest_i for all i."""
+    low: Any = None
+    high: Any = None
+    for value, slope, top in zip(tilt, per_newton, highest, strict=True):
+        at_zero, at_top = divide(0.0 - value, slope), divide(top - value, slope)
+        low = at_zero if low is None else maximum(low, at_zero)
+        high = at_top if high is None else minimum(high, at_top)
+    return low, high
+
+
+def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequence[Any]) -> Any:
+    """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
+    share: Any = 1.0
+    for value, change, top in zip(fixed, wanted, highest, strict=True):
+        up, down = divide(top - value, change), divide(0.0 - value, change)
+        limit = where(change > 0.0, up, where(change < 0.0, down, share))
+        share = minimum(share, maximum(limit, 0.0))
+    return share
+
+
+def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: Sequence[Any]) -> tuple[Any, ...]:
+    """Squared speeds with the largest share of a force across body z that fits.
+
+    It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
+    is left beside what the limits leave of them (``allowed``).
+    """
+    if mixer.policy == "clip":
+        return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
+    low: Any = 0.0
+    high: Any = 1.0
+    for value, change, top in zip(raw, side, mixer.highest, strict=True):
+        to_zero, to_top = divide(0.0 - value, change), divide(top - value, change)
+        inside = logical_and(value >= 0.0, value <= top)
+        low = maximum(low, where(change > 0.0, to_zero, where(change < 0.0, to_top, where(inside, 0.0, 2.0))))
+        high = minimum(high, where(change > 0.0, to_top, where(change < 0.0, to_zero, 1.0)))
+    left = _largest_share(allowed, side, mixer.highest)
+    fits = low <= high
+    rows = zip(raw, allowed, side, mixer.highest, strict=True)
+    return tuple(
+        minimum(where(fits, add(value, mul(high, change)), add(kept, mul(left, change))), top)
+        for value, kept, change, top in rows
+    )

@@ -1,0 +1,188 @@
+"""Rotor speeds and joint torques with which a vehicle moves exactly along a reference, at many instants at once.
+
+The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
+points, the heading the rest, their changes the angular velocity and acceleration, and inverse dynamics the torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm import dynamics
+from skyarm.algebra import Mat3, Vec3
+from skyarm.dynamics.actuators.mixer import make_mixer
+from skyarm.dynamics.state import proper_acceleration
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[Any]
+
+REACTIONS = 2
+"""Rounds in which the reaction of the arm's own motion turns the force that the base must give."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Motion:
+    """A motion of base and joints at K instants; every number of the vehicle's own frame follows.
+
+    Attributes:
+        time: (K,) s, rising. acceleration: (3, K) of the base origin, world axes, m/s^2. yaw: (K,) rad.
+        joints, rates, accelerations: (n, K) rad or m, and per s and s^2.
+    """
+
+    time: Array
+    acceleration: Array
+    yaw: Array
+    joints: Array
+    rates: Array
+    accelerations: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """Actuator demand of a motion.
+
+    Attributes:
+        time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
+        joints, rates: (n, K) rad or m, and per s. tilt: (K,) rad, of the base's z axis off the vertical.
+        turning: (K,) rad/s^2, angular acceleration of the base.
+    """
+
+    time: Array
+    squared: Array
+    efforts: Array
+    joints: Array
+    rates: Array
+    tilt: Array
+    turning: Array
+
+
+def motion_of(reference: Any, time: Array) -> Motion:
+    """The motion of a reference whose scalars are arrays of K numbers, or numbers."""
+
+    def lanes(values: Any) -> Array:
+        rows = [np.broadcast_to(np.asarray(v, dtype=float), len(time)) for v in values]
+        return np.stack(rows) if rows else np.zeros((0, len(time)))
+
+    return Motion(
+        time=time,
+        acceleration=lanes(reference.acceleration),
+        yaw=lanes([reference.yaw])[0],
+        joints=lanes(reference.joints),
+        rates=lanes(reference.joint_rates),
+        accelerations=lanes(reference.joint_accelerations),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """Generalised force of the surroundings on the vehicle.
+
+    Attributes:
+        torque, force: (3, K) about and at the base origin, base axes, N m and N. efforts: (n, K) N m or N.
+    """
+
+    torque: Array
+    force: Array
+    efforts: Array
+
+
+DisturbanceAt = Callable[[Array, Array, Array], Disturbance]
+"""From attitude R_WB (3, 3, K), angular velocity (3, K) rad/s and squared rotor speeds (rotors, K) to what acts."""
+
+ROUNDS = 30
+"""Rounds in which rotor speeds settle that change what acts on the vehicle: a rotor that gives half of its thrust
+leaves 1e-9 of the error, one of six that gives none 5e-6."""
+
+SETTLED = 1e-6
+"""Share of the largest of them by which neither squared speeds nor the wrench change any more."""
+
+
+def demand_of_motion(
+    vehicle: Vehicle,
+    gravity: float,
+    motion: Motion,
+    settled: Callable[[Array], Array] = np.asarray,
+    disturbance: DisturbanceAt | None = None,
+) -> Demand:
+    """Rotor speeds and joint efforts that follow a motion exactly.
+
+    Args:
+        vehicle: rigid bodies, rotors and the joints' friction.
+        gravity: m/s^2.
+        motion: at instants near enough that attitude may be differentiated between them.
+        settled: what the attitude follows of the force (3, K) that it is turned by; all of it if left out.
+        disturbance: of the surroundings; none if left out. The tilt against it is steady: it takes no torque to reach.
+    """
+    a, yaw, count = motion.acceleration, motion.yaw, len(motion.time)
+    q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
+
+    def lanes(values: Any) -> Array:
+        rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
+        return np.stack(rows) if rows else np.zeros((0, count))
+
+    needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
+    still = Vec3(0.0, 0.0, 0.0)
+    for _ in range(REACTIONS):
+        R = attitude(settled(needed), yaw)
+        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
+        force, _ = dynamics.inverse_dynamics(vehicle, q, still, qd, base, qdd)
+        needed = np.einsum("ijk,jk->ik", R, lanes(force.force))
+    R = attitude(settled(needed), yaw)
+    rate, turning = rates_of(R, motion.time)
+    inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
+    outside = Disturbance(np.zeros((3, 1)), np.zeros((3, 1)), np.zeros((1, 1)))
+    squared, wrench = np.zeros((len(vehicle.rotors), count)), np.zeros((6, count))
+    for again in reversed(range(1 if disturbance is None else ROUNDS)):
+        before, base = (squared, wrench), proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+        force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
+        needed = np.einsum("ijk,jk->ik", R, lanes(force.force) - outside.force)
+        wrench = np.vstack([lanes(force.torque) - outside.torque, needed])
+        squared = inverse @ np.vstack([wrench[:3], np.einsum("ik,ik->k", R[:, 2], needed)[None]])
+        if disturbance is None or not again or _settled(before, (squared, wrench)):
+            break
+        R = attitude(settled(needed), yaw)
+        outside = disturbance(R, rate, squared)
+    friction = [
+        float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
+        for k, rates in zip(vehicle.links, qd, strict=True)
+    ]
+    return Demand(
+        motion.time,
+        np.asarray(squared),
+        lanes(efforts) - (outside.efforts if vehicle.n else 0.0) + (np.array(friction) if friction else 0.0),
+        motion.joints,
+        motion.rates,
+        np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),
+        np.linalg.norm(turning, axis=0),
+    )
+
+
+def _settled(before: Sequence[Array], now: Sequence[Array]) -> bool:
+    return all(np.max(np.abs(b - a)) < SETTLED * np.max(np.abs(b)) for a, b in zip(before, now, strict=True))
+
+
+def attitude(force: Array, yaw: Array) -> Array:
+    """R_WB (3, 3, K) whose z is along the force and whose x heads along the yaw (Mellinger, Kumar 2011)."""
+    length = np.linalg.norm(force, axis=0)
+    z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))  # a square that overflows: no direction
+    heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
+    y = np.cross(z, heading, axis=0)
+    y /= np.maximum(np.linalg.norm(y, axis=0), 1e-12)
+    return np.stack([np.cross(y, z, axis=0), y, z], axis=1)
+
+
+def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
+    """Angular velocity and acceleration (3, K), base axes, by central differences."""
+    dR = np.gradient(R, time, axis=2, edge_order=2)
+    W = np.einsum("jik,jlk->ilk", R, dR)
+    rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
+    return rate, np.gradient(rate, time, axis=1, edge_order=2)
+
+
+def _matrix(R: Array) -> Mat3:
+    return Mat3(*(Vec3(*(R[i, j] for j in range(3))) for i in range(3)))

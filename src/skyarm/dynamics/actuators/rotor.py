@@ -1,0 +1,160 @@
+"""One rotor: speed lag, thrust, drag torque, hub drag, rolling moment.
+
+Source: Furrer, Burri, Achtelik, Siegwart 2016 (RotorS), gazebo_motor_model.cpp at commit cd813b7a8c37. Left out:
+RotorS's delay of one physics step between a filtered speed and its force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import ZERO3, Force, Vec3
+from skyarm.algebra.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.vehicle.vehicle_records import Rotor
+
+
+def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
+    """Rotor speed (rad/s) after ``dt`` seconds of a held command: the asymmetric first-order lag solved exactly.
+
+    The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
+    limited to the rotor's highest speed.
+    """
+    target = minimum(command, rotor.max_speed)
+    rising, falling = (exp(divide(-dt, tau)) for tau in (rotor.time_constant_up, rotor.time_constant_down))
+    return target + (speed - target) * where(target > speed, rising, falling)
+
+
+def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+    """Speeds (rad/s) of all rotors after ``dt`` seconds of held commands."""
+    rows = zip(rotors, speeds, commands, strict=True)
+    return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
+
+
+def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1) -> Force:
+    """Force of a rotor on the base: torque about and force at the base origin, base axes.
+
+    Args:
+        rotor: pose and coefficients.
+        speed: rad/s, unsigned.
+        velocity: of the hub against the air, base axes, m/s.
+        effectiveness: share of thrust and drag torque that a fault leaves; a structural 1 folds away.
+
+    thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
+    rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
+    """
+    return _alike([(rotor, speed, effectiveness)], [ZERO3], velocity, ZERO3).moved(rotor.position)
+
+
+def rotor_forces(
+    rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3, rate: Vec3, effectiveness: Sequence[Any] = ()
+) -> Force:
+    """Sum of :func:`rotor_force` over all rotors of a base.
+
+    Rotors with one axis and one set of coefficients are summed before their coefficients enter, about a point that has
+    what their positions have in common.
+
+    Args:
+        rotors: poses and coefficients.
+        speeds: rad/s, unsigned.
+        velocity: of the base origin against the air, base axes, m/s.
+        rate: angular velocity of the base, base axes, rad/s.
+        effectiveness: of each rotor; all whole if left out.
+    """
+    total = Force(ZERO3, ZERO3)
+    left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
+    while left:
+        first = left[0][0]
+        group = [pair for pair in left if _similar(pair[0], first)]
+        left = [pair for pair in left if not _similar(pair[0], first)]
+        center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
+        beside = [_beside(rotor.position, center) for rotor, *_ in group]
+        hub = _alike(group, beside, velocity + rate.cross(center), rate)
+        total = total + hub.moved(center)
+    return total
+
+
+Turning = tuple[Rotor, Any, Any]
+"""A rotor, its speed (rad/s) and its effectiveness."""
+
+
+def _components(group: Sequence[Turning]) -> list[tuple[Any, ...]]:
+    """All x, all y and all z of the rotors' positions."""
+    return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
+
+
+def _beside(position: Vec3, center: Vec3) -> Vec3:
+    """Position from the centre, whose components are the position's own or structural zeros."""
+    return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
+
+
+def _similar(a: Rotor, b: Rotor) -> bool:
+    """Whether two rotors have one axis and one set of coefficients."""
+
+    def numbers(rotor: Rotor) -> tuple[Any, ...]:
+        drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
+        return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
+
+    # each rotor's own table is evaluated for it, whose sums are alike by the coefficients
+    return all(map(same, numbers(a), numbers(b)))
+
+
+def push(rotor: Rotor, speed: Any) -> Any:
+    """Thrust over the thrust coefficient, (rad/s)^2: the squared speed, or what the rotor's table has in its place."""
+    return speed * speed if rotor.table is None else rotor.table.push(speed)
+
+
+def speed_of_push(rotor: Rotor, value: Any) -> Any:
+    """The inverse of :func:`push`, rad/s."""
+    return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
+
+
+def _have_inertia(rotors: Sequence[Rotor]) -> bool:
+    """Whether a change of some rotor's speed pushes the base."""
+    return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
+
+
+def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], rate: Vec3) -> Vec3:
+    """Torque on the base of rotors that turn faster or slower and whose spin is turned with the base, base axes, N m.
+
+    The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction
+    (dW/dt n + W w x n), with dW/dt of the lag. Source: Hughes 1986, Spacecraft Attitude Dynamics, section 3.4, of
+    gyrostats.
+
+    Args:
+        rotors: with their inertia.
+        speeds: rad/s, now.
+        commands: rad/s; empty for rotors that keep their speed.
+        rate: angular velocity of the base, base axes, rad/s.
+    """
+    total = ZERO3
+    if not _have_inertia(rotors):
+        return total
+    for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
+        target = minimum(command, rotor.max_speed)
+        lag = where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
+        spin = mul(rotor.inertia, rotor.direction)
+        turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(target - speed, lag)
+        total = total - turned * spin
+    return total
+
+
+def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
+    """Torque about the origin and force of rotors that differ in position and direction of rotation only.
+
+    v_perp = v - (v.n) n is written so that a structural axis leaves two components.
+    """
+    like = group[0][0]
+    n = like.axis
+    pushing, twist, arm = 0, 0, ZERO3  # sums of effective W^2, of it against the direction of rotation, of r by it
+    drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
+    for (rotor, speed, left), r in zip(group, positions, strict=True):
+        square = mul(left, push(rotor, speed))
+        turning = square if rotor.table is None else mul(left, rotor.table.twist(speed))
+        pushing, twist, arm = add(pushing, square), sub(twist, mul(rotor.direction, turning)), arm + r * square
+        slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
+        drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
+    k, c = like.thrust_coefficient, like.drag_coefficient
+    force = n * mul(k, pushing) - drag * c
+    torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)
+    return Force(torque - drag_arm * c - drag * like.rolling_moment_coefficient, force)

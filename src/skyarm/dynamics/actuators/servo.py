@@ -1,0 +1,265 @@
+"""Servos of joints: a loop around a geared DC motor whose setpoint is an angle or a rate, as in hobby and robot servos.
+
+The proportional and derivative parts act at every stage of the integrator: a servo's own loop runs at 1 kHz and faster,
+which is as good as continuous beside a control period. What has a memory (the integral, the goal that its speed limit
+moves, setpoints on their way, the encoder's rounding) is stepped once per control period.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from skyarm.algebra.scalars import Scalar, add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
+from skyarm.dynamics.actuators.drive import Drive
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ServoMemory:
+    """Memory of a servo between two control periods.
+
+    Attributes:
+        goal: the setpoint that its loop holds, rad or m, or their rates.
+        integral: of the loop's error, rad s or rad.
+        rounding: what the encoder's rounding added to the position when it was last read, rad or m.
+        waiting: setpoints on their way, oldest first.
+    """
+
+    goal: Annotated[Scalar, Unit("rad or m, or per s", "setpoint that the loop holds")]
+    integral: Annotated[Scalar, Unit("rad s or rad", "of the loop's error")]
+    rounding: Annotated[Scalar, Unit("rad or m", "added to the position when it was read")]
+    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints on their way, oldest first")]
+
+
+NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
+"""Numbers of a motor without which another one says nothing about its torque."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Servo(Drive):
+    """A servo is a motor behind a gear with a loop of its own; positions and rates are the joint's.
+
+    Motor and supply bound the torque. The current is at most ``current_limit``, and what the supply drives through the
+    winding against the motor's counter-voltage: between (-U - k_e qd) / R and (U - k_e qd) / R with k_e = gear
+    ``torque_constant``. That is the line of a data sheet from the stall torque gear ``torque_constant`` ``efficiency``
+    U / R at rest to zero at the no-load speed U / k_e. Source: Spong, Hutchinson, Vidyasagar 2006, section 6.1.
+
+    The gains are torque per error of the joint. A loop on voltage has them too: a gain of V/rad times the stall torque
+    over U is one of N m/rad, and its motor's counter-voltage adds stall torque / no-load speed to the damping.
+
+    Attributes:
+        inertia: the least that the joint moves about its axis with its armature, kg m^2 (or kg): with the gains it says
+            how long a step of the integrator may be.
+    """
+
+    inertia: Annotated[Scalar, Unit("kg m^2 or kg", "least inertia that the joint moves", low=0.0, strict=True)]
+    integral: Annotated[Scalar, Unit("N m/(rad s) or N m/rad", "of position or rate", low=0.0)] = 0.0
+    gear: Annotated[Scalar, Unit("", "turns of the motor per turn of the joint", low=0.0, strict=True)] = 1.0
+    efficiency: Annotated[Scalar, Unit("", "of the gear", low=0.0, high=1.0)] = 1.0
+    torque_constant: Annotated[Scalar, Unit("N m/A", "of the motor", low=0.0, strict=True)] = 1.0
+    resistance: Annotated[Scalar, Unit("ohm", "of the winding", low=0.0, strict=True)] = 1.0
+    voltage: Annotated[Scalar, Unit("V", "of the supply", low=0.0, infinite=True)] = math.inf
+    current_limit: Annotated[Scalar, Unit("A", low=0.0, infinite=True)] = math.inf
+    torque_limit: Annotated[Scalar, Unit("N m or N", "of the joint", low=0.0, infinite=True)] = math.inf
+    speed_limit: Annotated[Scalar, Unit("rad/s or m/s", "of the goal", low=0.0, infinite=True)] = math.inf
+    latency: Annotated[Scalar, Unit("s", "before a setpoint is heard; the same in all episodes", low=0.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        if concrete(self.efficiency) and not self.efficiency > 0.0:
+            raise RecordError(f"efficiency = {self.efficiency!r}: must be above 0 and at most 1")
+
+    @classmethod
+    def require_stated(cls, stated: Collection[str]) -> None:
+        """A motor's voltage bounds its torque by its winding, its current by its constant: none of them is guessed."""
+        for given, needed in NEEDS.items():
+            for name in needed:
+                if given in stated and name not in stated:
+                    raise ValueError(f"{name}: must be stated beside {given}, which bounds the torque by it")
+
+    def bounds(self, rate: Any) -> tuple[Any, Any]:
+        """Least and largest torque (N m) or force (N) that motor and supply give at a joint's rate."""
+        per_volt, counter = mul(self.gear, self.torque_constant), mul(mul(self.gear, self.torque_constant), rate)
+        per_ampere = mul(per_volt, self.efficiency)
+        low = maximum(divide(sub(-self.voltage, counter), self.resistance), -self.current_limit)
+        high = minimum(divide(sub(self.voltage, counter), self.resistance), self.current_limit)
+        # beyond the no-load speed the winding brakes, with no more than the current limit either
+        low, high = minimum(low, self.current_limit), maximum(high, -self.current_limit)
+        most = self.torque_limit
+        return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
+
+    def largest_effort(self) -> Any:
+        """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
+        return self.bounds(0.0)[1]
+
+    def start(self, position: Any) -> ServoMemory:
+        """A loop that holds the joint where it is."""
+        raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
+
+    def why_short_steps(self) -> str:
+        """Numbers of loop and motor that make short steps necessary."""
+        names = [name for name in ("stiffness", "gain", "damping") if getattr(self, name, 0.0)]
+        if math.isfinite(self.voltage):
+            names += ["gear", "torque_constant", "resistance"]
+        return ", ".join(f"{name} = {float(getattr(self, name)):g}" for name in (*names, "inertia"))
+
+    def _half_time(self, D: float, K: float) -> float:
+        """Half of one over the faster root of inertia s^2 + D s + K, or over that of the motor against its supply.
+
+        RK4 then errs by (1/2)^5 / 120 of the motion in a step at most.
+        """
+        J, split = float(self.inertia), D * D - 4.0 * K * float(self.inertia)
+        loop = math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J)
+        per_ampere = float(self.gear) * float(self.torque_constant)
+        motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
+        return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
+
+    def settled(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
+        """A loop that received its setpoint long ago."""
+        waiting = (setpoint,) * len(memory.waiting)
+        return ServoMemory(goal=self._told(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
+
+    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
+        """A loop that received its setpoint long ago; the latency says how many more are on their way."""
+        if not concrete(self.latency):
+            raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
+        count = math.ceil(self.latency / dt - 1e-9)
+        empty = ServoMemory(goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count)
+        return self.settled(empty, position, setpoint)
+
+    def _told(self, setpoint: Any) -> Any:
+        """The setpoint as the loop holds it."""
+        return setpoint
+
+    def _heard(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
+        """The setpoint that arrives in this period on average, and those still on their way."""
+        count = len(memory.waiting)
+        if count == 0:
+            return setpoint, ()
+        seen = (*memory.waiting, setpoint)
+        # the older of the two between which the latency lies, and its share of the period
+        older, newer, share = seen[0], seen[1], clip(self.latency / dt - (count - 1), 0.0, 1.0)
+        return newer + (older - newer) * share, seen[1:]
+
+    def _integrated(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
+        """The integral after a period; it stands still while a bound holds the torque that it asks for more of.
+
+        Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
+        """
+        low, high = self.bounds(rate)
+        moved = memory.integral + error * dt
+        pushing_up, pushing_down = logical_and(asked > high, error > 0.0), logical_and(asked < low, error < 0.0)
+        return where(pushing_up, memory.integral, where(pushing_down, memory.integral, moved))
+
+    def _bounded(self, asked: Any, rate: Any) -> Any:
+        low, high = self.bounds(rate)
+        return clip(asked, low, high)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PositionServo(Servo):
+    """A position servo: its setpoint is an angle (rad) or a length (m).
+
+    torque = stiffness (goal - q) - damping qd + integral times the integral of (goal - q). The derivative is of the
+    measured position, so that a step of the setpoint gives no kick. The goal follows the setpoint no faster than
+    ``speed_limit``. Goal and position are told in multiples of ``resolution``; the position's rounding is that of its
+    reading at the beginning of a control period.
+    """
+
+    takes: ClassVar[str] = "rad or m"
+
+    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", low=0.0, strict=True)]
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "on the measured rate", low=0.0)] = 0.0
+    resolution: Annotated[Scalar, Unit("rad or m", "of positions; an int of 0 is structure", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        # a subclass of slots is made anew: super() without its class would look at the first
+        Servo.__post_init__(self)
+        if concrete(self.resolution) and self.resolution == 0.0:
+            object.__setattr__(self, "resolution", 0)
+
+    @property
+    def largest_step(self) -> float | None:  # type: ignore[override]
+        """Half the time in which loop and motor change, s."""
+        return self._half_time(float(self.damping), float(self.stiffness))
+
+    def _told(self, setpoint: Any) -> Any:
+        return self._rounded(setpoint)
+
+    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+        """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
+        heard, waiting = self._heard(memory, setpoint, dt)
+        step = mul(self.speed_limit, dt)
+        goal = memory.goal + clip(self._rounded(heard) - memory.goal, -step, step)
+        rounding = self._rounded(position) - position
+        error = goal - position - rounding
+        asked = self._asked(goal, memory.integral, position + rounding, rate)
+        integral = self._integrated(memory, error, asked, rate, dt)
+        return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
+
+    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Torque of the loop, within the bounds of motor and supply."""
+        return self._bounded(self._asked(memory.goal, memory.integral, position + memory.rounding, rate), rate)
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """Next to the joint, by the deflection of the loop's spring under the torque."""
+        return position + divide(effort, self.stiffness)
+
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        per_error = add(self.stiffness, mul(self.integral, dt))
+        return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
+
+    def _asked(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
+        return self.stiffness * (goal - position) - self.damping * rate + self.integral * integral
+
+    def _rounded(self, value: Any) -> Any:
+        if type(self.resolution) is int:
+            return value
+        return self.resolution * floor(value / self.resolution + 0.5)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VelocityServo(Servo):
+    """A velocity servo: its setpoint is the joint's rate (rad/s or m/s).
+
+    torque = gain (goal - qd) + integral times the integral of (goal - qd). The goal is the setpoint within
+    ``speed_limit``.
+    """
+
+    takes: ClassVar[str] = "rad/s or m/s"
+
+    gain: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0, strict=True)]
+
+    @property
+    def largest_step(self) -> float | None:  # type: ignore[override]
+        """Half the time in which loop and motor change, s."""
+        return self._half_time(float(self.gain), 0.0)
+
+    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+        """Receive the next setpoint, integrate the error."""
+        heard, waiting = self._heard(memory, setpoint, dt)
+        goal = clip(heard, -self.speed_limit, self.speed_limit)
+        error = goal - rate
+        integral = self._integrated(memory, error, self._asked(goal, memory.integral, rate), rate, dt)
+        return ServoMemory(goal=goal, integral=integral, rounding=memory.rounding, waiting=waiting)
+
+    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Torque of the loop, within the bounds of motor and supply."""
+        return self._bounded(self._asked(memory.goal, memory.integral, rate), rate)
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The rate setpoint that gives the torque at a joint at rest."""
+        return divide(effort, self.gain)
+
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
+
+    def _asked(self, goal: Any, integral: Any, rate: Any) -> Any:
+        return add(mul(self.gain, goal - rate), mul(self.integral, integral))

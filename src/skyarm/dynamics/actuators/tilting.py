@@ -1,0 +1,170 @@
+"""Rotors turned by servos: the angle's lag, a vehicle as its angles leave it, and a tilting rotor as two fixed ones.
+
+A force k s in the plane that a rotor turns in is linear in the pair (s cos a, s sin a) of its squared speed s and angle
+a, and so are its torques, the drag torque included, which stays along the turned axis. Here the pair stands in the
+basis of two axes, at the ends of the angles in use: every force between them has two squared speeds of at least 0, so
+that allocation, priorities and limits of fixed rotors hold for it. Where the two axes are perpendicular, the least sum
+of squares is that of the pairs. Source: Kamel et al. 2018, The Voliro omniorientational hexacopter, IEEE Robotics and
+Automation Magazine 25(4), section Control allocation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    atan2,
+    clip,
+    cos,
+    divide,
+    exp,
+    maximum,
+    minimum,
+    mul,
+    sign,
+    sin,
+    sqrt,
+    sub,
+)
+from skyarm.dynamics.actuators.command import Command
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.vehicle.tilt import Tilt
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+FASTEST = 1e9
+"""rad/s: the largest rate that is reckoned with."""
+
+
+def angle_after(tilt: Tilt, angle: Any, setpoint: Any, dt: Any) -> Any:
+    """Angle (rad) of a rotor's servo after ``dt`` seconds of a held setpoint.
+
+    The rate is (setpoint - angle) / time_constant within +-max_rate: the angle moves at the largest rate until what is
+    left is max_rate time_constant, then as a first-order lag. Both are solved exactly. The setpoint is limited to the
+    servo's range.
+    """
+    goal = clip(setpoint, tilt.lower, tilt.upper)
+    rate = minimum(tilt.max_rate, FASTEST)
+    error = sub(angle, goal)
+    size = absolute(error)
+    at_rate = clip(divide(sub(size, mul(rate, tilt.time_constant)), rate), 0.0, dt)
+    left = mul(sub(size, mul(rate, at_rate)), exp(divide(sub(at_rate, dt), tilt.time_constant)))
+    return goal + mul(sign(error), maximum(left, 0.0))
+
+
+def angles_after(vehicle: Vehicle, angles: Sequence[Any], setpoints: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+    """Angles (rad) of all servos of a vehicle after ``dt`` seconds of held setpoints."""
+    rows = zip(vehicle.tilts, angles, setpoints, strict=True)
+    return tuple(angle_after(tilt, angle, setpoint, dt) for tilt, angle, setpoint in rows)
+
+
+def turned_rotor(rotor: Rotor, angle: Any) -> Rotor:
+    """A rotor whose axis stands where its servo holds it: n cos a + (t x n) sin a, with t across n."""
+    if rotor.tilt is None:
+        return rotor
+    axis = rotor.axis * cos(angle) + rotor.tilt.axis.cross(rotor.axis) * sin(angle)
+    return dataclasses.replace(rotor, axis=axis, tilt=None)
+
+
+def turned(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
+    """The vehicle with its rotors' axes where the servos hold them; the same record where none tilts."""
+    if not vehicle.tilts:
+        return vehicle
+    left = iter(angles)
+    rotors = tuple(each if each.tilt is None else turned_rotor(each, next(left)) for each in vehicle.rotors)
+    return vehicle.with_checked(rotors=rotors)
+
+
+def with_rest(vehicle: Vehicle, command: Command) -> Command:
+    """A command that says nothing of the vehicle's servos, with all of them at rest; any other as it is."""
+    if not vehicle.tilts or command.tilts:
+        return command
+    return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))
+
+
+WIDEST = math.pi / 4.0
+"""rad: the angles in use go so far to either side of rest; then the two axes are perpendicular."""
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """A rotor's part of a wrench: squared speed, (rad/s)^2, and angle, rad."""
+
+    push: Any
+    angle: Any
+
+
+def ends(tilt: Tilt) -> tuple[Any, Any]:
+    """Angles of the two axes of a rotor's pair, rad: the servo's range within +-WIDEST."""
+    return maximum(tilt.lower, -WIDEST), minimum(tilt.upper, WIDEST)
+
+
+def as_pairs(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with two fixed rotors in place of each that tilts; the same record where none does.
+
+    Each of the two goes so far that both together give the rotor's largest thrust midway between them, and never more
+    than it: at an end of the range that leaves 1 / (2 cos h) of it, h half the angle between them (0.71 at 45 deg).
+    """
+    if not vehicle.tilts:
+        return vehicle
+    rotors: list[Rotor] = []
+    for each in vehicle.rotors:
+        rotors += [each] if each.tilt is None else _pair(each, each.tilt)
+    return dataclasses.replace(vehicle, rotors=tuple(rotors))
+
+
+def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
+    low, high = ends(tilt)
+    both = mul(2.0, cos(mul(0.5, sub(high, low))))
+    # hub drag is linear in the speeds, of which two make up for one
+    share = mul(0.5, sqrt(both))
+    found = []
+    for mark, angle in (("low", low), ("high", high)):
+        fixed = turned_rotor(rotor, angle)
+        values = {
+            "name": f"{rotor.name} {mark}",
+            "max_speed": sqrt(divide(push(rotor, rotor.max_speed), both)),
+            "drag_coefficient": mul(rotor.drag_coefficient, share),
+            "rolling_moment_coefficient": mul(rotor.rolling_moment_coefficient, share),
+            "inertia": 0,
+            "table": None,
+        }
+        found.append(dataclasses.replace(fixed, **values))
+    return found
+
+
+def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Any], angles: Sequence[Any]) -> tuple[Any, ...]:
+    """Speeds (rad/s) of the pairs that push as the rotors do; an angle beyond an end counts as that end."""
+    found: list[Any] = []
+    left = iter(angles)
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        if rotor.tilt is None:
+            found.append(speed)
+            continue
+        angle, (low, high) = next(left), ends(rotor.tilt)
+        square, between = mul(speed, speed), sin(sub(high, low))
+        parts = sin(sub(high, angle)), sin(sub(angle, low))
+        found += [sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts]
+    return tuple(found)
+
+
+def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Any]) -> tuple[Force, ...]:
+    """Squared speed and angle of every rotor for speeds (rad/s) of the pairs; the angle of a fixed one is 0."""
+    found, left = [], iter(speeds)
+    for rotor in vehicle.rotors:
+        first = next(left)
+        if rotor.tilt is None:
+            found.append(Force(mul(first, first), 0))
+            continue
+        second, (low, high) = next(left), ends(rotor.tilt)
+        a, b = mul(first, first), mul(second, second)
+        along = add(mul(a, cos(low)), mul(b, cos(high)))
+        across = add(mul(a, sin(low)), mul(b, sin(high)))
+        size = sqrt(add(mul(along, along), mul(across, across)))
+        found.append(Force(size, atan2(across, along)))
+    return tuple(found)

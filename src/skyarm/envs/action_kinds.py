@@ -1,0 +1,249 @@
+"""What an environment's actions mean: records that turn numbers in [-1, 1] into the command of a period."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import clip, maximum
+from skyarm.control.controller import with_applied_command
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command, mix
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.actuators.rotor import speed_of_push
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
+"""The scenario's law: (memory, measurement, reference) -> (memory, command)."""
+
+
+class Turn(NamedTuple):
+    """What an action meets in a control period.
+
+    Attributes:
+        memory: of the law, ``()`` where it is not asked. measurement: of the period. reference: told for it.
+        law: of the scenario. par: its constants, with the model. told: which joints take setpoints.
+    """
+
+    memory: Any
+    measurement: Measurement
+    reference: Reference
+    law: Decide
+    par: Any
+    told: tuple[bool, ...]
+
+    @property
+    def model(self) -> Model:
+        """The model of the scenario's law."""
+        found: Model = self.par.model
+        return found
+
+
+USUAL_EFFORT = 0.5
+"""N m, N, rad or m at full action of a joint without a limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actions:
+    """A kind of action. A subclass is a frozen dataclass of numbers.
+
+    Attributes:
+        joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
+            rad or m. None takes the effort limit, or the joint's range from end to end, and 0.5 where there is none.
+            A joint without an effort, a passive one, has its number, too, which does nothing.
+    """
+
+    joints: Annotated[float | None, Unit("N m, N, rad or m", "setpoint of a joint at full action", low=0.0)] = None
+
+    asks_law = False
+    """Whether the scenario's law is asked."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, type(self).__name__)
+
+    def size(self, vehicle: Vehicle) -> int:
+        """How many numbers an action has."""
+        return len(vehicle.rotors) + vehicle.n
+
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+        """The law's memory and the command of a period, over any scalar.
+
+        Args:
+            action: (size,) numbers in [-1, 1].
+            now: what else there is in the period.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say its command")
+
+    def efforts(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
+        """Setpoints of the joints from the last numbers of an action."""
+        return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
+
+    def added(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
+        """What the last numbers of an action add to setpoints that another has chosen."""
+        return tuple(a * half for a, (_, half) in self._spans(action, now))
+
+    def _spans(self, action: tuple[Any, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
+        """For each joint the action's number, the setpoint at no action, and what a full action adds."""
+        links = now.model.vehicle.links
+        spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
+        return list(zip(action[len(action) - len(links) :], spans, strict=True))
+
+    def _span(self, joint: Any, told: bool) -> tuple[Any, Any]:
+        if self.joints is not None:
+            return 0.0, self.joints
+        if told:
+            return middle_and_half(joint.lower, joint.upper)
+        limit = joint.effort_limit
+        return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotorsAndJoints(Actions):
+    """Speeds of the rotors about hover, then setpoints of the joints.
+
+    Attributes:
+        span: share of the believed hover speed that a full action adds or takes.
+    """
+
+    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
+
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+        """Hover speed plus the action's share of it, within what the rotors can turn."""
+        speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
+        return now.memory, within_limits(now, speeds, self.efforts(action, now))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RatesAndThrust(Actions):
+    """Body rates (x, y, z) and thrust, by a rate controller on the believed inertia and mixer; then the joints.
+
+    Attributes:
+        rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
+        bandwidth: of the rate controller, 1/s.
+    """
+
+    rate: Annotated[float, Unit("rad/s", "at full action", low=0.0, strict=True)] = 4.0
+    thrust: Annotated[float, Unit("", "share of the weight at full action", low=0.0, strict=True)] = 0.8
+    bandwidth: Annotated[float, Unit("1/s", low=0.0, strict=True)] = 20.0
+
+    def size(self, vehicle: Vehicle) -> int:
+        """Three rates, thrust, the joints."""
+        return 4 + vehicle.n
+
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+        """Torque J (rate wanted - rate) bandwidth, thrust about the weight, mixed."""
+        model = now.model
+        missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
+        torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
+        weight = model.vehicle.mass * model.gravity
+        speeds, squares = mix(now.par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        if any(rotor.table is not None for rotor in model.vehicle.rotors):
+            rows = zip(model.vehicle.rotors, squares, strict=True)
+            speeds = tuple(speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows)
+        return now.memory, within_limits(now, speeds, self.efforts(action, now))
+
+
+@dataclass(frozen=True, kw_only=True)
+class References(Actions):
+    """Displacements of the reference that the scenario's law is told: of the base (x, y, z), then of the joints.
+
+    Attributes:
+        position: m at full action, world axes. angle: rad or m of a joint at full action.
+    """
+
+    position: Annotated[float, Unit("m", "at full action", low=0.0, strict=True)] = 0.5
+    angle: Annotated[float, Unit("rad or m", "of a joint at full action", low=0.0, strict=True)] = 0.5
+
+    asks_law = True
+
+    def size(self, vehicle: Vehicle) -> int:
+        """Three, and the joints."""
+        return 3 + vehicle.n
+
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+        """The law's command for the displaced reference; its derivatives stay."""
+        reference = now.reference
+        position = reference.position + Vec3(*(self.position * a for a in action[:3]))
+        joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
+        tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
+        shifted = dataclasses.replace(reference, position=position, joints=joints, tip=tip)
+        return now.law(now.memory, now.measurement, shifted)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual(Actions):
+    """What is added to the command of the scenario's law: to the rotors' speeds, then to the joints' setpoints.
+
+    A law that keeps what it commanded is told what was sent.
+
+    Attributes:
+        span: share of the believed hover speed at full action.
+    """
+
+    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.1
+
+    asks_law = True
+
+    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+        """The law's command plus the action's, within what rotors and joints can do."""
+        following, own = now.law(now.memory, now.measurement, now.reference)
+        pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
+        speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
+        efforts = tuple(u + more for u, more in zip(own.efforts, self.added(action, now), strict=True))
+        sent = dataclasses.replace(within_limits(now, speeds, efforts), tilts=own.tilts)
+        return with_applied_command(following, _as_kept(following, sent)), sent
+
+
+ACTIONS: dict[str, type[Actions]] = {
+    "rotors_and_joints": RotorsAndJoints,
+    "rates_and_thrust": RatesAndThrust,
+    "references": References,
+    "residual": Residual,
+}
+"""Kinds of actions by the name that stands for one with its usual numbers."""
+
+
+def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Middle and half of a joint's range; an end that is missing stands as far off as without a range."""
+    if _free(-lower) and _free(upper):
+        return 0.0, USUAL_EFFORT
+    low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
+    high = lower + 2.0 * USUAL_EFFORT if _free(upper) else upper
+    return (low + high) * 0.5, (high - low) * 0.5
+
+
+def within_limits(now: Turn, speeds: tuple[Any, ...], efforts: tuple[Any, ...]) -> Command:
+    """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
+    vehicle = now.model.vehicle
+    turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
+    rows = zip(efforts, vehicle.links, now.told, strict=True)
+    held = tuple(
+        u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
+        for u, link, setpoint in rows
+    )
+    return Command(rotor_speeds=turned, efforts=held)
+
+
+def _as_kept(memory: Any, sent: Command) -> Command:
+    """A command as a law's memory keeps it: without angles of rotors that tilt, where the law has none."""
+    kept = getattr(memory, "sent", None)
+    newest = kept[-1] if isinstance(kept, tuple) and kept else kept
+    return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
+
+
+def _free(limit: Any) -> bool:
+    return concrete(limit) and limit == math.inf
+
+
+def _hover(model: Model) -> tuple[Any, ...]:
+    """Believed hover speeds with the arm at zero, rad/s."""
+    return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

@@ -1,0 +1,223 @@
+"""What episodes begin with, made ahead of time for many at once: numbers drawn, first states, first observations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra.scalars.philox import uniforms
+from skyarm.compile import rebuild, trace
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.lane_stepper import LaneStepper
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.dynamics import State
+from skyarm.envs.env_program import EnvProgram
+from skyarm.envs.env_task import Task
+from skyarm.records.files import shown
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.check_endings import endings_of
+from skyarm.simulate.draws import draw_plan, start_draws
+from skyarm.simulate.lane_numbers import checked_array
+
+Array = npt.NDArray[Any]
+
+AHEAD = 8192
+"""Episodes of all lanes together that are made at a time: NumPy then takes about a microsecond for each."""
+
+
+class EpisodeStarts:
+    """The beginnings of the episodes of many lanes: pure functions of a lane's seed and of the episode's number.
+
+    A lane that ends must begin again between two steps that take some microseconds; what it begins with lies ready.
+
+    Args:
+        program: of the environment. lanes: how many. dtype: of the numbers.
+
+    Attributes:
+        varies: whether one episode begins otherwise than another.
+    """
+
+    def __init__(self, program: EnvProgram, lanes: int, dtype: Any) -> None:
+        self._program, self._lanes, self._dtype = program, lanes, dtype
+        scenario = program.task.scenario
+        self._counts = [2 * count for _, count in draw_plan(scenario).components]
+        drawn = sum(count for _, count in program.uniforms)
+        started = tuple((0.5,) * count for count in self._counts)
+        self._start = trace(program.start, program.base, (0.5,) * drawn, started)
+        self.varies = bool(program.paths or drawn or any(self._counts))
+        self._depth = int(np.clip(AHEAD // lanes, 1, 64)) if self.varies else 1
+        self._seeds = np.zeros(lanes, dtype=np.uint64)
+        self._first = np.zeros(lanes, dtype=np.int64)
+        rows = len(program.paths) + len(self._start.outputs)
+        self._table = np.zeros((rows, lanes if self.varies else 1, self._depth), dtype)
+        if not self.varies:
+            self._table[:, :, 0] = self._compute(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
+
+    def seed(self, lanes: Array, seeds: Array) -> None:
+        """Give lanes other seeds; their episodes are numbered from 0 again."""
+        self._seeds[lanes] = seeds
+        # as far as could be from any episode that is asked for: made when it is
+        self._first[lanes] = -(2**40)
+
+    def take(self, lanes: Array, episodes: Array) -> Array:
+        """(numbers, lanes): of each lane and its episode the randomised numbers, the state, the observation."""
+        if not self.varies:
+            return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
+        at = episodes - self._first[lanes]
+        missing = (at < 0) | (at >= self._depth)
+        if missing.any():
+            self._fill(lanes[missing], episodes[missing])
+            at = episodes - self._first[lanes]
+        return self._table[:, lanes, at]
+
+    def _fill(self, lanes: Array, episodes: Array) -> None:
+        """Make episodes of these lanes from these numbers on."""
+        self._first[lanes] = episodes
+        numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
+        columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
+        self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
+
+    def _compute(self, seeds: Array, episodes: Array) -> Array:
+        """The same, computed."""
+        program, keys = self._program, seeds
+        columns = program.task.randomised.draw(keys, episodes)
+        # numbers are what 32 bits hold of them, where that is what the code flies
+        with np.errstate(over="ignore"):
+            columns = [np.asarray(column, self._dtype).astype(float) for column in columns]
+        inputs: list[Any] = [*columns]
+        each: Any = keys[:, None]
+        for channel, count in program.uniforms:
+            inputs += [*uniforms(each, episodes, channel, 0, count).T]
+        several: Any = keys[:, None, None]
+        for draws in start_draws(program.task.scenario, several, episodes):
+            inputs += [*draws.T]
+        found = evaluate(self._start, inputs, len(episodes))
+        return np.concatenate([np.array(columns).reshape(len(columns), len(episodes)), found])
+
+    @property
+    def state(self) -> slice:
+        """Rows of the state."""
+        return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
+
+    @property
+    def observation(self) -> slice:
+        """Rows of the observation."""
+        return slice(self.state.stop, len(self._table))
+
+
+class EnvLanes:
+    """Episodes of a task side by side. A lane's episodes depend on its seed alone, not on the other lanes.
+
+    Args:
+        task: what is flown. lanes: how many. threads: most that work.
+
+    Attributes:
+        observation: (numbers, lanes) view that each step and each beginning writes anew. reward: (lanes,) view.
+        ended, truncated: (lanes,) True where the episode has ended before its time, or has flown its duration.
+        ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses` has their words.
+        state: the plant's state, a record of (lanes,) views: the truth, which no observation holds.
+        actions: (numbers, lanes) view on the actions of the next step. episodes: (lanes,) number of each lane's.
+    """
+
+    def __init__(self, task: Task, lanes: int, *, threads: int = 1) -> None:
+        self.task, self.lanes = task, lanes
+        self.program = EnvProgram(task)
+        single = task.precision == "single"
+        shape = Lanes(host_width(single=single), single=single, contract=task.precision != "bit_exact")
+        kernel = Kernel(self.program.loop, shape, logging=True)
+        self._stepper = LaneStepper(kernel, lanes, threads=threads)
+        self._starts = EpisodeStarts(self.program, lanes, kernel.dtype)
+        self.dtype = kernel.dtype
+        count = self._stepper.logged.shape[0] - 3
+        self.observation = self._stepper.logged[:count]
+        self.reward, self._truncated, self.ending = self._stepper.logged[count:]
+        varied = len(self.program.paths)
+        self._numbers, self.actions = self._stepper.parameters[:varied], self._stepper.parameters[varied:]
+        self._carry = self._stepper.carry
+        now: Any = rebuild(self.program.first, iter(list(self._carry)))
+        self.loop = now.loop
+        self.state: State = now.loop.state
+        self.episodes: Array = np.zeros(lanes, dtype=np.int64)
+        self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
+        self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
+        words = (ending.status for ending in endings_of(task.scenario))
+        self.statuses = np.array(["", *words, "diverged"], dtype=object)
+        self._every = np.arange(lanes)
+        self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
+
+    def reseed(self, lanes: Array, seeds: Array) -> None:
+        """Begin episode 0 of these lanes under other seeds."""
+        self.seeds[lanes] = seeds
+        self._starts.seed(lanes, seeds)
+        self._begin(lanes, np.zeros(len(lanes), dtype=np.int64))
+
+    def begin(self, lanes: Array) -> None:
+        """Begin the next episode of these lanes."""
+        self._begin(lanes, self.episodes[lanes] + 1)
+
+    def _begin(self, lanes: Array, episodes: Array) -> None:
+        starts = self._starts
+        self.episodes[lanes] = episodes
+        with np.errstate(over="ignore"):
+            columns = starts.take(lanes, episodes)
+        self._numbers[:, lanes] = columns[: len(self._numbers)]
+        self._carry[:, lanes] = columns[starts.state]
+        self.observation[:, lanes] = columns[starts.observation]
+        self.reward[lanes] = 0.0
+        self._truncated[lanes] = 0.0
+        self.ending[lanes] = 0.0
+        self.ended[lanes] = self.truncated[lanes] = False
+        # the first step measures what the second period begins with
+        self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
+        self._stepper.fill()
+
+    def act(self, actions: Array) -> None:
+        """Take the actions of the next step, (lanes, numbers).
+
+        Raises:
+            ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
+        """
+        held = self.actions
+        shape = held.shape[::-1]
+        found = checked_array("actions", actions, [shape], f"of real numbers, of shape {shape}")
+        if not np.isfinite(found).all():
+            lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
+            raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")
+        np.clip(found.T, -1.0, 1.0, out=held)  # a larger one than 32 bits hold counts as the bound, too
+
+    def step(self) -> bool:
+        """Fly one control period in every lane; returns whether an episode is over in any of them."""
+        self._stepper.step()
+        np.greater(self.ending, 0.5, out=self.ended)
+        np.greater(self._truncated, 0.5, out=self.truncated)
+        return bool(self.ended.any() or self.truncated.any())
+
+    def hold(self, lanes: Array) -> tuple[Array, ...]:
+        """What :meth:`put_back` makes good of a step that these lanes are not to make."""
+        kept = (self._carry, self.observation, self._truncated[None], self.ending[None])
+        return tuple(rows[:, lanes].copy() for rows in kept)
+
+    def put_back(self, lanes: Array, held: tuple[Array, ...]) -> None:
+        """Put lanes back as they were; the reward of the step that they did not make is 0."""
+        for rows, old in zip(
+            (self._carry, self.observation, self._truncated[None], self.ending[None]), held, strict=True
+        ):
+            rows[:, lanes] = old
+        self.reward[lanes] = 0.0
+        self.ended[lanes], self.truncated[lanes] = self.ending[lanes] > 0.5, self._truncated[lanes] > 0.5
+
+    def numbers(self) -> dict[str, Array]:
+        """Path -> (lanes,) randomised numbers that the lanes fly with."""
+        return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
+
+    def flown(self, lane: int) -> Scenario:
+        """The scenario with the numbers that were drawn for a lane's episode."""
+        return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
+
+    def close(self) -> None:
+        """End the threads."""
+        self._stepper.close()

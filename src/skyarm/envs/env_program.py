@@ -1,0 +1,232 @@
+"""One step of an environment as a traced program: action in, observation, reward and endings out.
+
+A control period of the loop (:mod:`skyarm.simulate.period`) begins with what is measured and ends with the plant. An
+environment's step is cut elsewhere: it takes an action for what was measured before, flies the plant, and measures
+what the next period begins with, which is what a policy acts on next. The stages and their order are the loop's, and so
+are the numbers: :class:`skyarm.Session` with the same commands flies the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import absolute, clip, logical_and, where
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators.tilting import with_rest
+from skyarm.envs.action_kinds import Turn
+from skyarm.envs.env_task import Task
+from skyarm.envs.observed_quantities import Result, Sight
+from skyarm.records.leaves import blend
+from skyarm.reference import Reference
+from skyarm.scenario.endings import Divergence
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.check_endings import endings_of
+from skyarm.simulate.draws import draws_needed
+from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.lane_loop import own_row
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.period import Measured, act, measure
+from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
+from skyarm.simulate.stages import Readings, Stages
+
+LARGEST = 1e6
+"""Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EnvState:
+    """What an environment's step hands to the next.
+
+    Attributes:
+        loop: state of the closed loop; sensors, estimator and components stand in the period that comes next.
+        seen: leaves of the measurement of that period, those of them that somebody reads.
+        action: the last one.
+    """
+
+    loop: LoopState
+    seen: tuple[Any, ...]
+    action: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """What a step gives out.
+
+    Attributes:
+        observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
+        ending: 0 while none has come, else which of the scenario's endings, from 1 on; one more than there are where
+            the command was not finite.
+    """
+
+    observation: tuple[Any, ...]
+    reward: Any
+    truncated: Any
+    ending: Any
+
+
+class EnvProgram:
+    """The step of a task and the state that its episodes begin with.
+
+    Args:
+        task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
+
+    Attributes:
+        base: numbers of the randomised paths in the scenario as it is. size: numbers of an action.
+        first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
+    """
+
+    def __init__(self, task: Task, *, loops: bool = True) -> None:
+        self.task, scenario, self._loops = task, task.scenario, loops
+        self.paths = task.randomised.paths
+        self.base = tuple(number_at(scenario, path) for path in self.paths)
+        self.size = task.actions.size(scenario.controller.par.model.vehicle)
+        self._plant = rigid_body_plant(task.randomised.stiffest)
+        # number of the ending whose state means nothing any more
+        self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
+        self.uniforms = draws_needed(scenario)
+        draws = (0.5,) * sum(count for _, count in self.uniforms)
+        self._measurement = structure_of(self._begin(self.base, draws, None)[1])
+        self._kept = tuple(range(len(leaves(self._measurement))))
+        # what of the measurement the next step reads shows in a first trace: usually all for a law, nothing else
+        whole = self._trace(draws)
+        used = {arg.index for node in whole.program.nodes for arg in node.args}
+        count = whole.carry - len(self._kept) - self.size
+        self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
+        self.loop = self._trace(draws)
+
+    def _trace(self, draws: tuple[Any, ...]) -> Loop:
+        first, _ = self.start(self.base, draws)
+        self.first: EnvState = structure_of(first)
+        values = (self.base, (0.0,) * self.size)
+        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
+
+    def start(
+        self, numbers: Sequence[Any], draws: Sequence[Any], started: Sequence[Sequence[Any]] | None = None
+    ) -> tuple[EnvState, tuple[Any, ...]]:
+        """State and observation that an episode begins with.
+
+        Args:
+            numbers: of the randomised paths.
+            draws: uniform numbers of the first period.
+            started: uniform numbers that start each component; the scenario's own if left out.
+        """
+        now, measurement, told = self._begin(numbers, draws, started)
+        action = (0.0,) * self.size
+        state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
+        return state, self._observe(Stages(self._lane_scenario(numbers)), measurement, told, action)
+
+    def _begin(self, numbers: Sequence[Any], draws: Sequence[Any], started: Any) -> tuple[LoopState, Any, Reference]:
+        """Loop, measurement and told reference of an episode's first period."""
+        stages = Stages(self._lane_scenario(numbers))
+        first = first_loop_state(stages.scenario, started)
+        if not self.task.actions.asks_law:
+            first = dataclasses.replace(first, memory=())
+        row = own_row(stages.scenario, first.ticks)
+        return (*self._measure_next(stages, first, row, draws), stages.joined(row))
+
+    def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
+        """Fly one control period by an action, and measure."""
+        numbers, given = values
+        stages = Stages(self._lane_scenario(numbers))
+        action = tuple(clip(a, -1.0, 1.0) for a in given)
+        loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
+        memory, command = self._decide(stages, now, row, action)
+        around = stages.surroundings(loop.components, loop.drives, row.time)
+        nothing: Any = None
+        read = Readings(sensors=loop.sensors, estimate=loop.estimate, readings=(), measurement=nothing)
+        measured = Measured(loop.components, around, stages.acting(loop.queue), None, read)
+        plant = RigidBodySteps(stages, self._plant.substeps)
+        flown = act(stages, plant, loop, measured, memory, command, loop.clock)
+        sent = flown.alive
+        # a command that is not finite ends the episode where it is, as in a single run
+        state: State = blend(sent > 0.5, flown.state, loop.state)
+        # endings are told beside the loop, and a period that ends an episode counts
+        flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
+        coming = own_row(stages.scenario, flown.ticks)
+        ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
+        following, measurement = self._measure_next(stages, flown, coming, draws)
+        ended = where(ending > 0.5, 1.0, 0.0)
+        result = Result(
+            state=state,
+            reference=coming.reference,
+            vehicle=stages.scenario.plant.vehicle,
+            action=action,
+            action_before=now.action,
+            command=command,
+            ended=ended,
+        )
+        # term by term: what one of them makes of a number that is none takes nothing from the others
+        reward: Any = 0.0
+        sound = absolute(ending - self._diverged) > 0.5
+        for term in self.task.reward:
+            value = _finite(term.value(result) * term.weight)
+            reward = reward + (where(sound, value, 0.0) if term.of_state else value)
+        over = flown.ticks > self.task.scenario.steps - 0.5
+        outcome = Outcome(
+            observation=self._observe(stages, measurement, stages.joined(coming), action),
+            reward=_finite(reward),
+            truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
+            ending=ending,
+        )
+        return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
+
+    def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
+        return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
+
+    def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
+        """Where the held reference is after a period; after the last one, where it was, as in a single run."""
+        last = float(self.task.scenario.steps - 1)
+        position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
+        return position
+
+    def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
+        """The law's memory and the command that the action means."""
+        values = iter(leaves(self._measurement))
+        known = dict(zip(self._kept, now.seen, strict=True))
+        measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
+        par = stages.scenario.controller.par
+        told = stages.joined(row)
+        turn = Turn(now.loop.memory, measurement, told, stages.decide, par, self.task.told)
+        memory, command = self.task.actions.command(action, turn)
+        return memory, with_rest(stages.scenario.plant.vehicle, command)
+
+    def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
+        """Surroundings and sensors of the period that comes next."""
+        found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
+        memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
+        return dataclasses.replace(now, **memories), found.read.measurement
+
+    def _select_numbers(self, measurement: Any) -> tuple[Any, ...]:
+        numbers = leaves(measurement)
+        return tuple(numbers[i] for i in self._kept)
+
+    def _observe(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
+        model = stages.scenario.controller.par.model
+        return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
+
+    def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Any) -> Any:
+        """Number of the first ending that has come, 0 while none has."""
+        endings = endings_of(scenario)
+        found = where(sent > 0.5, 0.0, float(len(endings) + 1))
+        for index in range(len(endings), 0, -1):
+            fine = endings[index - 1].fine(scenario, state, goal, 0)
+            if fine is not True:
+                found = where(fine, found, float(index))
+        return found
+
+
+def observation_of(task: Task, sight: Sight) -> tuple[Any, ...]:
+    """The numbers of an observation, all of them finite."""
+    return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
+
+
+def _finite(value: Any) -> Any:
+    """Within the largest number; 0 for NaN, whose comparisons are all false."""
+    return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

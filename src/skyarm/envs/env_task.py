@@ -1,0 +1,223 @@
+"""A task: a scenario with what its actions mean, what is observed and rewarded, and which of its numbers vary."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.envs.action_kinds import ACTIONS, Actions
+from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
+from skyarm.envs.randomised_numbers import Randomised, randomised
+from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
+from skyarm.records.files import did_you_mean, must_be_one_of, shown
+from skyarm.scenario.scenario_checks import require_flight
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.lane_numbers import require_count, require_rigid_body
+from skyarm.simulate.user_code import require_shapes
+
+PRECISIONS = ("single", "double", "bit_exact")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A task fixes an environment up to its seed.
+
+    Attributes:
+        scenario: what is flown; its law is asked where the actions build on it.
+        actions: what they mean. observation, reward: what each is made of.
+        randomised: numbers that are drawn anew for every episode.
+        precision: "single", "double", or "bit_exact" (double without fused multiply-add).
+    """
+
+    scenario: Scenario
+    actions: Actions
+    observation: tuple[Observed, ...]
+    reward: tuple[RewardTerm, ...]
+    randomised: Randomised
+    precision: str
+
+    @property
+    def told(self) -> tuple[bool, ...]:
+        """Which joints take setpoints of drives."""
+        return self.scenario.commands_setpoints
+
+
+def make_task(
+    scenario: Scenario | str | os.PathLike[str],
+    *,
+    actions: Actions | str = "rotors_and_joints",
+    observation: Iterable[Observed | str] = USUAL,
+    reward: Iterable[RewardTerm | str] = USUAL_REWARD,
+    randomise: Mapping[str, Any] | None = None,
+    controller: str | None = None,
+    duration: float | None = None,
+    precision: str = "single",
+) -> Task:
+    """Make a task, everything that it is given looked at first.
+
+    Args:
+        scenario: record, name or path of a file.
+        actions: a record, or a name of :data:`skyarm.envs.action_kinds.ACTIONS`.
+        observation: records, or names of :data:`skyarm.envs.observed_quantities.OBSERVED`.
+        reward: records, or names of :data:`skyarm.envs.reward_terms.REWARDS`.
+        randomise: path -> distribution, as ``[vary]`` of a study: ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
+        controller: in place of the scenario file's.
+        duration: likewise, s.
+        precision: of all numbers.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+    """
+    flown = _scenario(scenario, controller, duration)
+    if precision not in PRECISIONS:
+        raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
+    kind = _record_of("actions", actions, ACTIONS, Actions)
+    seen = _several("observation", observation, OBSERVED, Observed)
+    if not seen:
+        raise ScenarioError(f"observation = {shown(observation)}: must have at least one quantity")
+    if kind.asks_law:
+        flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
+        if flown.path_time is not None or flown.pause is not None:
+            raise ScenarioError("reference.governor: must be left out where actions build on the law")
+    else:
+        # a law that is not asked ends no episode where it is not defined
+        flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None), pause=None)
+    require_shapes(flown)
+    rewarded = _several("reward", reward, REWARDS, RewardTerm)
+    if not rewarded:
+        raise ScenarioError(f"reward = {shown(reward)}: must have at least one term")
+    return Task(
+        scenario=flown,
+        actions=kind,
+        observation=seen,
+        reward=rewarded,
+        randomised=randomised(flown, randomise),
+        precision=precision,
+    )
+
+
+def _scenario(given: Any, controller: str | None, duration: float | None) -> Scenario:
+    """The scenario, which must be one that batches fly."""
+    if isinstance(given, Scenario):
+        if controller is not None:
+            raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
+        flown = given if duration is None else dataclasses.replace(given, duration=duration)
+    else:
+        flown = load_scenario(given, controller=controller, duration=duration)
+    require_flight(flown)
+    require_rigid_body(flown)
+    if flown.changes:
+        raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
+    if flown.reference.guards:
+        raise ScenarioError("reference: phases that wait (until) must be left out of an environment")
+    return flown
+
+
+def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
+    """A record as it is, or the one that a name stands for."""
+    if isinstance(given, kind):
+        return given
+    if isinstance(given, str) and given in known:
+        return known[given]()
+    raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(known, given)}, or a record {kind.__name__}")
+
+
+def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tuple[Any, ...]:
+    """A tuple of records or names."""
+    if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
+        raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
+    return tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
+
+
+MOST_LANES = 1_000_000
+"""Episodes that fly together at most: some hundreds of numbers each, so that this asks for gigabytes already."""
+
+
+def require_lanes(given: Any) -> int:
+    """How many episodes fly together.
+
+    Raises:
+        ScenarioError: no whole number, none, or more than a machine holds.
+    """
+    count = require_count("num_envs", given)
+    if count > MOST_LANES:
+        raise ScenarioError(f"num_envs = {shown(given)}: must be a whole number, at most {MOST_LANES}")
+    return count
+
+
+def require_open(call: str, *, closed: bool) -> None:
+    """Refuse a call of a closed environment.
+
+    Raises:
+        ScenarioError: one line with the call.
+    """
+    if closed:
+        raise ScenarioError(f"{call}: must come before close(); this environment is closed, make another")
+
+
+def require_options(given: Any, known: Sequence[str]) -> None:
+    """Refuse options of a reset that there are not.
+
+    Raises:
+        ScenarioError: one line with the option and what is allowed.
+    """
+    if given is None:
+        return
+    allowed = f"must be a table of {', '.join(known)}" if known else "must be None or empty; there are no options"
+    if not isinstance(given, Mapping):
+        raise ScenarioError(f"options = {shown(given)}: {allowed}")
+    for name in given:
+        if name not in known:
+            raise ScenarioError(f"options = {shown(dict(given))}: {allowed}")
+
+
+def require_arguments(given: Mapping[str, Any], make: Callable[..., Any], *also: str) -> None:
+    """Refuse arguments of an environment that its task does not take; ``also`` names those of the environment itself.
+
+    Raises:
+        ScenarioError: one line with the argument and those that there are.
+    """
+    known = [name for name in inspect.signature(make).parameters if name != "scenario"]
+    known += also
+    for name, value in given.items():
+        if name not in known:
+            meant = did_you_mean(name, known)
+            raise ScenarioError(f"{name} = {shown(value)}: unknown argument; {meant}there are {', '.join(known)}")
+
+
+KEYS = 2**32
+"""How many keys the noise has; a larger seed counts as its rest."""
+
+
+def seed_of(seed: Any, field: str = "seed") -> int:
+    """A whole number that is not negative, as a key.
+
+    Raises:
+        ScenarioError: it is none.
+    """
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ScenarioError(f"{field} = {shown(seed)}: must be a whole number, at least 0")
+    return int(seed) % KEYS
+
+
+def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | None]:
+    """The seed of each lane: seed + k of lane k, the k-th of a list, or None.
+
+    Raises:
+        ScenarioError: no such seed, or a list of another length.
+    """
+    if seed is None:
+        return [None] * lanes
+    if isinstance(seed, (list, tuple, np.ndarray)):
+        if len(seed) != lanes:
+            raise ScenarioError(f"seed: a list of {len(seed)}, must be one number, or one for each of {lanes} lanes")
+        return [None if each is None else seed_of(each, f"seed[{k}]") for k, each in enumerate(seed)]
+    first = seed_of(seed)
+    return [(first + k) % KEYS for k in range(lanes)]

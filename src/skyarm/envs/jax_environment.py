@@ -1,0 +1,192 @@
+"""An environment as pure functions in JAX, in the conventions of gymnax: the native environment's programs on arrays.
+
+Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw the same numbers: lane ``reset(key)`` with
+``jax.random.PRNGKey(s)`` flies what the native environment flies after ``reset(seed=s)``, to rounding.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile import rebuild, trace
+from skyarm.compile.machine_code import missing_extra
+from skyarm.dynamics import State
+from skyarm.envs.env_program import EnvProgram
+from skyarm.envs.env_task import Task
+from skyarm.envs.randomised_numbers import with_fixed
+from skyarm.records.files import shown
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate.check_endings import endings_of
+from skyarm.simulate.draws import STARTS, draw_plan
+from skyarm.studies.sweep.design import FIRST_CHANNEL
+
+try:
+    import jax
+    import jax.numpy as jnp
+    from jax import lax
+except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    raise missing_extra("jax") from error
+
+from skyarm.compile.jax.jax_operations import evaluate, uniforms
+from skyarm.envs.jax_params import drawn, params_of, require_params
+
+Info = dict[str, Any]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class JaxState:
+    """State of an environment in JAX, a pytree.
+
+    Attributes:
+        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: that the episode flies with, a path each.
+        seed: high and low word of the key it was reset with. episode: its number, from 0 on. period: of the next step.
+    """
+
+    carry: tuple[Any, ...]
+    numbers: tuple[Any, ...]
+    seed: Any
+    episode: Any
+    period: Any
+
+
+class JaxEnvironment:
+    """Pure functions ``reset`` and ``step`` of one episode; ``jax.vmap`` makes them those of many.
+
+    An episode depends on the key of its reset and on its number alone. The key that a step is given, as is usual, is
+    not used: noise and what the next episode begins with follow from the key of the reset.
+
+    Args:
+        task: what is flown. numbers: paths beside the randomised ones that stand in the params.
+
+    Attributes:
+        task: as given. paths: of the params. default_params: a number, or ``{kind: numbers}``, for each path.
+        observation_size, action_size: how many numbers each has. statuses: words of ``info["ending"]``.
+        dtype: of all numbers.
+    """
+
+    def __init__(self, task: Task, *, numbers: Iterable[str] = ()) -> None:
+        if task.precision == "bit_exact":
+            raise ScenarioError(
+                "precision = 'bit_exact': must be 'single' or 'double' in JAX, which contracts a * b + c"
+            )
+        self.dtype: Any = np.float32 if task.precision == "single" else np.float64
+        config: Any = jax.config
+        if self.dtype == np.float64 and not config.read("jax_enable_x64"):
+            raise ScenarioError("precision = 'double': must come after jax.config.update(\"jax_enable_x64\", True)")
+        self.task = task
+        whole = with_fixed(task.randomised, task.scenario, numbers)
+        self._program = EnvProgram(dataclasses.replace(task, randomised=whole), loops=False)
+        self.paths, loop = self._program.paths, self._program.loop
+        self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).components if count]
+        wholes = tuple((0.5,) * (2 * count) for _, count in draw_plan(task.scenario).components)
+        draws = (0.5,) * sum(count for _, count in self._program.uniforms)
+        self._start = trace(self._program.start, self._program.base, draws, wholes)
+        self.observation_size, self.action_size = loop.logged - 3, self._program.size
+        randomised = task.randomised.vary
+        self.default_params = {
+            path: params_of(randomised[path], self.dtype) if path in randomised else jnp.asarray(base, self.dtype)
+            for path, base in zip(self.paths, self._program.base, strict=True)
+        }
+        self.statuses = ("", *(ending.status for ending in endings_of(task.scenario)), "diverged")
+        # traced once, however often the functions are used in others
+        self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
+
+    def reset(self, key: Any, params: Any) -> tuple[Any, JaxState]:
+        """Begin episode 0 of a key.
+
+        Args:
+            key: of ``jax.random``.
+            params: as :attr:`default_params`.
+
+        Returns:
+            observation (observation_size,), state.
+        """
+        require_params(params, self.paths)
+        words = _words(key)
+        return self._begin(words, jnp.uint32(0), params)  # type: ignore[no-any-return]
+
+    def step(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
+        """Fly one control period; where the episode is over, begin its lane's next one.
+
+        Args:
+            key: not used.
+            state: as the last call gave it.
+            action: (action_size,) in [-1, 1].
+            params: as of the reset.
+
+        Returns:
+            observation (that of the next episode where this one is over), state, reward, done, info: ``terminated``,
+            ``truncated``, ``ending`` (number of :attr:`statuses`), ``final_obs`` (that of this episode).
+        """
+        observed, after, reward, done, info = self.step_env(key, state, action, params)
+        fresh, begun = self._begin(state.seed, state.episode + jnp.uint32(1), params)
+        following = jax.tree.map(lambda new, old: lax.select(done, new, old), begun, after)
+        return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
+
+    def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
+        """Fly one control period, as :meth:`step` does, and begin nothing; flying on after an end means nothing."""
+        del key
+        require_params(params, self.paths)
+        given = jnp.asarray(action, self.dtype)
+        if given.shape != (self.action_size,):
+            raise ScenarioError(
+                f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many"
+            )
+        # plain numbers are read at every step, so that what a number does is known to its gradient from there on
+        numbers = tuple(
+            held if isinstance(params[path], Mapping) else jnp.asarray(params[path], self.dtype)
+            for path, held in zip(self.paths, state.numbers, strict=True)
+        )
+        carry, observed, reward, truncated, ending = self._stepped(state, numbers, given)
+        after = JaxState(carry, numbers, state.seed, state.episode, state.period + jnp.uint32(1))
+        terminated, truncated = ending > 0.5, truncated > 0.5
+        info = {"terminated": terminated, "truncated": truncated, "ending": ending.astype(np.int32)}
+        return observed, after, reward, terminated | truncated, info
+
+    def plant_state(self, state: JaxState) -> State:
+        """The plant's state, a record of JAX scalars: the truth, which no observation holds."""
+        now: Any = rebuild(self._program.first, iter(state.carry))
+        return now.loop.state  # type: ignore[no-any-return]
+
+    def _one_step(self, state: JaxState, numbers: tuple[Any, ...], action: Any) -> tuple[Any, ...]:
+        loop = self._program.loop
+        draws = uniforms(state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype)
+        found = evaluate(loop.program, (*state.carry, *numbers, *action, *draws), self.dtype)
+        *observed, reward, truncated, ending = found[loop.carry :]
+        return tuple(found[: loop.carry]), jnp.stack(observed), reward, truncated, ending
+
+    def _begin(self, words: Any, episode: Any, params: Any) -> Any:
+        found = {path: jax.tree.map(lambda leaf: jnp.asarray(leaf, self.dtype), params[path]) for path in self.paths}
+        return self._began(words, episode, found)
+
+    def _first(self, words: Any, episode: Any, params: Any) -> tuple[Any, JaxState]:
+        """Observation and state that an episode begins with."""
+
+        def draw(period: int, channels: Any) -> list[Any]:
+            return uniforms(words[::-1], episode, jnp.uint32(period), channels, self.dtype)
+
+        units = draw(0, [(FIRST_CHANNEL + i, 1) for i in range(len(self.paths))])
+        numbers = tuple(drawn(params[path], unit) for path, unit in zip(self.paths, units, strict=True))
+        inputs = [*numbers, *draw(0, self._program.uniforms)]
+        for pair in self._counts:
+            inputs += [*draw(STARTS[0], [pair]), *draw(STARTS[1], [pair])]
+        found = evaluate(self._start.lowered, inputs, self.dtype)
+        carry = tuple(found[: self._program.loop.carry])
+        state = JaxState(carry, numbers, words, episode, jnp.uint32(1))
+        return jnp.stack(found[len(carry) :]), state
+
+
+def _words(key: Any) -> Any:
+    """High and low word of a key, old style or new."""
+    if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        key = jax.random.key_data(key)
+    words = jnp.asarray(key)
+    if words.dtype != np.uint32 or words.ndim != 1 or words.shape[0] < 2:
+        raise ScenarioError("key: must be one key of jax.random; jax.vmap takes many")
+    return words[-2:]

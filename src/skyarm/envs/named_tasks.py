@@ -1,0 +1,153 @@
+"""The shipped environments: each a scenario file beside this one, with what its actions, observation and reward are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from skyarm.envs.action_kinds import Actions, RatesAndThrust, Residual, RotorsAndJoints
+from skyarm.envs.observed_quantities import USUAL
+from skyarm.envs.reward_terms import (
+    USUAL_REWARD,
+    ActionChange,
+    Alive,
+    Lost,
+    PositionDistance,
+    PositionNear,
+    RewardTerm,
+    Spin,
+    Upright,
+)
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+
+if TYPE_CHECKING:
+    from skyarm.envs.single_environment import Environment
+    from skyarm.envs.vector_environment import VectorEnvironment
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NamedTask:
+    """What a shipped environment is unless it is told otherwise.
+
+    Attributes:
+        file: of its scenario. actions: what they mean. reward: what it is made of. observation: likewise.
+        randomise: path -> distribution of what is drawn for every episode.
+    """
+
+    file: str
+    actions: Actions
+    reward: tuple[RewardTerm, ...]
+    randomise: Mapping[str, Any]
+    observation: tuple[str, ...] = USUAL
+
+
+def _symmetric(size: float) -> dict[str, list[float]]:
+    return {"uniform": [-size, size]}
+
+
+PLACES = {
+    f"initial.position.{axis}": {"uniform": [at - 0.3, at + 0.3]} for axis, at in zip("xyz", (0, 0, 1.5), strict=True)
+}
+THROWN = {
+    **{
+        f"initial.{angle}": _symmetric(size)
+        for angle, size in (("roll", math.pi), ("pitch", math.pi / 2.0), ("yaw", math.pi))
+    },
+    **{f"initial.rate.{axis}": _symmetric(5.0) for axis in "xyz"},
+    **{f"initial.velocity.{axis}": _symmetric(2.0) for axis in "xyz"},
+}
+
+NO_ARM = ("position_error", "velocity_error", "attitude", "body_rate", "last_action")
+
+NAMED: dict[str, NamedTask] = {
+    "Hover": NamedTask(
+        file="hover",
+        actions=RotorsAndJoints(span=0.3),
+        reward=(
+            PositionNear(),
+            PositionDistance(weight=0.2),
+            Spin(weight=0.5),
+            ActionChange(weight=0.05),
+            Lost(weight=10.0),
+        ),
+        randomise={**PLACES, "initial.roll": _symmetric(0.3), "initial.pitch": _symmetric(0.3)},
+        observation=NO_ARM,
+    ),
+    "TrackTip": NamedTask(
+        file="track_tip",
+        actions=RotorsAndJoints(span=0.3),
+        reward=USUAL_REWARD,
+        randomise={"plant.vehicle.base.mass": {"uniform": [0.65, 0.8]}},
+    ),
+    "HoldTipInWind": NamedTask(
+        file="hold_tip_in_wind",
+        actions=Residual(span=0.2),
+        reward=USUAL_REWARD,
+        randomise={"environment.wind.force_W.x": _symmetric(2.0), "environment.wind.force_W.y": _symmetric(2.0)},
+    ),
+    "CarryPayload": NamedTask(
+        file="carry_payload",
+        actions=Residual(span=0.2),
+        reward=USUAL_REWARD,
+        randomise={"plant.payload.mass": {"uniform": [0.0, 0.1]}},
+    ),
+    "Recover": NamedTask(
+        file="recover",
+        actions=RatesAndThrust(rate=8.0),
+        reward=(Upright(), PositionDistance(weight=0.1), Spin(weight=0.5), Alive(weight=0.1), Lost(weight=10.0)),
+        randomise=THROWN,
+    ),
+}
+"""Shipped environments by the name between ``skyarm/`` and ``-v0``."""
+
+
+def task_scenario(name: str) -> Scenario:
+    """The scenario of a shipped environment.
+
+    Raises:
+        ScenarioError: there is none of this name.
+    """
+    with resources.as_file(resources.files("skyarm.envs") / "tasks" / f"{named(name).file}.toml") as path:
+        return load_scenario(path)
+
+
+def named(name: str) -> NamedTask:
+    """What a shipped environment is.
+
+    Raises:
+        ScenarioError: there is none of this name.
+    """
+    if name not in NAMED:
+        raise ScenarioError(f"task = {shown(name)}: {must_be_one_of(NAMED, name)}")
+    return NAMED[name]
+
+
+def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of an environment: those given, and the task's where nothing is."""
+    mine = named(task)
+    own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
+    found = {**own, **given}
+    return found if "scenario" in given else {"scenario": task_scenario(task), **found}
+
+
+def make_single(*, task: str, **given: Any) -> Environment:
+    """One episode at a time of a shipped environment; arguments as of :class:`Environment`."""
+    from skyarm.envs.single_environment import Environment
+
+    return Environment(**task_arguments(task, given))
+
+
+# what Gymnasium looks at before it makes an environment, for modes that it derives, as rgb_array_list
+make_single.__dict__["metadata"] = {"render_modes": ["rgb_array", "human"]}
+
+
+def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:
+    """Many episodes of a shipped environment together; arguments as of :class:`VectorEnvironment`."""
+    from skyarm.envs.vector_environment import VectorEnvironment
+
+    return VectorEnvironment(num_envs, **task_arguments(task, given))

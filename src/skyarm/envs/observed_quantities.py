@@ -1,0 +1,224 @@
+"""What an observation and a reward may read: an observation what a law is told, a reward the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Metres = Annotated[float, Unit("m", low=0.0, strict=True)]
+JointTravel = Annotated[float, Unit("rad or m", low=0.0, strict=True)]
+RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
+"""Scales, by which a number is divided."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sight:
+    """What a policy sees before it acts: that of a law, and no truth.
+
+    Attributes:
+        measurement: of this period. reference: told for this period.
+        action: the one before, each number in [-1, 1]; zeros in an episode's first period.
+        model: belief of the scenario's controller.
+    """
+
+    measurement: Measurement
+    reference: Reference
+    action: tuple[Any, ...]
+    model: Model
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Result:
+    """What a period came to: the truth at its end.
+
+    Attributes:
+        state: of the plant. reference: held at that time. vehicle: the true one.
+        action, action_before: of this period and of the one before, each number in [-1, 1].
+        command: that this period's action became.
+        ended: 1 if the period has ended the episode before its time, else 0.
+    """
+
+    state: State
+    reference: Reference
+    vehicle: Vehicle
+    action: tuple[Any, ...]
+    action_before: tuple[Any, ...]
+    command: Command
+    ended: Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """An observed quantity gives some numbers of an observation. A subclass is a frozen dataclass of numbers."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, type(self).__name__)
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """The numbers, over any scalar."""
+        raise NotImplementedError(f"{type(self).__name__} must say its numbers")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionError(Observed):
+    """Reference minus measured position of the base origin, world axes."""
+
+    scale: Metres = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _divide(sight.reference.position - sight.measurement.position, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityError(Observed):
+    """Reference minus measured velocity of the base origin, world axes."""
+
+    scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude(Observed):
+    """Rotation matrix from base to world axes, row by row: no jump and no second form of the same attitude."""
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Nine."""
+        R = sight.measurement.quaternion.rotation()
+        return [*R.r0, *R.r1, *R.r2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyRate(Observed):
+    """Measured angular velocity, base axes."""
+
+    scale: RadPerSecond = 5.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _divide(sight.measurement.rate, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecificForce(Observed):
+    """What the accelerometer reads, base axes: +g along z in hover. It feels wind and contact before they move."""
+
+    scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _divide(sight.measurement.specific_force, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointErrors(Observed):
+    """Reference minus measured joints."""
+
+    scale: JointTravel = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
+        return [(wanted - now) / self.scale for wanted, now in pairs]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointAngles(Observed):
+    """Measured joints."""
+
+    scale: JointTravel = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        return [now / self.scale for now in sight.measurement.joints]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointRates(Observed):
+    """Measured rates of the joints."""
+
+    scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        return [rate / self.scale for rate in sight.measurement.joint_rates]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipError(Observed):
+    """Reference minus measured position of the tip, by the believed arm, world axes; of the base without an arm."""
+
+    scale: Metres = 0.1
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        vehicle, seen = sight.model.vehicle, sight.measurement
+        return _divide(tip_error(vehicle, _state(seen), sight.reference), self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LastAction(Observed):
+    """The action before."""
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a number of the action."""
+        return sight.action
+
+
+OBSERVED: dict[str, type[Observed]] = {
+    "position_error": PositionError,
+    "velocity_error": VelocityError,
+    "attitude": Attitude,
+    "body_rate": BodyRate,
+    "specific_force": SpecificForce,
+    "joint_errors": JointErrors,
+    "joint_angles": JointAngles,
+    "joint_rates": JointRates,
+    "tip_error": TipError,
+    "last_action": LastAction,
+}
+"""Observed quantities by the name that stands for one with its usual scale."""
+
+USUAL = (
+    *("position_error", "velocity_error", "attitude", "body_rate"),
+    *("joint_errors", "joint_angles", "joint_rates", "tip_error", "last_action"),
+)
+"""The observation where none is given."""
+
+
+def tip_error(vehicle: Vehicle, state: State, reference: Any) -> Vec3:
+    """Wanted minus actual position of the tip, world axes, m."""
+    return goal_of(vehicle, reference).tool - tool_of(vehicle, state)
+
+
+def _state(seen: Any) -> State:
+    """A measurement as a state."""
+    return State(
+        position=seen.position,
+        quaternion=seen.quaternion,
+        velocity=seen.velocity,
+        rate=seen.rate,
+        joints=seen.joints,
+        joint_rates=seen.joint_rates,
+        rotor_speeds=seen.rotor_speeds,
+        tilts=seen.tilts,
+    )
+
+
+def _divide(vector: Vec3, scale: float) -> list[Any]:
+    return [number / scale for number in vector]

@@ -1,0 +1,205 @@
+"""A policy as a law: it flies wherever laws fly, in runs, comparisons, sweeps and as C."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from skyarm.algebra.scalars import Scalar, clip
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.laws.learned.law import Layer, Network
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command, Mixer
+from skyarm.envs.action_kinds import Turn
+from skyarm.envs.env_program import observation_of
+from skyarm.envs.env_task import Task
+from skyarm.envs.observed_quantities import Sight
+from skyarm.records.files import shown
+from skyarm.records.leaves import is_record
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+
+Policy = Callable[[tuple[Any, ...]], Sequence[Any]]
+"""From the numbers of an observation to those of an action."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyParameters:
+    """Constants of a policy that flies as a law.
+
+    Attributes:
+        model: belief. mixer: its rotors.
+        policy: the policy, if it is a record of numbers; else ``()``.
+        inner: constants of the law that the actions build on, without model and mixer; ``()`` where they build on none.
+    """
+
+    model: Model
+    mixer: Mixer
+    policy: Any = ()
+    inner: Any = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyMemory:
+    """State of a policy between two periods.
+
+    Attributes:
+        inner: memory of the law that the actions build on. action: the last one.
+    """
+
+    inner: Any
+    action: Annotated[tuple[Scalar, ...], Unit("", "the last one, each number in [-1, 1]")]
+
+
+def as_law(policy: Any, environment: Any, *, name: str = "policy", traceable: bool = True) -> Controller:
+    """Make a law of a policy that was learned in an environment.
+
+    Args:
+        policy: a function, over any scalar, from the numbers of an observation to those of an action; or the layers of
+            a network, ``[(weights (outputs, inputs), offsets (outputs)), ...]`` with tanh between them
+            (:func:`network`).
+        environment: in which it was learned, single or vector: its observation, actions and scenario's law are the
+            policy's.
+        name: of the law.
+        traceable: the policy uses ``+ - * /`` and the functions of :mod:`skyarm.algebra.scalars` only; False calls it
+        with
+            floats, as a law that is not compiled.
+
+    Raises:
+        ControllerError: no policy, or one whose numbers do not fit the environment.
+    """
+    task = task_of(environment)
+    planned, size = task.scenario.controller, task.actions.size(task.scenario.controller.par.model.vehicle)
+    if not callable(policy):
+        policy = network(policy)
+    if isinstance(policy, Network) and len(policy.limits) != size:
+        raise ControllerError(f"policy: gives {len(policy.limits)} numbers, must be {size} for these actions")
+    asks, record = task.actions.asks_law, is_record(policy)
+    law = partial(
+        policy_law,
+        observation=dataclasses.replace(task, reward=()),
+        asked=planned.law if asks else _no_law,
+        function=None if record else policy,
+    )
+    return Controller(
+        name=name,
+        law=law,
+        par=PolicyParameters(
+            model=planned.par.model,
+            mixer=planned.par.mixer,
+            policy=policy if record else (),
+            inner=dataclasses.replace(planned.par, model=None, mixer=None) if asks else (),
+        ),
+        memory=PolicyMemory(inner=planned.memory if asks else (), action=(0.0,) * size),
+        margin=planned.margin if asks else None,
+        limit=planned.limit if asks else "",
+        compiled=traceable,
+    )
+
+
+def policy_law(
+    memory: PolicyMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Any,
+    *,
+    par: PolicyParameters,
+    observation: Task,
+    asked: Law,
+    function: Policy | None,
+) -> tuple[PolicyMemory, Command]:
+    """Observe, ask the policy, and turn its action into a command, as the environment did.
+
+    ``observation`` is the task with its observation and actions, ``asked`` the law that the actions build on, and
+    ``function`` the policy where it is no record.
+    """
+    sight = Sight(measurement=measurement, reference=reference, action=memory.action, model=par.model)
+    given = (par.policy if function is None else function)(observation_of(observation, sight))
+    if len(given) != len(memory.action):
+        raise ControllerError(f"policy: gives {len(given)} numbers, must be {len(memory.action)} for these actions")
+    action = tuple(clip(a, -1.0, 1.0) for a in given)
+    own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
+
+    def law(held: Any, seen: Measurement, wanted: Reference) -> tuple[Any, Command]:
+        return asked(held, seen, wanted, dt, par=own)
+
+    turn = Turn(memory.inner, measurement, reference, law, own, observation.told)
+    following, command = observation.actions.command(action, turn)
+    return PolicyMemory(inner=following, action=action), command
+
+
+def _no_law(memory: Any, *_: Any, **__: Any) -> tuple[Any, Command]:
+    """The law of actions that build on none."""
+    return memory, Command()
+
+
+def network(
+    layers: Sequence[Any], *, means: Sequence[float] | None = None, deviations: Sequence[float] | None = None
+) -> Network:
+    """A network of tanh layers, the last of them linear and held within [-1, 1].
+
+    Args:
+        layers: (weights (outputs, inputs), offsets (outputs)) of each; arrays, or what NumPy takes for one.
+        means: of the observation's numbers, which training took from them; 0 if left out.
+        deviations: by which it divided them; 1 if left out.
+
+    Raises:
+        ControllerError: layers that do not follow one another, or numbers that are none.
+    """
+    try:
+        pairs = [(np.asarray(weights, dtype=float), np.asarray(offsets, dtype=float)) for weights, offsets in layers]
+    except (TypeError, ValueError):
+        raise ControllerError(f"policy = {shown(layers)}: must be a function, or layers (weights, offsets)") from None
+    if not pairs:
+        raise ControllerError("policy: must have at least one layer")
+    for i, (weights, offsets) in enumerate(pairs):
+        before = len(pairs[i - 1][1]) if i else weights.shape[-1] if weights.ndim == 2 else -1
+        if weights.shape != (len(offsets) if offsets.ndim == 1 else -1, before):
+            words = f"weights of shape {weights.shape} and offsets of shape {offsets.shape}"
+            raise ControllerError(f"policy: layer {i}: {words}, must be (outputs, inputs) and (outputs,)")
+        if not (np.isfinite(weights).all() and np.isfinite(offsets).all()):
+            raise ControllerError(f"policy: layer {i}: must be finite numbers")
+    inputs, outputs = pairs[0][0].shape[1], len(pairs[-1][1])
+    middle = _row("means", means, inputs, 0.0)
+    spread = _row("deviations", deviations, inputs, 1.0)
+    if not (spread > 0.0).all():
+        raise ControllerError("policy: deviations: must be above 0")
+    return Network(
+        means=tuple(middle.tolist()),
+        factors=tuple((1.0 / spread).tolist()),
+        layers=tuple(
+            Layer(weights=tuple(map(tuple, weights.tolist())), offsets=tuple(offsets.tolist()))
+            for weights, offsets in pairs
+        ),
+        scales=(1.0,) * outputs,
+        limits=(1.0,) * outputs,
+    )
+
+
+def _row(field: str, given: Any, count: int, usual: float) -> Any:
+    """As many finite numbers."""
+    try:
+        found = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full(0, usual)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise ControllerError(f"policy: {field} = {shown(given)}: must be {count} finite numbers")
+    return found
+
+
+def task_of(environment: Any) -> Task:
+    """The task of an environment, under whatever wrappers.
+
+    Raises:
+        ControllerError: it is none of this library's.
+    """
+    found = getattr(getattr(getattr(environment, "unwrapped", None), "lanes", None), "task", environment)
+    if not isinstance(found, Task):
+        raise ControllerError(f"environment = {shown(environment)}: must be an environment of skyarm.envs")
+    return found

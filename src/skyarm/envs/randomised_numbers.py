@@ -1,0 +1,132 @@
+"""Domain randomisation: numbers drawn anew for every episode, by the paths and distributions of sweeps."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra.scalars.philox import uniforms
+from skyarm.records.files import shown
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_paths, require_within_queue
+from skyarm.studies.sweep.design import FIRST_CHANNEL
+from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.studies.sweep.plan import fastest_plant
+
+Array = npt.NDArray[Any]
+
+EDGE = 2.0**-53
+"""The smallest uniform number that is ever drawn; one minus it is the largest."""
+
+MOST_CORNERS = 6
+"""Paths up to which all combinations of their ends are looked at; beyond, all low, all high, and each end alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomised:
+    """Numbers that are drawn for every episode.
+
+    Attributes:
+        vary: path -> distribution. stiffest: the scenario whose numbers ask for the shortest integration steps.
+    """
+
+    vary: Mapping[str, Distribution]
+    stiffest: Scenario
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths, in order."""
+        return tuple(self.vary)
+
+    def draw(self, seeds: Array, episodes: Array) -> list[Array]:
+        """A column for each path: the numbers of these episodes under these seeds, (m,) each.
+
+        They are those of a sweep with this seed, whose ``[vary]`` has the same paths in the same order.
+        """
+        keys: Any = seeds[:, None]
+        found = []
+        for index, distribution in enumerate(self.vary.values()):
+            unit = uniforms(keys, episodes, FIRST_CHANNEL + index, 0, 1)[:, 0]
+            found.append(distribution.quantile(unit))
+        return found
+
+
+def randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
+    """Read which numbers are drawn; whatever may be drawn must be a number that the scenario can have.
+
+    Raises:
+        ScenarioError: one line with path, value and what is allowed.
+    """
+    if table is not None and not isinstance(table, Mapping):
+        raise ScenarioError(f"randomise = {shown(table)}: must be a table of paths, each with a distribution")
+    vary: dict[str, Distribution] = {}
+    for path, given in (table or {}).items():
+        if not isinstance(path, str):
+            raise ScenarioError(f"randomise: path = {shown(path)}: must be text, as 'plant.payload.mass'")
+        try:
+            vary[path] = distribution_from(given, f'randomise."{path}"')
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
+    return _check(scenario, vary)
+
+
+def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
+    """Numbers of further paths, each as it is in the scenario: a list of one value, which may be set to another.
+
+    Raises:
+        ScenarioError: no such path, or one that is drawn already.
+    """
+    vary = dict(found.vary)
+    if isinstance(paths, (str, Mapping)) or not isinstance(paths, Iterable):
+        raise ScenarioError(f"numbers = {shown(paths)}: must be a list of paths")
+    for path in paths:
+        if not isinstance(path, str) or path in vary:
+            raise ScenarioError(f"numbers: path = {shown(path)}: must be text, and none that is named already")
+        try:
+            vary[path] = Values((float(number_at(scenario, path)),))
+        except ValueError as error:
+            raise ScenarioError(f"numbers: {error}") from None
+    return _check(scenario, vary)
+
+
+def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
+    """Refuse what the scenario cannot have."""
+    try:
+        require_paths(scenario, tuple(vary))
+        require_draws(scenario, tuple(vary))
+        ends = {path: _ends(distribution) for path, distribution in vary.items()}
+        corners = _corners(ends)
+        require_within_queue(scenario, corners)
+        LaneRules(scenario, tuple(vary)).require(corners)
+        stiffest = fastest_plant(scenario, ends)
+    except ValueError as error:
+        raise ScenarioError(f"randomise: {error}") from None
+    return Randomised(vary=vary, stiffest=stiffest)
+
+
+def _ends(distribution: Distribution) -> tuple[float, float]:
+    """Least and greatest number that can be drawn."""
+    low, high = distribution.quantile(np.array([EDGE, 1.0 - EDGE])).tolist()
+    values = getattr(distribution, "values", None)
+    return (min(values), max(values)) if values else (low, high)
+
+
+def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
+    """Lanes in which every number has one of its ends."""
+    if not ends:
+        return {}
+    if len(ends) <= MOST_CORNERS:
+        rows = [list(row) for row in itertools.product(*ends.values())]
+    else:
+        lows, highs = ([pair[k] for pair in ends.values()] for k in (0, 1))
+        rows = [lows, highs]
+        for index in range(len(lows)):
+            rows.append([*lows[:index], highs[index], *lows[index + 1 :]])
+            rows.append([*highs[:index], lows[index], *highs[index + 1 :]])
+    return {path: np.array(column) for path, column in zip(ends, zip(*rows, strict=True), strict=True)}

@@ -1,0 +1,84 @@
+"""Names of the environments for Gymnasium, registered when :mod:`skyarm.envs` is imported, and the way into JAX.
+
+Neither the engine nor JAX is loaded before an environment is made.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from skyarm.records.files import must_be_one_of, needs_extra, shown
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ModuleNotFoundError(f"skyarm.envs: {needs_extra('gym')}", name="gymnasium") from None
+
+SINGLE = "skyarm.envs.single_environment:Environment"
+VECTOR = "skyarm.envs.vector_environment:VectorEnvironment"
+SHIPPED_TASKS = "skyarm.envs.named_tasks"
+
+ANY_SCENARIO = "skyarm/Scenario-v0"
+
+TASK_NAMES = ("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover")
+"""Names of the shipped environments (:data:`skyarm.envs.named_tasks.NAMED`)."""
+
+
+def register() -> None:
+    """Register ``skyarm/Scenario-v0`` and the shipped tasks; once is enough, twice does no harm."""
+    if ANY_SCENARIO in gymnasium.registry:
+        return
+    gymnasium.register(ANY_SCENARIO, entry_point=SINGLE, vector_entry_point=VECTOR)
+    for name in TASK_NAMES:
+        gymnasium.register(
+            f"skyarm/{name}-v0",
+            entry_point=f"{SHIPPED_TASKS}:make_single",
+            vector_entry_point=f"{SHIPPED_TASKS}:make_vector",
+            kwargs={"task": name},
+        )
+
+
+if TYPE_CHECKING:
+    from skyarm.envs.jax_environment import JaxEnvironment
+
+STARTED = (
+    "make_jax: JAX has started without XLA's options for stepped programs, so that the first call takes minutes: call "
+    "skyarm.envs.make_jax, or skyarm.compile.jax.jax_cpu.configure_cpu, before the first array or key is made"
+)
+
+
+def make_jax(
+    name: str = ANY_SCENARIO, *, numbers: Iterable[str] = (), **task: Any
+) -> tuple[JaxEnvironment, dict[str, Any]]:
+    """Make an environment in JAX, and the numbers that its functions take.
+
+    On a processor XLA compiles a step in seconds with options that JAX reads when it starts, and in minutes without
+    them: this sets them in ``XLA_FLAGS`` of the process, and warns in one line if JAX has started without them.
+
+    Args:
+        name: as :func:`gymnasium.make` takes it: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.
+        numbers: further paths that stand in ``params``, to be set or differentiated by.
+        task: as of the environment of that name: ``scenario``, ``actions``, ``observation``, ``reward``,
+            ``randomise``, ``controller``, ``duration``, ``precision``.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+        ImportError: JAX is not installed.
+    """
+    from skyarm.compile.jax.jax_cpu import configure_extra_options
+    from skyarm.envs.env_task import make_task, require_arguments
+    from skyarm.envs.jax_environment import JaxEnvironment
+    from skyarm.envs.named_tasks import task_arguments
+    from skyarm.scenario.scenario_record import ScenarioError
+
+    known = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
+    if not isinstance(name, str) or name not in known:
+        raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
+    require_arguments({k: v for k, v in task.items() if k != "scenario"}, make_task)
+    given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)
+    if not configure_extra_options():
+        warnings.warn(STARTED, stacklevel=2)
+    env = JaxEnvironment(make_task(**given), numbers=numbers)
+    return env, env.default_params

@@ -1,0 +1,238 @@
+"""A vector environment in the conventions of Gymnasium 1.x: thousands of episodes in one call of machine code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import logger
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from skyarm.envs.env_lanes import EnvLanes
+from skyarm.envs.env_program import LARGEST
+from skyarm.envs.env_task import (
+    KEYS,
+    Task,
+    make_task,
+    require_arguments,
+    require_lanes,
+    require_open,
+    require_options,
+    seed_of,
+    seeds_of,
+)
+from skyarm.envs.rendering import RENDER_MODES, LanePictures, lane_pictures, options_of_modes
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.lane_numbers import lane_mask, require_count
+
+Array = npt.NDArray[Any]
+
+
+class VectorEnvironment(VectorEnv[Array, Array, Array]):
+    """Many episodes of a scenario, stepped together by actions.
+
+    Lane k of ``reset(seed=s)`` flies the episodes of a single environment with ``reset(seed=s + k)``, to the bit.
+
+    Args:
+        num_envs: how many.
+        scenario: record, name or path of a file.
+        autoreset_mode: ``"NextStep"``, ``"SameStep"`` or ``"Disabled"``, or :class:`gymnasium.vector.AutoresetMode`.
+        copy: give observations that stay; else views on one buffer, which every call writes anew.
+        threads: most that work.
+        render_mode: None, or "rgb_array": :meth:`render` gives pictures.
+        render_options: of pictures: width, height, camera, ghost, fine, as a film has them; lanes: numbers of those
+            that are drawn, all of them if left out.
+        width, height: of a picture, pixels; in place of those in ``render_options``.
+        task: further arguments of :func:`skyarm.envs.env_task.make_task`.
+
+    Attributes:
+        lanes: the episodes: state, numbers drawn, causes.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        scenario: Scenario | str = "case3",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        threads: int = 1,
+        render_mode: str | None = None,
+        render_options: Mapping[str, Any] | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        **task: Any,
+    ) -> None:
+        self._mode = _mode(autoreset_mode)
+        count = require_lanes(num_envs)
+        options, _ = options_of_modes(render_options, width, height)
+        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, options, count)
+        if not isinstance(copy, (bool, np.bool_)):
+            raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
+        require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
+        made: Task = make_task(scenario, **task)
+        self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
+        self.num_envs, self._copy = count, bool(copy)
+        rate = made.scenario.rates.control
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate, "autoreset_mode": self._mode}
+        self.single_observation_space, self.single_action_space = spaces(self.lanes)
+        self.observation_space = batch_space(self.single_observation_space, count)
+        self.action_space = batch_space(self.single_action_space, count)
+        self._view = self.lanes.observation.T
+        # lanes whose episode was over after the last step
+        self._over: Array = np.zeros(0, dtype=np.intp)
+        self._begun = False
+
+    @property
+    def scenario(self) -> Scenario:
+        """Scenario of the task, before numbers are drawn for an episode."""
+        return self.lanes.task.scenario
+
+    @property
+    def observations(self) -> Array:
+        """(num_envs, numbers) view on the observations, which every call writes anew."""
+        return self._view
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode in every lane, or where ``options["reset_mask"]`` is True.
+
+        Args:
+            seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
+            options: ``{"reset_mask": (num_envs,) True or False}``.
+        """
+        require_open("reset", closed=self.closed)
+        require_options(options, ("reset_mask",))
+        mask = (options or {}).get("reset_mask")
+        chosen = lane_mask(mask, self.num_envs)
+        if mask is not None and not chosen.any():
+            raise ScenarioError("reset_mask: must be True for at least one lane")
+        given = seeds_of(seed, self.num_envs)
+        if seed is None or isinstance(seed, (int, np.integer)):
+            super().reset(seed=None if seed is None else int(seed))
+        if not self._begun:
+            # what nobody gave a seed gets one of its own: one is drawn, the others follow it
+            fresh = (int(self.np_random.integers(KEYS)) + np.arange(self.num_envs, dtype=np.uint64)) % KEYS
+            self.lanes.reseed(np.arange(self.num_envs), fresh)
+            given = [int(own) if each is None else each for each, own in zip(given, fresh, strict=True)]
+            self._begun = True
+        seeded = [k for k in np.flatnonzero(chosen).tolist() if given[k] is not None]
+        going = np.setdiff1d(np.flatnonzero(chosen), seeded)
+        if seeded:
+            self.lanes.reseed(np.array(seeded), np.array([seed_of(given[k]) for k in seeded], dtype=np.uint64))
+        if going.size:
+            self.lanes.begin(going)
+        self._over = np.flatnonzero(self.lanes.ended | self.lanes.truncated)
+        return self._observe(), {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Fly one control period in every lane.
+
+        Args:
+            actions: (num_envs, numbers) in [-1, 1]; what is beyond counts as the bound.
+
+        Returns:
+            observations (num_envs, numbers), rewards, terminations, truncations, all (num_envs,), and infos: where an
+            episode ended before its time ``status``, and in the mode SAME_STEP ``final_obs`` and ``final_info``.
+
+        Raises:
+            ScenarioError: actions of another shape, no numbers, or numbers that are not finite.
+        """
+        require_open("step", closed=self.closed)
+        lanes, over = self.lanes, self._over
+        if not self._begun:
+            raise ScenarioError("step: must come after reset()")
+        lanes.act(actions)
+        infos: dict[str, Any] = {}
+        if not over.size:
+            ending = lanes.step()
+        elif self._mode is AutoresetMode.NEXT_STEP:
+            lanes.step()
+            lanes.begin(over)
+            ending = bool(lanes.ended.any() or lanes.truncated.any())
+        else:
+            held = lanes.hold(over)
+            lanes.step()
+            lanes.put_back(over, held)
+            ending = True
+        rewards = lanes.reward.copy()
+        ended, truncated = lanes.ended.copy(), lanes.truncated.copy()
+        if ending:
+            self._over = np.flatnonzero(ended | truncated)
+            infos = self._infos(ended)
+            if self._mode is AutoresetMode.SAME_STEP:
+                infos = self._final(infos)
+                lanes.begin(self._over)
+                self._over = self._over[:0]
+        elif over.size:
+            self._over = over[:0]
+        return self._observe(), rewards, ended, truncated, infos
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Draw the present state of the chosen lanes, each as a frame of a film without its texts.
+
+        Returns:
+            (height, width, 3) bytes for each; None, with a warning, of environments made without ``render_mode``.
+
+        Raises:
+            ScenarioError: before the first ``reset()``, or after ``close()``.
+            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
+        """
+        require_open("render", closed=self.closed)
+        if self._pictures is None:
+            logger.warn('render: gives nothing; make the environments with render_mode="rgb_array"')
+            return None
+        if not self._begun:
+            raise ScenarioError("render: must come after reset()")
+        return self._pictures.draw(self.lanes)
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads, and give back what drawing holds; also of environments refused while they were made."""
+        if hasattr(self, "lanes"):
+            self.lanes.close()
+        pictures: LanePictures | None = getattr(self, "_pictures", None)
+        if pictures is not None:
+            pictures.close()
+
+    def _observe(self) -> Array:
+        return self._view.copy(order="C") if self._copy else self._view
+
+    def _infos(self, ended: Array) -> dict[str, Any]:
+        """Why episodes ended before their time."""
+        which = np.flatnonzero(ended)
+        if not which.size:
+            return {}
+        status = np.empty(self.num_envs, dtype=object)  # of objects: filled with None
+        status[which] = self.lanes.statuses[self.lanes.ending[which].astype(np.intp)]
+        return {"status": status, "_status": ended.copy()}
+
+    def _final(self, infos: dict[str, Any]) -> dict[str, Any]:
+        """Last observations and infos of the episodes that are over."""
+        mask = np.zeros(self.num_envs, dtype=bool)
+        mask[self._over] = True
+        final = np.empty(self.num_envs, dtype=object)
+        for lane in self._over.tolist():
+            final[lane] = self._view[lane].copy()
+        return {"final_obs": final, "_final_obs": mask, "final_info": infos, "_final_info": mask.copy()}
+
+
+def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
+    """Observation and action space of one episode."""
+    seen, size = len(lanes.observation), len(lanes.actions)
+    observed = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
+    return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
+
+
+def _mode(given: Any) -> AutoresetMode:
+    if isinstance(given, AutoresetMode):
+        return given
+    known = {mode.value: mode for mode in AutoresetMode}
+    if given not in known:
+        raise ScenarioError(f"autoreset_mode = {shown(given)}: {must_be_one_of(known, given)}")
+    return known[given]

@@ -1,0 +1,204 @@
+"""Running sums and extremes from which metrics follow, counted while an episode flies, over any scalar.
+
+A total is a sum, a sum of squares, a largest or smallest value, or the value of largest magnitude with its sign, of one
+quantity over one window. Only the totals that the wanted metrics need are counted; what they do not need is not even
+traced. Over a log the same functions count: :mod:`skyarm.log.metrics.score`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
+from skyarm.compile import leaves, rebuild
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.log.metrics.contact_totals import SHIPPED
+from skyarm.log.metrics.metric import Metric
+from skyarm.records.registry import RegistryError, find
+from skyarm.records.registry.class_signatures import class_mistake
+
+HUGE = 1e300
+
+CONTINUOUS = "_continuous"
+"""Suffix of what is measured against the continuous reference; without it, against the held samples."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Goal:
+    """Where the reference wants the base (m) and the joints, and where that puts a level tool (m)."""
+
+    position: Vec3
+    joints: tuple[Scalar, ...]
+    tool: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Instant:
+    """One control instant as metrics see it.
+
+    Attributes:
+        state: of the plant. tool: its tip, world, m.
+        command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
+        held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
+        phase: number of the task's phase, where phases wait. time: s.
+        push: wanted contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
+        contact: normal force at each pair of a surface and a point of the vehicle, N. objects: places of the free
+            objects' middles, m, one behind the other. mechanisms: their coordinates, rad or m.
+        pull: number of what the first gripper holds, 0 for nothing, and its force on it, N, world axes. hinge: a place
+            (m) on the axis of the first mechanism, and its unit vector, world axes; () of one that slides.
+    """
+
+    state: State
+    tool: Vec3
+    command: Command
+    before: tuple[Scalar, ...]
+    held: Goal
+    continuous: Goal
+    lag: Scalar = 0.0
+    phase: Scalar = 0.0
+    time: Scalar = 0.0
+    push: tuple[Scalar, ...] = ()
+    contact: tuple[Scalar, ...] = ()
+    objects: tuple[Scalar, ...] = ()
+    mechanisms: tuple[Scalar, ...] = ()
+    pull: tuple[Scalar, ...] = ()
+    hinge: tuple[Scalar, ...] = ()
+
+
+def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
+    """Euclidean norm of the joint errors."""
+    total: Any = 0.0
+    for q, q_d in zip(joints, wanted, strict=True):
+        total = total + (q - q_d) * (q - q_d)
+    return sqrt(total)
+
+
+def distance(a: Vec3, b: Vec3) -> Any:
+    """Length of a - b."""
+    return (a - b).norm()
+
+
+def roll_and_pitch(q: Quaternion) -> tuple[Any, Any]:
+    """ZYX roll and pitch of a unit quaternion, rad."""
+    w, x, y, z = q
+    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return roll, asin(clip(2.0 * (w * y - z * x), -1.0, 1.0))
+
+
+def tilt(q: Quaternion) -> Any:
+    """Angle between body z and world z of a unit quaternion, rad; the arcsine of the half angle is sharp at zero."""
+    return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
+
+
+def _jitter(now: Instant, size: Callable[[Any], Any]) -> Any:
+    """Mean over the rotors of a size of the change of commanded speed since a period ago."""
+    total: Any = 0.0
+    for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
+        total = total + size(new - old)
+    return total / float(len(now.before))
+
+
+NEAR = 0.05
+"""m: beyond it a tip counts as away from its reference."""
+
+QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
+    "position": lambda now, goal: distance(now.state.position, goal.position),
+    "joint": lambda now, goal: joint_norm(now.state.joints, goal.joints),
+    "ee": lambda now, goal: distance(now.tool, goal.tool),
+    "ee_outside": lambda now, goal: where(distance(now.tool, goal.tool) > NEAR, 1.0, 0.0),
+    "x": lambda now, goal: now.state.position.x - goal.position.x,
+    "ee_x": lambda now, goal: now.tool.x - goal.tool.x,
+    "height": lambda now, goal: goal.position.z - now.state.position.z,
+    "altitude": lambda now, goal: absolute(now.state.position.z - goal.position.z),
+    "roll": lambda now, _: roll_and_pitch(now.state.quaternion)[0],
+    "pitch": lambda now, _: roll_and_pitch(now.state.quaternion)[1],
+    "pitch_size": lambda now, _: absolute(roll_and_pitch(now.state.quaternion)[1]),
+    "tilt": lambda now, _: tilt(now.state.quaternion),
+    "rate_square": lambda now, _: now.state.rate.dot(now.state.rate),
+    "jitter_size": lambda now, _: _jitter(now, absolute),
+    "lag": lambda now, _: now.lag,
+    "phase": lambda now, _: now.phase,
+    "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
+}
+"""Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""
+
+Total = tuple[str, str, str]
+"""Kind ("sum", "square", "max", "min", "peak"), window, quantity; the quantity may end with ``_continuous``.
+
+Of kind "added" it is the memory of a registered metric, by its name."""
+
+ADDED = "added"
+
+STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0}
+
+
+def quantity(name: str, now: Instant) -> Any:
+    """Value of a quantity at an instant."""
+    goal = now.held
+    if name.endswith(CONTINUOUS):
+        name, goal = name.removesuffix(CONTINUOUS), now.continuous
+    if name.startswith("effort"):
+        return now.command.efforts[int(name.removeprefix("effort"))]
+    return QUANTITIES[name](now, goal)
+
+
+def added_metric(name: str) -> Metric:
+    """A registered metric, with its numbers by default; or totals of contact.
+
+    Raises:
+        RegistryError: what is registered is no metric, or cannot be called as one.
+    """
+    if name in SHIPPED:
+        return SHIPPED[name]
+    kind = find("metric", name)
+    mistake = class_mistake(kind) if isinstance(kind, type) else None
+    if mistake is not None:
+        raise RegistryError(f"{mistake[0]}: metric {name!r}: {mistake[1]}")
+    made = kind()
+    if not isinstance(made, Metric):
+        raise RegistryError(f"metric {name!r}: must be registered as a subclass of Metric")
+    return made
+
+
+def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
+    """Totals before the first period."""
+    return tuple(added_metric(name).start() if kind == ADDED else STARTS[kind] for kind, _, name in wanted)
+
+
+def counted(
+    totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
+) -> tuple[Any, ...]:
+    """Totals with one more control instant.
+
+    Args:
+        totals: so far.
+        wanted: what each of them is.
+        now: the instant.
+        inside: window -> whether the instant counts for it, a condition.
+    """
+    found = {name: quantity(name, now) for name in dict.fromkeys(name for kind, _, name in wanted if kind != ADDED)}
+    following: list[Any] = []
+    for total, (kind, window, name) in zip(totals, wanted, strict=True):
+        if kind == ADDED:
+            more = leaves(added_metric(name).count(total, now))
+            pairs = zip(more, leaves(total), strict=True)
+            following.append(rebuild(total, iter([where(inside[window], new, old) for new, old in pairs])))
+        else:
+            following.append(where(inside[window], _with_one_more(kind, total, found[name]), total))
+    return tuple(following)
+
+
+def _with_one_more(kind: str, total: Any, value: Any) -> Any:
+    if kind == "sum":
+        return total + value
+    if kind == "square":
+        return total + value * value
+    if kind == "max":
+        return maximum(value, total)
+    if kind == "min":
+        return minimum(value, total)
+    return where(absolute(value) > absolute(total), value, total)

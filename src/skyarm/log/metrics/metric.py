@@ -1,0 +1,41 @@
+"""Metrics of one's own: counted while an episode flies, or over a log, by the same functions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skyarm.log.metrics.accumulate import Instant
+
+
+class Metric:
+    """A metric is a number of a flight. A subclass is a frozen dataclass of numbers whose fields all have defaults.
+
+    ``count`` is pure, over any scalar, and is asked at every control instant in the window while the episode lives;
+    ``result`` gets the last memory, whose scalars are arrays over the lanes of a batch.
+    """
+
+    __slots__ = ()
+
+    @property
+    def window(self) -> str:
+        """When it looks: a window of :class:`skyarm.log.metrics.windows.Windows`, or "whole"."""
+        return "whole"
+
+    def start(self) -> Any:
+        """First memory: a record or tuple of scalars."""
+        raise NotImplementedError(f"{type(self).__name__} must say where it starts")
+
+    def count(self, memory: Any, now: Instant) -> Any:
+        """Memory with one more control instant."""
+        raise NotImplementedError(f"{type(self).__name__} must say what it counts")
+
+    def result(self, memory: Any, instants: Any, period: float) -> Any:
+        """The metric.
+
+        Args:
+            memory: the last one.
+            instants: how many were counted.
+            period: between them, s.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say its result")

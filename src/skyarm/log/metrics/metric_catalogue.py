@@ -1,0 +1,253 @@
+"""The metrics: their names, windows and formulas, counted in flight or over a log by the same functions.
+
+Position and joint errors are norms. A metric that needs a reference exists twice: against the held samples, as a
+recorded bag would see it, and with the suffix ``_continuous`` against the continuous reference. Those of the gust
+experiment, which looks at another window, begin with ``gust_``.
+
+Settling time is not among them. It asks when the error entered a band around its steady mean, and the mean is known
+after the steady window only: the error's whole past would have to be kept. Two flights give it, or a log
+(:func:`skyarm.log.metrics.score.settling_time`).
+
+Source: Barakou et al. 2026, Table 2 and section 5.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Total, added_metric
+from skyarm.log.metrics.contact_totals import VALUES
+from skyarm.records.files import did_you_mean, shown
+from skyarm.records.registry import names as registered_names
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One metric.
+
+    Attributes:
+        totals: that it needs. window: in which its instants are counted.
+        value: (instants, period in s, *totals) -> metric.
+        words, unit: for axes and tables.
+    """
+
+    totals: tuple[Total, ...]
+    window: str
+    value: Callable[..., Any] = field(repr=False)
+    words: str = ""
+    unit: str = ""
+
+
+FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
+    "mean": (("sum",), lambda n, _dt, total: total / n),
+    "rms": (("square",), lambda n, _dt, total: np.sqrt(total / n)),
+    "root": (("sum",), lambda n, _dt, total: np.sqrt(total / n)),
+    "integral": (("sum",), lambda _n, dt, total: total * dt),
+    "half_range": (("max", "min"), lambda _n, _dt, high, low: 0.5 * (high - low)),
+    "max": (("max",), lambda _n, _dt, total: total),
+    "min": (("min",), lambda _n, _dt, total: total),
+    "peak": (("peak",), lambda _n, _dt, total: total),
+}
+"""Form of a metric -> kinds of the totals of its quantity, and its value from them; ``root`` is the RMS of a quantity
+that is squared already."""
+
+
+def _measure(form: str, window: str, quantity: str, words: str = "", unit: str = "") -> Measure:
+    kinds, value = FORMS[form]
+    return Measure(tuple((kind, window, quantity) for kind in kinds), window, value, words, unit)
+
+
+def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
+    found = {}
+    for name, what, unit in (("position", "position", "m"), ("joint", "joint", "rad"), ("ee", "tip", "m")):
+        found[f"{prefix}{name}_error_mean"] = _measure("mean", window, name, f"mean {what} error{ending}", unit)
+        found[f"{prefix}{name}_error_max"] = _measure("max", window, name, f"largest {what} error{ending}", unit)
+    return found
+
+
+TRACKING = _tracking("", "steady") | {
+    "position_min": _measure("min", "steady", "position", "smallest position error", "m"),
+    "position_max": _measure("max", "steady", "position", "largest position error", "m"),
+    "position_ripple": _measure("half_range", "steady", "position", "ripple of the position error", "m"),
+    "peak_position": _measure("max", "transient", "position", "largest position error of the transient", "m"),
+    "iae_position": _measure("integral", "whole", "position", "integral of the position error", "m s"),
+    "iae_joint": _measure("integral", "whole", "joint", "integral of the joint error", "rad s"),
+    "altitude_error_max": _measure("max", "whole", "altitude", "largest height error", "m"),
+    "x_error_max": _measure("max", "steady", "x", "largest position error along x, with its sign", "m"),
+    "ee_time_outside": _measure(
+        "integral", "steady", "ee_outside", "time with the tip over 5 cm from its reference", "s"
+    ),
+}
+
+GUST = _tracking("gust_", "gust", " in the gust") | {
+    "gust_peak_x": _measure("peak", "gust", "x", "peak position error along x in the gust", "m"),
+    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "peak tip error along x in the gust", "m"),
+    "gust_iae_position": _measure("integral", "gust", "position", "integral of the position error in the gust", "m s"),
+    "gust_iae_joint": _measure("integral", "gust", "joint", "integral of the joint error in the gust", "rad s"),
+}
+
+PAPER = {
+    "held_position_error": _measure("mean", "holds", "position", "mean position error while the arm is held", "m"),
+    "ee_error_last_mean": _measure("mean", "last", "ee", "mean tip error at the end", "m"),
+    "ee_error_last_max": _measure("max", "last", "ee", "largest tip error at the end", "m"),
+}
+
+FREE = {
+    "pitch_mean": _measure("mean", "steady", "pitch", "mean pitch", "rad"),
+    "pitch_rms": _measure("rms", "steady", "pitch", "RMS pitch", "rad"),
+    "pitch_ripple": _measure("half_range", "steady", "pitch", "ripple of pitch", "rad"),
+    "roll_rms": _measure("rms", "steady", "roll", "RMS roll", "rad"),
+    "peak_pitch": _measure("max", "transient", "pitch_size", "peak pitch of the transient", "rad"),
+    "gust_pitch_rms": _measure("rms", "gust", "pitch", "RMS pitch in the gust", "rad"),
+    "gust_peak_pitch": _measure("peak", "gust", "pitch", "peak pitch in the gust", "rad"),
+    "tilt_rms": _measure("rms", "steady", "tilt", "RMS tilt", "rad"),
+    "tilt_max": _measure("max", "whole", "tilt", "largest tilt", "rad"),
+    "rate_rms": _measure("root", "steady", "rate_square", "RMS body rate", "rad/s"),
+    "rotor_jitter": _measure("root", "steady", "jitter_square", "RMS change of a rotor command per period", "rad/s"),
+    "rotor_jitter_mean": _measure(
+        "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
+    ),
+    "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the governor", "s"),
+    "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the governor", "s"),
+    "phases_done": _measure("max", "whole", "phase", "phases done", "phases"),
+    # against the continuous reference always, as a mean height before the motion
+    "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),
+}
+"""Metrics that have no twin."""
+
+CONTACT = {
+    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held), words, unit)
+    for name, (totals, value, words, unit) in VALUES.items()
+}
+"""Metrics of contact, of which a flight without it has none."""
+
+REFERRED = TRACKING | GUST | PAPER
+
+STANDARD = (
+    *("position_error_mean", "position_error_max", "position_min", "joint_error_mean", "joint_error_max"),
+    *("ee_error_mean", "ee_error_max", "pitch_mean", "pitch_rms", "pitch_ripple", "roll_rms", "peak_pitch"),
+    *("peak_position", "iae_position", "iae_joint", "efforts"),
+)
+
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "standard": STANDARD,
+    "gust": (*GUST, "gust_pitch_rms", "gust_peak_pitch"),
+    "wind": ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple"),
+    "paper": (*PAPER, "hover_offset"),
+    "effort": ("efforts", "rotor_jitter", "rate_rms", "tilt_rms", "tilt_max", "altitude_error_max"),
+    "contact": tuple(CONTACT),
+    "all": (*REFERRED, *FREE, "efforts"),
+}
+"""Words for several metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
+
+
+def measures(joints: int) -> dict[str, Measure]:
+    """Every metric there is for an arm of so many joints."""
+    found = (
+        REFERRED
+        | FREE
+        | CONTACT
+        | {
+            f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
+            for i in range(joints)
+        }
+    )
+    for name, each in REFERRED.items():
+        twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
+        found[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
+    for name in registered_names("metric"):
+        found[name] = _added(name)
+    return found
+
+
+def _added(name: str) -> Measure:
+    """A registered metric."""
+    metric = added_metric(name)
+    return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
+
+
+def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
+    """Names of metrics and groups, with groups written out, each once.
+
+    A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
+
+    Args:
+        wanted: names and groups.
+        joints: of the arm.
+        told: joint by joint, whether its command is a setpoint in place of a torque: groups then leave its torque out.
+
+    Raises:
+        ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.
+    """
+    if isinstance(wanted, str) or not isinstance(wanted, Collection):
+        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names and groups, as ['standard']")
+    known = measures(joints)
+    found: list[str] = []
+    without = [f"tau{i + 1}_rms" for i, each in enumerate(told) if each]
+    for word in wanted:
+        group = word.removesuffix(CONTINUOUS) if isinstance(word, str) else ""
+        if word in without:
+            k = word.removeprefix("tau").removesuffix("_rms")
+            raise ValueError(f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints of its drive")
+        if isinstance(word, str) and word in known:
+            found.append(word)
+        elif group in GROUPS:
+            listed = [name for one in GROUPS[group] for name in _written_out(one, joints) if name not in without]
+            twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
+            found += listed if group == word else twins
+        else:
+            allowed = f"{', '.join(GROUPS)}, or of {', '.join(name for name in known if not name.endswith(CONTINUOUS))}"
+            meant = did_you_mean(word, (*GROUPS, *known))
+            raise ValueError(f"metrics: {shown(word)}: {meant}must be one of {allowed}; with {CONTINUOUS} its twin")
+    return tuple(dict.fromkeys(found))
+
+
+def _written_out(name: str, joints: int) -> list[str]:
+    return [f"tau{i + 1}_rms" for i in range(joints)] if name == "efforts" else [name]
+
+
+def needed(names: Sequence[str], joints: int) -> tuple[Total, ...]:
+    """Totals that metrics need, each once."""
+    known = measures(joints)
+    return tuple(dict.fromkeys(total for name in names for total in known[name].totals))
+
+
+def values(
+    names: Sequence[str], totals: Mapping[Total, Array], instants: Mapping[str, Array], joints: int, period: float
+) -> dict[str, Array]:
+    """Metrics of each lane; NaN where no instant of its flight fell into the window, 0 for integrals over the whole.
+
+    Args:
+        names: of the metrics.
+        totals: at the end of each flight.
+        instants: window -> how many instants of each flight lie in it.
+        joints: of the arm.
+        period: s.
+    """
+    known, found = measures(joints), {}
+    with np.errstate(all="ignore"):
+        for name in names:
+            each = known[name]
+            n = instants[each.window]
+            value = each.value(n, period, *(totals[total] for total in each.totals))
+            empty = 0.0 if each.window == "whole" and name.startswith("iae") else np.nan
+            found[name] = np.where(n > 0, value, empty)
+    return found
+
+
+def metric_words(name: str) -> tuple[str, str]:
+    """Words and unit of a metric; of a user's its name, without a unit.
+
+    Joint errors are in rad; those of joints that slide in m.
+    """
+    torque = re.fullmatch(r"tau(\d+)_rms", name)
+    found = measures(int(torque[1]) if torque else 0).get(name)
+    return (found.words, found.unit) if found is not None and found.words else (name.replace("_", " "), "")

@@ -1,0 +1,168 @@
+"""Metrics of a log: the functions that count them in flight, mapped over its instants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Goal, Instant, counted, first_totals, quantity
+from skyarm.log.metrics.metric_catalogue import metric_names, needed, values
+from skyarm.log.metrics.windows import Window, Windows, windows_of
+from skyarm.records.files import shown
+
+Array = npt.NDArray[Any]
+
+
+def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | None = None) -> dict[str, float]:
+    """Return metrics of a flight.
+
+    Args:
+        log: of the flight.
+        metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`), registered ones too.
+        windows: when they look, in place of those that the scenario had.
+
+    Returns:
+        metric by name; NaN where no instant of the flight lies in its window: the flight ended before it.
+
+    Raises:
+        ValueError: no log, no windows, an unknown metric, or a window that ends after the planned flight.
+    """
+    if not isinstance(log, Log):
+        raise ValueError(f"log = {shown(log)}: must be a Log, as run(scenario) or load_log(path) gives it")
+    if not isinstance(windows, (Windows, type(None))):
+        raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
+    joints = log.joints.shape[1]
+    names = metric_names(metrics, joints, [unit is not None for unit in names_of(log).setpoints])
+    wanted = needed(names, joints)
+    at = (windows or Windows()).of_flight(float(log.info["duration"]), windows_of(log))
+    masks = at.masks(log.time)
+    used = tuple(dict.fromkeys(window for _, window, _ in wanted))
+    totals = first_totals(wanted)
+    instants = _instants(log, pushes=any(kind == ADDED for kind, _, _ in wanted))
+    example = rebuild(instants, iter([0.0] * len(leaves(instants))))
+    flags = (0.0,) * len(used)
+    program = trace(
+        lambda held, now, inside: counted(
+            held, wanted, now, {name: flag > 0.5 for name, flag in zip(used, inside, strict=True)}
+        ),
+        totals,
+        example,
+        flags,
+    )
+    columns = [np.asarray(leaf, dtype=float) for leaf in leaves(instants)]
+    columns += [masks[name].astype(float) for name in used]
+    memory = tuple(leaves(totals))
+    for row in np.stack(columns, axis=1).tolist() if columns else ():
+        memory = program.flat((*memory, *row))
+    held = dict(zip(wanted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
+    count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
+    period = 1.0 / float(log.info["rates_hz"]["control"])
+    return {name: float(value[0]) for name, value in values(names, held, count, joints, period).items()}
+
+
+SETTLING_BAND = 0.02
+"""m: the position error has settled when it stays this near its steady mean."""
+
+
+def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:
+    """First time (s) after which the position error stays within 0.02 m of its steady mean to the end.
+
+    Args:
+        log: of the flight.
+        steady: where the mean is taken.
+        continuous: against the continuous reference in place of the held samples.
+
+    Returns:
+        NaN if it never settles, or no instant lies in the window.
+    """
+    error = over_log(log, f"position{CONTINUOUS}" if continuous else "position")
+    values = error[steady.of(log)]
+    if not values.size:
+        return float("nan")
+    outside = np.flatnonzero(np.abs(error - values.mean()) > SETTLING_BAND)
+    after = int(outside[-1]) + 1 if outside.size else 0
+    return float(log.time[after]) if after < log.time.size else float("nan")
+
+
+def over_log(log: Log, name: str) -> Array:
+    """A quantity (:data:`skyarm.log.metrics.accumulate.QUANTITIES`) at every instant of a log: (N,)."""
+    instants = _instants(log)
+    columns = leaves(instants)
+    program = trace(lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns))))
+    row: Array = evaluate(program, columns, log.time.size)[0]
+    return row
+
+
+def _instants(log: Log, *, pushes: bool = False) -> Instant:
+    """Every control instant of a log, as a record of arrays; ``pushes`` with the contact that was asked for."""
+
+    def rows(table: Any) -> tuple[Any, ...]:
+        return tuple(table.T)
+
+    def goal(kind: str) -> Goal:
+        position, joints, tool = (getattr(log, f"{name}_{kind}") for name in ("position", "joints", "tool"))
+        return Goal(position=Vec3(*position.T), joints=rows(joints), tool=Vec3(*tool.T))
+
+    state = State(
+        position=Vec3(*log.position.T),
+        quaternion=Quaternion(*log.quaternion.T),
+        velocity=Vec3(*log.velocity.T),
+        rate=Vec3(*log.rate.T),
+        joints=rows(log.joints),
+        joint_rates=rows(log.joint_rates),
+        rotor_speeds=rows(log.rotor_speeds),
+        tilts=rows(log.tilts),
+    )
+    before = np.vstack([log.rotor_commands[:1], log.rotor_commands[:-1]])
+    return Instant(
+        state=state,
+        tool=Vec3(*log.tool.T),
+        command=Command(
+            rotor_speeds=rows(log.rotor_commands), efforts=rows(log.efforts), tilts=rows(log.tilt_commands)
+        ),
+        before=rows(before),
+        held=goal("held"),
+        continuous=goal("reference"),
+        lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
+        phase=log.phase if log.phase.size else np.zeros(log.time.size),
+        time=log.time,
+        push=wanted_push(log) if pushes and log.contact_force.size else (),
+        contact=rows(log.contact_force) if log.contact_force.size else (),
+        objects=rows(log.object_position) if log.object_position.size else (),
+        mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
+        pull=(log.gripper_taken[:, 0], *log.gripper_pull[:, :3].T) if log.gripper_pull.size else (),
+        hinge=_hinge(log) if pushes else (),
+    )
+
+
+def _hinge(log: Log) -> tuple[Array, ...]:
+    """The axis about which the world's first mechanism turns, at every instant; () where there is none."""
+    if not log.mechanism_position.size or not log.info.get("scenario_record"):
+        return ()
+    contact = log.scenario.world
+    mechanisms = () if contact is None else contact.mechanisms
+    return tuple(np.full(log.time.size, float(c)) for c in mechanisms[0].hinge) if mechanisms else ()
+
+
+def wanted_push(log: Log) -> tuple[Array, ...]:
+    """The contact that the reference asks for at every instant; () of a flight that asks for none.
+
+    Raises:
+        ValueError: as of :attr:`skyarm.Log.scenario`.
+    """
+    push = log.scenario.reference.push if log.info.get("scenario_record") else None
+    if push is None:
+        return ()
+    times = log.path_time if log.path_time.size else log.time
+    program = trace(lambda t: tuple(push.at(t)), 0.0)
+    return tuple(evaluate(program, [times], log.time.size))

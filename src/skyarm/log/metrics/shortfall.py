@@ -1,0 +1,221 @@
+"""Shortfall of a flight: commands that its actuators could not carry out, and references that it did not reach.
+
+A flight that comes to its end is not yet a success: a diverged law may fly on with its commands cut, a tip may never
+press. Every summary of a flight (command line, JSON, pages) says the same of it, from :attr:`skyarm.Log.shortfall`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.flown_scenario import written_part
+from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.contact_totals import BAND
+from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.score import wanted_push
+from skyarm.log.metrics.windows import Windows, windows_of
+from skyarm.log.periods import contact_pairs
+from skyarm.records.restore import restore
+
+if TYPE_CHECKING:
+    from skyarm.log.flight_log import Log
+
+Array = npt.NDArray[Any]
+
+LARGEST_ERROR = 0.5
+"""m, in the mean over the end of a flight: a base or tip beyond it has not followed its reference."""
+
+SELDOM = 0.01
+"""Share of the periods below which commands exactly at a limit are not worth a line: a step of the reference."""
+
+PLACES = ("rad", "m")
+"""Units of setpoints."""
+
+ROUNDING = 1e-9
+"""Share of a limit by which a law that cuts its own commands may stay below it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Saturation:
+    """Commands at or beyond the limits of the actuators.
+
+    Attributes:
+        share: of the control periods in which any command is.
+        actuator: the one whose largest command is furthest beyond its limit.
+        command, limit: largest size of its command, and the limit on its side, in ``unit``.
+    """
+
+    share: float
+    actuator: str
+    command: float
+    limit: float
+    unit: str
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is worth a line: not for a law that cuts its own commands for a moment."""
+        return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)  # nan counts
+
+    def __str__(self) -> str:
+        return (
+            f"saturation: commands at or beyond limits in {100.0 * self.share:.3g} % of the periods, most of all "
+            f"{self.actuator}: {self.command:.6g} {self.unit}, limit {self.limit:.6g}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Unreached:
+    """A reference that a flight did not reach.
+
+    Attributes:
+        reference: "position", "tip", "force" or "phase". start, stop: s, where it was looked for.
+        words: what was flown in place of what.
+    """
+
+    reference: str
+    start: float
+    stop: float
+    words: str
+
+    def __str__(self) -> str:
+        return f"not reached: {self.words}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shortfall:
+    """Saturation and unreached references of a flight; printed, a line for each.
+
+    Attributes:
+        saturation: None where every command stayed within its limits.
+        unreached: references, in the order of position, tip, force, phases.
+    """
+
+    saturation: Saturation | None
+    unreached: tuple[Unreached, ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A sentence for each; none for a flight that lacks nothing."""
+        saturated = self.saturation is not None and self.saturation.counts
+        return (*((str(self.saturation),) if saturated else ()), *map(str, self.unreached))
+
+
+def shortfall(log: Log) -> Shortfall:
+    """Commands of a flight beyond the limits of its actuators, and references that it did not reach."""
+    if not log.time.size:
+        return Shortfall(saturation=None, unreached=())
+    wanted, pushing = _wanted_force(log)
+    return Shortfall(saturation=_saturation(log), unreached=(*_far(log, pushing), *_forces(log, wanted), *_phases(log)))
+
+
+def _saturation(log: Log) -> Saturation | None:
+    """None, too, where a log keeps no vehicle."""
+    beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
+    for actuator, unit, sent, low, high in _limited(log):
+        over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
+        worst = int(np.argmax(over))
+        limit = low if low - sent[worst] > sent[worst] - high else high
+        # an angle or a place at the end of its range is carried out as it is; a speed or an effort there was cut
+        least = ROUNDING if unit in PLACES else -ROUNDING
+        at_limit = (over >= least * (abs(limit) or 1.0)) & math.isfinite(limit)
+        beyond |= at_limit
+        if at_limit.any():
+            found.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
+    if not found:
+        return None
+    _, actuator, command, limit, unit = max(found, key=lambda each: each[0])
+    return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
+
+
+def _limited(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
+    """Name, unit, commands (N,), lower and upper limit of every actuator that has one."""
+    try:
+        vehicle = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
+        if vehicle is None:
+            return
+    except (KeyError, TypeError, ValueError):
+        return
+    for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
+        yield f"rotor {rotor.name}", "rad/s", sent, -math.inf, float(rotor.max_speed)
+    tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
+    for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
+        yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)
+    for link, sent, unit in zip(vehicle.links, log.efforts.T, names_of(log).setpoints, strict=True):
+        joint, effort = link.joint, float(link.joint.effort_limit)
+        if unit is None and effort > 0.0:  # a passive joint has no actuator
+            yield f"joint {joint.name}", "N m" if joint.kind == "revolute" else "N", sent, -effort, effort
+        elif unit in ("rad", "m"):  # a rate has no limit of the joint's
+            yield f"joint {joint.name}", unit, sent, float(joint.lower), float(joint.upper)
+
+
+def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
+    """Base and tip whose mean error at the end is too large: over the last window, or where the flight ended.
+
+    A governor may lag behind: the distance to the path counts. While the tip presses its reference lies anywhere along
+    the normal.
+    """
+    duration = float(log.info["duration"])
+    start = min(duration - Windows().of_flight(duration, windows_of(log)).last, float(log.time[-1]))
+    at_end = (log.time >= start) & ~pushing
+    pairs = {"position": ("base", log.position, log.position_reference)}
+    if not np.array_equal(log.tip, log.position):
+        pairs["tip"] = "tip", log.tip, log.tip_reference
+    for what, (body, flown, wanted) in pairs.items():
+        if log.path_time.size and not log.phase.size:
+            errors = path_distance(flown[at_end], wanted)
+        else:
+            errors = np.linalg.norm(flown[at_end] - wanted[at_end], axis=1)
+        error = float(errors.mean()) if errors.size else 0.0
+        if not error <= LARGEST_ERROR:
+            words = f"reference of the {body}, {error:.3g} m off in the mean from {start:g} s on"
+            yield Unreached(reference=what, start=start, stop=float(log.time[-1]), words=words)
+
+
+def _wanted_force(log: Log) -> tuple[Array, Array]:
+    """Force that the reference asks the tip to press with (N,), and whether the tip presses or grips then."""
+    try:
+        push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
+    except ValueError:  # of a plugin that is not loaded
+        push = ()
+    if not push:
+        return np.zeros(log.time.size), np.zeros(log.time.size, dtype=bool)
+    gripping = push[5] > 0.5 if len(push) > 5 else np.zeros(log.time.size, dtype=bool)
+    force = np.where(gripping, 0.0, push[0])  # what is gripped is not touched
+    return force, (force > 0.0) | gripping
+
+
+def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
+    """Pushes whose force stayed below the band about the wanted one all the time that it was asked for."""
+    force = _force_at_tip(log)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
+    for first, after in edges.reshape(-1, 2):
+        most, aim = float(force[first:after].max()), float(wanted[first:after].max())
+        if most < (1.0 - BAND) * aim:
+            start, stop = float(log.time[first]), float(log.time[after - 1])
+            words = f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N of {aim:.3g} N"
+            yield Unreached(reference="force", start=start, stop=stop, words=words)
+
+
+def _force_at_tip(log: Log) -> Array:
+    """Normal force at the points of the tip's frame (N,), at all points where it has none; skids and objects apart."""
+    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
+    points = written_part(log.info, "environment", "world", "points") or ()
+    at_tip = {str(each["name"]) for each in points if each["frame"] == tip}
+    chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
+    force = log.contact_force[:, chosen] if chosen else log.contact_force
+    return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)
+
+
+def _phases(log: Log) -> Iterator[Unreached]:
+    """Phases that never ended, in one sentence: those behind one that waits for ever are among them."""
+    ends = [0.0, *(end for _, end in log.phase_ends if end is not None)]
+    names = [f"{number} ({name})" for number, (name, end) in enumerate(log.phase_ends, 1) if end is None]
+    if names:
+        words = f"end of phase {', '.join(names)}"
+        yield Unreached(reference="phase", start=ends[-1], stop=float(log.time[-1]), words=words)

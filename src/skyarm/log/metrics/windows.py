@@ -1,0 +1,204 @@
+"""Windows of time in which metrics look, and what they are where nobody says: the flight after a settling share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import Fields, number, shown
+
+if TYPE_CHECKING:
+    from skyarm.log.flight_log import Log
+
+Array = npt.NDArray[Any]
+Mask = npt.NDArray[np.bool_]
+
+SETTLING_SHARE = 1.0 / 3.0
+"""Of a flight: what the general windows leave to the transient."""
+
+LAST = 5.0
+"""s before the planned end, where nobody says; at most what follows the settling share."""
+
+NAMES = ("steady", "transient", "gust", "hover")
+"""Windows that are one interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Half-open interval of time [start, stop), s."""
+
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        for name in ("start", "stop"):
+            object.__setattr__(self, name, number(getattr(self, name), f"window.{name}", low=0.0))
+        if not self.start < self.stop:
+            raise ValueError(f"window = [{self.start:g}, {self.stop:g}]: must start before it stops")
+
+    def of(self, log: Log) -> Mask:
+        """Mask over the log's instants."""
+        return (log.time >= self.start) & (log.time < self.stop)
+
+    def __str__(self) -> str:
+        return f"[{self.start:.4g}, {self.stop:.4g}) s"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlightWindows:
+    """When metrics look in a flight of known duration.
+
+    Attributes:
+        steady: of means, RMS and extremes. transient: of peaks.
+        gust: of the metrics that begin with ``gust_``.
+        hover: before the motion starts. holds: while the arm is held away from the middle.
+        last: s before the planned end of the flight.
+        duration: of the flight, s.
+    """
+
+    steady: Window
+    transient: Window
+    gust: Window
+    hover: Window
+    holds: tuple[Window, ...]
+    last: float
+    duration: float
+
+    def masks(self, time: Array) -> dict[str, Mask]:
+        """Name of a window -> which control instants (s) lie in it."""
+        found = {name: _within(time, [getattr(self, name)]) for name in NAMES}
+        found["holds"] = _within(time, self.holds)
+        found["last"] = time >= self.duration - self.last
+        return found | {"whole": np.ones_like(time, dtype=bool)}
+
+    def plain(self) -> dict[str, Any]:
+        """As plain data, s."""
+        found: dict[str, Any] = {name: _pair(getattr(self, name)) for name in NAMES}
+        return found | {"holds": [_pair(each) for each in self.holds], "last": self.last}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Windows:
+    """When metrics shall look; what is None is the scenario's, or else general.
+
+    The general windows are the flight after a settling share of a third (``transient``: that share; ``last``: the last
+    5 s of what follows it). Attributes as of :class:`FlightWindows`.
+    """
+
+    steady: Window | None = None
+    transient: Window | None = None
+    gust: Window | None = None
+    hover: Window | None = None
+    holds: tuple[Window, ...] | None = None
+    last: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            if not isinstance(getattr(self, name), (Window, type(None))):
+                raise ValueError(f"windows.{name} = {shown(getattr(self, name))}: must be a Window or None")
+        if self.holds is not None and not (
+            isinstance(self.holds, tuple) and all(isinstance(each, Window) for each in self.holds)
+        ):
+            raise ValueError(f"windows.holds = {shown(self.holds)}: must be a tuple of Window")
+        if self.last is not None:
+            object.__setattr__(self, "last", number(self.last, "windows.last", low=0.0, strict=True))
+
+    def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
+        """Windows of a flight: these, else the scenario's ``own`` as far as they lie within it, else general ones.
+
+        Raises:
+            ValueError: one of these ends after the flight.
+        """
+        duration = number(duration, "duration", low=0.0, strict=True)
+        self.require_within(duration)
+        settled = SETTLING_SHARE * duration
+        after = Window(settled, duration)
+        general: dict[str, Any] = dict.fromkeys(NAMES, after) | {"transient": Window(0.0, settled)}
+        general |= {"holds": (after,), "last": min(LAST, duration - settled)}
+        found: dict[str, Any] = {}
+        for name, usual in general.items():
+            asked = getattr(self, name)
+            told = getattr(own, name) if own is not None else None
+            fits = told is not None and _end(told) <= duration
+            found[name] = asked if asked is not None else told if fits else usual
+        return FlightWindows(duration=duration, **found)
+
+    def require_within(self, duration: float) -> None:
+        """Refuse windows that end after a flight.
+
+        Raises:
+            ValueError: one line.
+        """
+        for name in (*NAMES, "holds", "last"):
+            asked = getattr(self, name)
+            if asked is not None and _end(asked) > duration:
+                raise ValueError(f"windows.{name} = {_words(asked)}: must end within the flight of {duration:g} s")
+
+    def masks(self, time: Array, duration: float) -> dict[str, Mask]:
+        """Of a flight of that duration (s): name of a window -> which control instants (s) lie in it."""
+        return self.of_flight(duration).masks(time)
+
+
+def windows_from(fields: Fields) -> Windows:
+    """Windows of a table: steady, transient, gust, hover as [start, stop]; holds, a list of such; last.
+
+    Raises:
+        ValueError: one line.
+    """
+    found: dict[str, Any] = {}
+    for name in NAMES:
+        if name in fields.table:
+            found[name] = _window(fields.take(name), fields.at(name))
+    if "holds" in fields.table:
+        holds = fields.take("holds")
+        if not isinstance(holds, list):
+            raise ValueError(f"{fields.at('holds')} = {shown(holds)}: must be a list of [start, stop] in s")
+        found["holds"] = tuple(_window(each, f"{fields.at('holds')}[{i}]") for i, each in enumerate(holds))
+    if "last" in fields.table:
+        found["last"] = fields.number("last", low=0.0, strict=True)
+    fields.done()
+    return Windows(**found)
+
+
+def windows_of(log: Log) -> Windows:
+    """Windows that the scenario of a log's flight had; none of logs from before 0.2, which did not keep them."""
+    fields = Fields(dict(log.info.get("windows", {})), "windows")
+    fields.table.pop("duration", None)
+    return windows_from(fields)
+
+
+def _window(value: Any, at: str) -> Window:
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError(f"{at} = {shown(value)}: must be [start, stop] in s")
+    start, stop = (number(item, f"{at}[{i}]", low=0.0) for i, item in enumerate(value))
+    if not start < stop:
+        raise ValueError(f"{at} = {shown(value)}: must start before it stops")
+    return Window(start, stop)
+
+
+def _end(asked: Any) -> float:
+    """When the last of some windows ends, s from the start; of ``last`` its length."""
+    if isinstance(asked, tuple):
+        return max((each.stop for each in asked), default=0.0)
+    return float(asked.stop if isinstance(asked, Window) else asked)
+
+
+def _words(asked: Any) -> str:
+    if isinstance(asked, tuple):
+        return ", ".join(map(str, asked))
+    return str(asked) if isinstance(asked, Window) else f"{asked:g} s"
+
+
+def _pair(window: Window) -> list[float]:
+    return [window.start, window.stop]
+
+
+def _within(time: Array, windows: Iterable[Window]) -> Mask:
+    found = np.zeros(time.shape, dtype=bool)
+    for window in windows:
+        found |= (time >= window.start) & (time < window.stop)
+    return found

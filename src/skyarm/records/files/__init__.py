@@ -1,0 +1,45 @@
+"""Reading tables field by field, and writing files that appear whole or not at all. Knows nothing of flying."""
+
+from skyarm.records.files.fields import Fields, all_wrong_words, number
+from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown
+from skyarm.records.files.names import file_name, unreadable
+from skyarm.records.files.packages import how_to_install, needs_extra, versions
+from skyarm.records.files.toml import read_toml
+from skyarm.records.files.writing import (
+    file_names,
+    output_file,
+    require_no_link,
+    require_replaceable,
+    require_writable,
+    sync_folder,
+    taken_back,
+    write_atomically,
+    write_inside,
+)
+
+__all__ = [
+    "Fields",
+    "all_wrong_words",
+    "did_you_mean",
+    "file_name",
+    "file_names",
+    "how_to_install",
+    "must_be_one_of",
+    "nearest",
+    "needs_extra",
+    "number",
+    "one_line",
+    "output_file",
+    "printable",
+    "read_toml",
+    "require_no_link",
+    "require_replaceable",
+    "require_writable",
+    "shown",
+    "sync_folder",
+    "taken_back",
+    "unreadable",
+    "versions",
+    "write_atomically",
+    "write_inside",
+]

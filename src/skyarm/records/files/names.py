@@ -1,0 +1,176 @@
+"""Names of files: readable, writable on every system, and of which kind by suffix or tables."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Mapping
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from skyarm.records.files.messages import did_you_mean, must_be_one_of, printable, shown
+from skyarm.records.files.toml import read_toml
+from skyarm.records.files.writing import output_file
+
+NO_FILE = "no such file"
+NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
+"""Reasons that are no more than that."""
+
+
+def file_name(value: Any, field: str) -> str:
+    """A name or path that was given, as text.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if not isinstance(text, str):
+        raise ValueError(f"{field} = {shown(value)}: must be a name or a path")
+    return text
+
+
+def unreadable(path: Path) -> str:
+    """Why there is no file to read at a path, in words; empty if there is one."""
+    # not path.is_file(), which keeps the reason to itself since Python 3.14
+    try:
+        mode = os.stat(path).st_mode
+    except OSError as error:
+        return NO_FILE if error.errno in NOT_THERE else error.strerror or str(error)
+    except ValueError:  # a NUL in it
+        return NO_FILE
+    if stat.S_ISDIR(mode):
+        return "is a folder"
+    return "" if stat.S_ISREG(mode) else NO_FILE
+
+
+LONGEST_NAME, LONGEST_BYTES = 100, 200
+"""Characters, and bytes of UTF-8: a file system takes 255 with what is put before and after."""
+
+FORBIDDEN = '/\\:*?"<>|'
+"""Characters of no file name, on one system or another."""
+
+DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10))}
+"""Names that Windows keeps for itself, with any suffix."""
+
+ALLOWED = (
+    f"must be 1 to {LONGEST_NAME} letters, digits and other printable characters without any of {' '.join(FORBIDDEN)}; "
+    "it must not begin with '.', '-' or a blank, end with '.' or a blank, or be a device of Windows"
+)
+
+
+def is_result_name(name: Any) -> bool:
+    """Whether a name can be that of a file on Linux, macOS and Windows."""
+    return (
+        isinstance(name, str)
+        and 0 < len(name) <= LONGEST_NAME
+        and printable(name) == name
+        and len(name.encode()) <= LONGEST_BYTES
+        and not any(character in FORBIDDEN for character in name)
+        and name[0] not in ".- "
+        and name[-1] not in ". "
+        and name.split(".")[0].strip().lower() not in DEVICES
+    )
+
+
+SUFFIXES = ("png", "svg", "pdf")
+
+
+def picture_file(name: str, field: str = "file") -> Path:
+    """Path of a picture that is to be made, checked before the work.
+
+    Raises:
+        ValueError: another suffix; one line with those there are. OSError: it cannot be written.
+    """
+    if name:
+        require_suffix(Path(name), field)
+    return output_file(name, field)
+
+
+def require_suffix(path: Path, field: str = "file") -> str:
+    """The suffix of a picture's file, without its dot.
+
+    Raises:
+        ValueError: one line.
+    """
+    suffix = path.suffix.removeprefix(".").lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{field} = {shown(str(path))}: suffix {shown(suffix)}: {must_be_one_of(SUFFIXES, suffix)}")
+    return suffix
+
+
+VEHICLES = ("rotors", "base", "urdf", "mjcf", "airframe", "attach")
+"""Words of a vehicle file that no other file has."""
+
+READS = {
+    "vehicle": "skyarm show",
+    "scenario": "skyarm run",
+    "study": "skyarm sweep",
+    "gains": "skyarm run SCENARIO --controller",
+}
+"""Kind of a file -> a command that reads it."""
+
+
+def kind_of(document: Mapping[str, Any]) -> str:
+    """One of ``READS``, or nothing where the tables do not tell."""
+    if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
+        return "study"
+    if "gains" in document and "law" in document:
+        return "gains"
+    if "plant" in document or "controller" in document:
+        return "scenario"
+    return "vehicle" if any(word in document for word in VEHICLES) else ""
+
+
+def require_kind(document: Any, wanted: str) -> None:
+    """Refuse a file of another kind.
+
+    Raises:
+        ValueError: one line.
+    """
+    found = kind_of(document) if isinstance(document, Mapping) else ""
+    if found and found != wanted:
+        a, b = (kind if kind != "gains" else "file of gains" for kind in (wanted, found))
+        a, b = (each if each.startswith("file") else f"{each} file" for each in (a, b))
+        raise ValueError(f"{wanted}: must be a {a}, and this is a {b}, for '{READS[found]}'")
+
+
+def names_in(library: Traversable) -> tuple[str, ...]:
+    """Names of the shipped files of a folder."""
+    return tuple(sorted(Path(entry.name).stem for entry in library.iterdir() if entry.name.endswith(".toml")))
+
+
+def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
+    """Tables of a shipped file by its name, or of a file by its path, and the folder in which its paths start.
+
+    Args:
+        text: name or path.
+        kind: of the file, a key of ``READS``.
+        library: folder of the shipped files.
+        others: what else may be given, for messages.
+
+    Raises:
+        ValueError: one line that begins with the kind, or with the file.
+    """
+    names, path = names_in(library), Path(text)
+    field, plural = f"{kind} = {shown(text)}", "studies" if kind == "study" else f"{kind}s"
+    known = f"shipped {plural} are {', '.join(names)}"
+    if text in names:
+        content, folder = (library / f"{text}.toml").read_bytes(), Path()
+    elif path.suffix != ".toml":
+        allowed = f"{did_you_mean(text, names)}must be the path of a .toml file{others or ' or a name'}"
+        raise ValueError(f"{field}: {allowed}; {known}")
+    elif reason := unreadable(path):
+        raise ValueError(f"{field}: {reason}; {known}")
+    else:
+        try:
+            content, folder = path.read_bytes(), path.parent
+        except OSError as error:
+            raise ValueError(f"{field}: must be readable ({error.strerror}); {known}") from None
+    try:
+        document = read_toml(content)
+        require_kind(document, kind)
+    except ValueError as error:
+        raise ValueError(f"{text}: {error}") from None
+    return document, folder

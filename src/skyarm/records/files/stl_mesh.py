@@ -1,0 +1,121 @@
+"""Triangles of an STL file, binary or text: what a body of the world is drawn as."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import unreadable
+
+Array = npt.NDArray[np.float64]
+Faces = npt.NDArray[np.int64]
+
+MOST = 200_000
+"""Triangles: what films and browsers draw at their rate."""
+
+LARGEST = 100e6
+"""Bytes of a file: as text, so many triangles take less."""
+
+FARTHEST = 1e3
+"""m from the middle of the body: what is farther was written in other units."""
+
+THINNEST = 1e-7
+"""m: standard deviation of the vertices along any axis; renderers refuse surfaces that are not much smaller."""
+
+VERTEX, CORNER = re.compile(rb"(?<!\S)vertex(?!\S)"), re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)")
+"""The word before a corner of a file of text, and that with the corner's numbers."""
+
+HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""Of a binary file: bytes before the triangles, and one of these."""
+
+
+Scale = tuple[float, float, float]
+
+METRES: Scale = (1.0, 1.0, 1.0)
+"""m of one of a file's numbers along its axes."""
+
+
+def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
+    """Corners (F, 3, 3) of the triangles of a file, m.
+
+    Args:
+        path: of the file.
+        scale: m of one of its numbers along its axes.
+
+    Raises:
+        ValueError: without the file's name: it is not there, no STL, or beyond measure.
+    """
+    where = Path(path)
+    if reason := unreadable(where):
+        raise ValueError(reason)
+    try:
+        if (size := where.stat().st_size) > LARGEST:
+            raise ValueError(f"has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB")
+        content = where.read_bytes()
+    except OSError as error:
+        raise ValueError(error.strerror or str(error)) from None
+    written = _binary(content) if _is_binary(content) else _text(content)
+    if not 1 <= len(written) <= MOST:
+        raise ValueError(f"has {len(written)} triangles, must have from 1 to {MOST}")
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        corners: Array = written * np.array(scale)
+    largest = float(np.abs(corners).max())
+    if not largest <= FARTHEST:  # NaN, too
+        raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
+    points = corners.reshape(-1, 3)
+    thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
+        raise ValueError("has all of its vertices in one plane: must have a volume")
+    return corners
+
+
+def read_stl(path: str | os.PathLike[str], scale: Scale = METRES) -> tuple[Array, Faces]:
+    """Vertices (V, 3), m, each once, and triangles (F, 3) of a file; arguments and errors as :func:`read_corners`."""
+    vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, places.reshape(-1, 3)
+
+
+@functools.lru_cache(maxsize=16)
+def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None:
+    """The same for a drawing; None where the file has gone, of a log that was carried to another machine."""
+    try:
+        return read_stl(path, scale)
+    except ValueError:
+        return None
+
+
+def _is_binary(content: bytes) -> bool:
+    """By its length: the header of a binary file, too, may begin with "solid"."""
+    if len(content) < HEADER:
+        return False
+    count = int.from_bytes(content[HEADER - 4 : HEADER], "little")
+    return len(content) == HEADER + count * RECORD.itemsize
+
+
+def _binary(content: bytes) -> Array:
+    """Corners (F, 3, 3)."""
+    return np.frombuffer(content, RECORD, offset=HEADER)["corners"].astype(float)
+
+
+def _text(content: bytes) -> Array:
+    """Corners (F, 3, 3) of ``vertex x y z`` lines."""
+    allowed = "must be an STL file, binary or text"
+    if not content.lstrip().startswith(b"solid") or b"endsolid" not in content:
+        raise ValueError(allowed)
+    # counted first: the numbers take more memory than their text
+    count = sum(1 for _ in VERTEX.finditer(content))
+    if count > 3 * MOST:
+        raise ValueError(f"has {count // 3} triangles, must have from 1 to {MOST}")
+    try:
+        found = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
+        if len(found) != count:
+            raise ValueError
+        return found.reshape(-1, 3, 3)
+    except ValueError:
+        raise ValueError(allowed) from None

@@ -1,0 +1,126 @@
+"""TOML text as tables, and tables as TOML text; tomli-w would write each number of a vector on a line of its own."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.records.files.messages import one_line
+
+DEEPEST = 64
+"""Tables and arrays in one another: readers of tables call themselves, and no file of ours needs ten."""
+
+LARGEST_BITS = 1024
+"""Of a whole number: one above 1.8e308 fits into no field, and Python refuses to write out one of 4300 digits."""
+
+_CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+"""A key of too many parts: the library's time grows with their square."""
+
+
+def read_toml(content: bytes) -> dict[str, Any]:
+    """Tables of a TOML file; a byte order mark before it is skipped, as editors on Windows write one.
+
+    Raises:
+        ValueError: one line, without the file's name, which the caller adds.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"byte {error.start} = {error.object[error.start]:#04x}: must be UTF-8 text") from None
+    deep = f"TOML = tables in tables: must be nested at most {DEEPEST} deep"
+    if _CHAIN.search(text):
+        raise ValueError(deep)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(one_line(f"TOML = {str(error)!r}: must be valid TOML")) from None
+    except RecursionError:
+        raise ValueError(deep) from None
+    except ValueError:  # of int(): longer than Python reads
+        raise ValueError("TOML = a number of thousands of digits: must be at most 1.8e308 in size") from None
+    _require_bounded(document, deep)
+    return document
+
+
+def _require_bounded(document: dict[str, Any], deep: str) -> None:
+    """Refuse what is nested too deeply, and whole numbers that no field can hold."""
+    waiting: list[tuple[Any, str, int]] = [(document, "", 1)]
+    while waiting:
+        value, at, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise ValueError(deep)
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            if isinstance(inner, (dict, list)):
+                waiting.append((inner, _below(at, key), depth + 1))
+            elif isinstance(inner, int) and inner.bit_length() > LARGEST_BITS:
+                raise ValueError(one_line(f"{_below(at, key)}: must be at most 1.8e308 in size"))
+
+
+def _below(at: str, key: str | int) -> str:
+    if isinstance(key, int):
+        return f"{at}[{key}]"
+    return f"{at}.{key}" if at else key
+
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f": "\\f", "\r": "\\r"}
+
+
+def toml_value(value: Any) -> str:
+    """A value on one line; tables are written inline.
+
+    Raises:
+        TypeError: what TOML has no words for.
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(int(value))
+    if isinstance(value, float):
+        # the shortest text that reads back as this number
+        return repr(float(value)) if math.isfinite(value) else str(float(value))
+    if isinstance(value, str):
+        return f'"{"".join(map(_character, value))}"'
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{toml_key(name)} = {toml_value(each)}" for name, each in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(toml_value, value))}]"
+    raise TypeError(f"{type(value).__name__} cannot be written as TOML")
+
+
+def toml_key(name: str) -> str:
+    """A key, in quotes where it must be."""
+    return name if _BARE.fullmatch(name) else toml_value(name)
+
+
+def _character(character: str) -> str:
+    if character in _ESCAPES:
+        return _ESCAPES[character]
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 0x20 or code == 0x7F else character
+
+
+def toml_text(document: Mapping[str, Any]) -> str:
+    """A document: its plain values first, then a section for each table and for each table of a list of tables."""
+    lines = [f"{toml_key(name)} = {toml_value(value)}" for name, value in document.items() if not _is_section(value)]
+    for name, value in document.items():
+        if isinstance(value, Mapping):
+            lines += _section(f"[{toml_key(name)}]", value)
+        elif _is_section(value):
+            for table in value:
+                lines += _section(f"[[{toml_key(name)}]]", table)
+    return "\n".join(lines) + "\n"
+
+
+def _is_section(value: Any) -> bool:
+    listed = isinstance(value, (list, tuple)) and bool(value) and all(isinstance(each, Mapping) for each in value)
+    return isinstance(value, Mapping) or listed
+
+
+def _section(head: str, table: Mapping[str, Any]) -> list[str]:
+    return ["", head, *(f"{toml_key(name)} = {toml_value(value)}" for name, value in table.items())]

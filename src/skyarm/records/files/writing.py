@@ -1,0 +1,341 @@
+"""Files written whole or not at all, folders with one writer, and the clean-up after a failed run."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import re
+import secrets
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from skyarm.records.files.messages import shown
+
+CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
+"""What file systems answer that cannot force a file to their disk."""
+
+
+def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: bool = True) -> Path:
+    """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
+
+    Args:
+        path: of the file.
+        content: all of it.
+        entry: whether the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
+
+    Raises:
+        OSError: with one line that names the file.
+    """
+    with writing_atomically(path, entry=entry) as stream:
+        stream.write(content)
+    return Path(path)
+
+
+@contextmanager
+def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> Iterator[IO[bytes]]:
+    """Open a temporary file beside the target, to be written piece by piece, and rename it at the end.
+
+    The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
+    A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced. If what is done
+    inside fails, no file appears.
+
+    Args:
+        path: of the file.
+        entry: whether the name is forced to disk as well.
+
+    Raises:
+        OSError: with one line that names the file.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir() or target.is_symlink():
+        reason = os.strerror(errno.EISDIR if target.is_dir() else errno.ELOOP)
+        raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
+    # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+    try:
+        if target.exists() and not target.is_file():
+            with target.open("wb") as stream:
+                yield stream
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("xb") as stream:
+            yield stream
+            stream.flush()
+            _sync(stream.fileno())
+        temporary.replace(target)
+        if entry:
+            sync_folder(target.parent)
+    except OSError as error:
+        _forget(temporary)
+        raise OSError(f"file = {str(path)!r}: must be writable ({error.strerror})") from error
+    except BaseException:
+        _forget(temporary)
+        raise
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to disk, where the system can.
+
+    Raises:
+        OSError: the disk failed.
+    """
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:  # Windows opens no folders; one may also be allowed to write into a folder but not to read it
+        return
+    try:
+        _sync(handle)
+    finally:
+        os.close(handle)
+
+
+def _sync(handle: int) -> None:
+    """Force an open file to disk; a file system that has no such thing is no error."""
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in CANNOT_SYNC:
+            raise
+
+
+def _forget(temporary: Path) -> None:
+    """Remove a temporary file if it is there; the error that led here is the one to report."""
+    with contextlib.suppress(OSError):
+        temporary.unlink()
+
+
+def require_writable(folder: str | os.PathLike[str]) -> Path:
+    """Make an output folder and prove that a file can be written there, before any work is done.
+
+    Raises:
+        ValueError: no name at all.
+        OSError: with one line that names the folder.
+    """
+    if not isinstance(folder, (str, os.PathLike)) or not os.fspath(folder):
+        raise ValueError(f"output folder = {folder!r}: must be the path of a folder")
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=target):
+            pass
+    except (OSError, ValueError) as error:  # a NUL in its name is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise OSError(f"output folder = {shown(str(target))}: must be writable ({reason})") from None
+    return target
+
+
+def output_file(name: str, field: str) -> Path:
+    """Path of a file to come, checked before any work is done.
+
+    Args:
+        name: as it was given.
+        field: what it was given to, for the message.
+
+    Raises:
+        ValueError: no name at all.
+        OSError: it is a folder, or its own folder cannot be written.
+    """
+    if not name:
+        raise ValueError(f"{field} = '': must be the path of a file")
+    file = Path(name)
+    require_replaceable(file)
+    require_writable(file.parent)
+    return file
+
+
+def require_replaceable(*files: Path) -> None:
+    """Refuse names of files to come that are taken by folders, before any work is done.
+
+    Raises:
+        OSError: with one line that names the first of them.
+    """
+    for file in files:
+        if file.is_dir():
+            raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")
+
+
+LONGEST_NAME = 80
+"""Characters of a label that its file's name keeps."""
+
+
+def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]:
+    """A file's name for each label: letters, digits, ``.``, ``_`` and ``-`` are kept, and no two names are alike.
+
+    Args:
+        labels: any texts, each once.
+        before: beginning of every name.
+        after: its end.
+
+    Returns:
+        Label -> name; names differ also where a file system takes capitals and small letters for the same.
+    """
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for label in labels:
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "_", label)[:LONGEST_NAME]
+        name, count = f"{before}{plain}{after}", 1
+        while name.lower() in taken:
+            count += 1
+            name = f"{before}{plain}_{count}{after}"
+        taken.add(name.lower())
+        found[label] = name
+    return found
+
+
+def require_no_link(path: Path) -> Path:
+    """Refuse a link where a file or a folder of our own must be: it may lead anywhere.
+
+    Raises:
+        OSError: with one line that names it.
+    """
+    if path.is_symlink():
+        raise OSError(f"file = {shown(str(path))}: must not be a link")
+    return path
+
+
+def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
+    """Write a file as :func:`write_atomically` does, but through no link and into no pipe or device.
+
+    Raises:
+        OSError: with one line that names the file.
+    """
+    require_no_link(path)
+    if path.exists() and not path.is_file():
+        raise OSError(f"file = {shown(str(path))}: must be writable (there is something else of this name)")
+    return write_atomically(path, content, entry=entry)
+
+
+@contextmanager
+def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
+    """Remove what the work inside made, where it raises an error that is none of the disk and left no result.
+
+    Args:
+        paths: folders that the work makes, outermost first (with those above them), and files that mean nothing
+            without what the folders behind them hold. Those that were there before stay as they are.
+    """
+    made = [path for path in _with_parents(paths) if not os.path.lexists(path)]
+    try:
+        yield
+    except OSError:  # of the disk, which holds who knows what
+        raise
+    except Exception:
+        with contextlib.suppress(
+            OSError, ValueError
+        ):  # the first that holds a result ends it, and nothing above it is empty
+            for path in reversed(made):
+                if path.is_dir():
+                    path.rmdir()
+                else:
+                    path.unlink(missing_ok=True)
+        raise
+
+
+def _with_parents(paths: tuple[str | os.PathLike[str], ...]) -> list[Path]:
+    """Each path behind the folders that it lies in, once."""
+    every = [each for path in paths for each in (*reversed(Path(path).parents), Path(path))]
+    return list(dict.fromkeys(every))
+
+
+LOCK = ".writing"
+"""Name of the lock's file, which is there while someone writes; one that a killed process left holds nobody up."""
+
+TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
+"""What systems answer of a file that another process has locked; any other answer is that they have no locks there."""
+
+_OPEN = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK"))
+
+
+class TakenError(ValueError):
+    """Another process writes there."""
+
+
+@contextmanager
+def one_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder while files are written into it.
+
+    The lock is the system's (flock, on Windows a locked byte), not the file's being there: it goes when the process
+    ends, so a kill leaves nothing to clear away. On a file system without locks everyone may write, as before.
+
+    Args:
+        folder: that is there.
+
+    Raises:
+        TakenError: another process holds it; one line that names the folder and the process.
+        OSError: the lock's file cannot be made, or is something else.
+    """
+    path, handle = folder / LOCK, None
+    while handle is None:  # a holder removes the file when it ends
+        handle = _locked(path, folder)
+    try:
+        with contextlib.suppress(OSError):  # on a full disk the process stays unnamed
+            os.ftruncate(handle, 0)
+            os.write(handle, str(os.getpid()).encode())
+        yield
+    finally:
+        # removed while it is held: nobody takes a file that is about to go; Windows removes closed files only
+        if os.name != "nt":
+            _forget(path)
+        os.close(handle)
+        if os.name == "nt":
+            _forget(path)
+
+
+def _locked(path: Path, folder: Path) -> int | None:
+    """The lock's file, opened and locked; None if it is not the one at the path any more."""
+    try:
+        handle = os.open(path, _OPEN, 0o666)
+    except OSError as error:
+        raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from None
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(f"file = {shown(str(path))}: must be writable (there is something else of this name)")
+    try:
+        _lock(handle)
+    except OSError as error:
+        if error.errno not in TAKEN:
+            return handle  # no locks here
+        words = _process(handle)
+        os.close(handle)
+        raise TakenError(
+            f"folder = {shown(str(folder))}: must be written by one process at a time; another one{words} does; "
+            f"wait for its end, or choose another folder"
+        ) from None
+    with contextlib.suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(handle), os.stat(path)):
+            return handle
+    os.close(handle)
+    return None
+
+
+def _lock(handle: int) -> None:
+    """Lock an open file against every other process, without waiting."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        os.lseek(handle, FAR, os.SEEK_SET)  # beyond what is written, which others may read
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        os.lseek(handle, 0, os.SEEK_SET)
+    else:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+FAR = 4096
+"""The byte that is locked on Windows, where nobody reads a locked one."""
+
+
+def _process(handle: int) -> str:
+    """Who holds a lock, as its file says."""
+    with contextlib.suppress(OSError):
+        os.lseek(handle, 0, os.SEEK_SET)
+        number = os.read(handle, 20).decode("ascii", "replace")
+        if number.isdecimal():
+            return f" (process {number})"
+    return ""

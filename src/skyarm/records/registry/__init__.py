@@ -1,0 +1,14 @@
+"""The registry: names of everything that can be added, and where each is found."""
+
+from skyarm.records.registry.plugins import load_plugin
+from skyarm.records.registry.registrations import (
+    KINDS,
+    Registration,
+    RegistryError,
+    find,
+    names,
+    register,
+    registrations,
+)
+
+__all__ = ["KINDS", "Registration", "RegistryError", "find", "load_plugin", "names", "register", "registrations"]

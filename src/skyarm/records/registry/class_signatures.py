@@ -1,0 +1,111 @@
+"""What a registered class must be, seen from its base: a dataclass whose methods are called as the library calls them.
+
+The base itself says what is right: a method that overrides one of the library's takes the same arguments in the same
+order, and what is a number there is none that must be called.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+from skyarm.records.files import shown
+from skyarm.records.files.user_code import own_code, place_of
+
+PACKAGE = __name__.partition(".")[0]
+"""The library's own name: bases whose module begins with it say how methods are called."""
+
+RECORDS = "air", "force", "sensor", "estimator", "drive", "metric", "ending"
+"""Kinds of what is registered as a subclass that is a dataclass."""
+
+
+def class_mistake(kind: type) -> tuple[str, str] | None:
+    """What is wrong with a subclass of someone's own: file and line, and words; None where nothing is.
+
+    Args:
+        kind: a subclass of one of the library's; any other class is right.
+    """
+    bases = [each for each in kind.__mro__ if each.__module__.partition(".")[0] == PACKAGE]
+    if not bases or kind in bases:
+        return None
+    for name, given in _members(bases):
+        held = inspect.getattr_static(kind, name)
+        if any(held is vars(each).get(name) for each in bases):
+            continue
+        words = _function_mistake(name, held, given) if inspect.isfunction(given) else _number_mistake(name, held)
+        if words:
+            return place_of(held if own_code(held) is not None else kind), words
+    if not hasattr(kind, "__dataclass_params__"):
+        return place_of(kind), "is no dataclass: must be decorated by @dataclass(frozen=True, kw_only=True)"
+    return None
+
+
+def format_mistake(thing: Any) -> tuple[str, str] | None:
+    """What is wrong with a log format: file and line, and words; None where nothing is."""
+    for name, call in (("write", "write(log, path)"), ("read", "read(path)")):
+        held = getattr(thing, name, None)
+        if held is None and name == "read" and not isinstance(thing, type):
+            continue
+        if isinstance(thing, type) or not callable(held):
+            found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+            return place_of(thing), f"is {found}: must be skyarm.LogFormat(write, read), called as {call}"
+        words = _call_mistake(name, held, call.partition("(")[2].rstrip(")").split(", "), 0)
+        if words:
+            return place_of(held), words
+    return None
+
+
+def thing_mistake(kind: str, thing: Any) -> tuple[str, str] | None:
+    """What is wrong with something that is registered: file and line, and words; None where nothing is seen."""
+    if isinstance(thing, str):
+        return None  # where it is found, which nobody has read yet
+    if kind == "log_format":
+        return format_mistake(thing)
+    return class_mistake(thing) if kind in RECORDS and isinstance(thing, type) else None
+
+
+def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
+    """Public names of the library's bases with what the first of them says, the highest base first."""
+    seen: set[str] = set()
+    for each in reversed(bases):
+        for name, given in vars(each).items():
+            if not name.startswith("_") and name not in seen:
+                seen.add(name)
+                yield name, given
+
+
+def _number_mistake(name: str, held: Any) -> str | None:
+    """Why something cannot stand where the base has a number or a word; None where it can."""
+    if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
+        return None
+    return f"has a function {name}: must be a field, a class attribute or a property"
+
+
+def _function_mistake(name: str, held: Any, given: Any) -> str | None:
+    """Why something cannot be called as the base's function is; None where it can."""
+    wanted = list(inspect.signature(given).parameters)[1:]
+    call = f"{name}({', '.join(wanted)})"
+    function = held.__func__ if isinstance(held, (staticmethod, classmethod)) else held
+    if isinstance(held, property) or not callable(function):
+        found = "a property" if isinstance(held, property) else shown(held)
+        return f"has {name} = {found}: must be a function, called as {call}"
+    # a function and a class method are given one more than they are called with, a static one and an object are not
+    return _call_mistake(name, function, wanted, int(inspect.isfunction(held) or isinstance(held, classmethod)))
+
+
+def _call_mistake(name: str, function: Any, wanted: list[str], hidden: int) -> str | None:
+    """Why a function cannot be called with what is wanted, after so many arguments that Python gives it itself."""
+    call = f"{name}({', '.join(wanted)})"
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return None  # built in: it has no signature to look at
+    try:
+        signature.bind(*[None] * (len(wanted) + hidden))
+    except TypeError as error:
+        return f"cannot be called as {call}: is {name}{signature}, {error}"
+    for place, own in enumerate(list(signature.parameters)[hidden : hidden + len(wanted)]):
+        if own in wanted and own != wanted[place]:
+            return f"takes {own!r} in {name} where {wanted[place]!r} is given: is called as {call}"
+    return None

@@ -1,0 +1,401 @@
+"""Plugins: files named on the command line and installed packages that register names of their own.
+
+A file that is loaded runs as code. Therefore only the command line, :func:`load_plugin` and installed packages load
+any: a scenario file may name what it needs, and never runs it. A plugin has an identity: SHA-256 of the file, or
+distribution and version. Modules beside a file that it imports have one each, too. Results carry the identities of the
+plugins that were loaded, and processes that fly for others load the same ones.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module, metadata
+from importlib.abc import MetaPathFinder
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from skyarm.records.files import shown, unreadable
+from skyarm.records.files.user_code import file_of, identity_of, identity_of_file, is_beside, numbered
+from skyarm.records.registry.class_signatures import thing_mistake
+from skyarm.records.registry.registrations import (
+    API,
+    KINDS,
+    LOADED_BY,
+    SHIPPED,
+    RegistryError,
+    add,
+    registering_for,
+    registrations,
+)
+
+GROUP = "skyarm.plugins"
+"""Entry-point group of installed packages; each entry point names a module that registers."""
+
+FILE_MODULE = "skyarm_plugin_"
+"""Beginning of the module's name of a plugin's file; its stem and eight digits of its SHA-256 follow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A loaded plugin.
+
+    Attributes:
+        name: path of the file, or the distribution's name. identity: "sha256:..." or "version ...".
+        beside: path and identity of each module of the file's own folder, and below it, that it imported.
+        package: of an installed plugin, the top of its modules' names.
+    """
+
+    name: str
+    identity: str
+    beside: tuple[tuple[str, str], ...] = ()
+    package: str = ""
+
+    def identities(self) -> list[tuple[str, str]]:
+        """Name without the folder and identity: of the plugin, and of the modules beside it."""
+        folder = Path(self.name).parent
+        beside = [(Path(file).relative_to(folder).as_posix(), identity) for file, identity in self.beside]
+        return [(Path(self.name).name, self.identity), *beside]
+
+
+class _MissingPlugin(MetaPathFinder):
+    """Says of a pickle that needs a plugin's file how that is loaded, in place of a module that nobody knows."""
+
+    def find_spec(self, fullname: str, *_: Any) -> None:
+        if fullname.startswith(FILE_MODULE):
+            file = f"{fullname.removeprefix(FILE_MODULE)[:-9]}.py"
+            raise ModuleNotFoundError(f"plugin {file}: is not loaded: {LOADED_BY.format(file)}", name=fullname)
+
+
+sys.meta_path.append(_MissingPlugin())
+
+_LOADED: dict[str, Plugin] = {}
+_MODULES: dict[str, ModuleType] = {}
+
+
+def loaded() -> tuple[Plugin, ...]:
+    """Every plugin of this process, in the order in which they were loaded."""
+    return tuple(_LOADED.values())
+
+
+def file_modules() -> dict[str, ModuleType]:
+    """Modules of the plugins' files by name."""
+    return {module.__name__: module for module in _MODULES.values()}
+
+
+def plugin_of(module: str) -> Plugin | None:
+    """The plugin to whose file, or to what it imported from its folder, a module belongs; None for any other."""
+    file = file_of(sys.modules.get(module))
+    for key, plugin in _LOADED.items():
+        if (key in _MODULES and _MODULES[key].__name__ == module) or file in dict(plugin.beside):
+            return plugin
+    return None
+
+
+def identities() -> dict[str, str]:
+    """File or distribution name -> identity, for what results are made of; a second file of a name gets a number.
+
+    The order in which they were loaded does not count.
+    """
+    return numbered(sorted({pair for plugin in loaded() for pair in plugin.identities()}))
+
+
+def installed_modules() -> dict[str, ModuleType]:
+    """Modules of the installed plugins' packages that are imported, by the path of their file."""
+    packages = {plugin.package for plugin in loaded() if plugin.package}
+    found = [module for name, module in [*sys.modules.items()] if name.partition(".")[0] in packages]
+    return {file: module for module in found if (file := file_of(module))}
+
+
+def known_names() -> set[str]:
+    """Names of plugins that a file may require: those in results, and files of installed plugins."""
+    return {*identities(), *(Path(file).name for file in installed_modules())}
+
+
+def _installed(key: str, identity: str) -> ModuleType | None:
+    """The module of an installed plugin whose file this is, or a copy of it: a plugin loaded both ways is one."""
+    registrations("air")  # installed packages are there
+    modules = installed_modules()
+    if key in modules:
+        return modules[key]
+    return next((module for file, module in modules.items() if identity_of_file(file) == identity), None)
+
+
+def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
+    """Run a plugin's file and keep what it registers; a file of an installed plugin is that plugin.
+
+    Args:
+        path: of the .py file.
+        expected: its identity, where another process loaded it before.
+
+    Raises:
+        RegistryError: one line: it cannot be read, is not the expected one, was made for another version of the
+            extension points, fails, or takes a name that is taken. Nothing of it stays registered then.
+    """
+    file = Path(path)
+    reason = unreadable(file) if file.suffix == ".py" else "must be a .py file"
+    if reason:
+        raise RegistryError(f"plugin = {shown(str(path))}: {reason}")
+    content, key = file.read_bytes(), str(file.resolve())
+    identity = identity_of(content)
+    if expected is not None and identity != expected:
+        raise _changed(str(path))
+    if key in _LOADED:
+        if _LOADED[key].identity != identity:
+            raise _changed(str(path))
+        for beside, first in _LOADED[key].beside:
+            if identity_of_file(beside) != first:
+                raise _changed(str(path), beside)
+        return _MODULES[key]
+    if (installed := _installed(key, identity)) is not None:
+        return installed
+    name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
+    try:
+        module = _run(name, file, content)
+    except RegistryError:
+        for other in _beside(key, before):
+            sys.modules.pop(other)  # mended, it is to be run again
+        raise
+    files = sorted({file_of(sys.modules[other]) for other in _beside(key, before)})
+    _LOADED[key] = Plugin(key, identity, tuple((each, identity_of_file(each)) for each in files))
+    _MODULES[key] = module
+    return module
+
+
+def _beside(key: str, before: set[str]) -> list[str]:
+    """Names of the modules that were imported since, from files of a plugin's own folder or below it."""
+    folder = str(Path(key).parent)
+    since = {name: file_of(module) for name, module in [*sys.modules.items()] if name not in before}
+    return [name for name, file in since.items() if file != key and is_beside(file, folder)]
+
+
+def _changed(path: str, beside: str = "") -> RegistryError:
+    which = f"{shown(beside)}, which it imports, " if beside else ""
+    return RegistryError(f"plugin = {shown(path)}: {which}has changed since it was loaded first; start again")
+
+
+def _run(name: str, file: Path, content: bytes) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None:
+        raise RegistryError(f"plugin = {shown(str(file))}: must be a .py file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        with registering_for(str(file)):
+            # the bytes whose digest is kept, not what the file holds by now
+            exec(compile(content, str(file), "exec"), module.__dict__)
+            _require_version(module, str(file))
+            _require_right(str(file))
+    except RegistryError:
+        sys.modules.pop(name, None)
+        raise
+    except (Exception, SystemExit) as error:
+        sys.modules.pop(name, None)
+        raise RegistryError(f"plugin = {shown(str(file))}: {_where(error, file)}{_words(error)}") from error
+    return module
+
+
+def _where(error: BaseException, file: Path) -> str:
+    """The plugin's line at which it failed."""
+    if isinstance(error, SyntaxError):
+        return f"line {error.lineno}: " if error.lineno else ""
+    trace, found = error.__traceback__, 0
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            found = trace.tb_lineno
+        trace = trace.tb_next
+    return f"line {found}: " if found else ""
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _require_version(module: ModuleType, name: str) -> None:
+    made_for: Any = getattr(module, "SKYARM_API", API)
+    if made_for != API:
+        raise RegistryError(
+            f"plugin = {shown(name)}: was made for version {shown(made_for)} of the extension points; this is {API}"
+        )
+
+
+def _require_right(source: str) -> None:
+    """Refuse what a source has registered and what cannot be called as the library calls it."""
+    for kind in KINDS:
+        for row in registrations(kind).values():
+            mistake = thing_mistake(kind, row.target) if row.source == source else None
+            if mistake is not None:
+                raise RegistryError(f"{mistake[0]}: {kind} {row.name!r}: {mistake[1]}")
+
+
+FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
+"""A law of one's own on the command line: the file, and the function in it that makes the controller."""
+
+
+def laws_of_files() -> tuple[str, ...]:
+    """Every law FILE.py:make of this process, for processes that fly for it."""
+    return tuple(name for name in registrations("law") if is_law_of_file(name))
+
+
+def is_law_of_file(text: Any) -> bool:
+    """Whether a text is of the form FILE.py:make, which only the command line may say."""
+    return isinstance(text, str) and FROM_FILE.fullmatch(text) is not None
+
+
+def law_of_file_name(text: str) -> str:
+    """A name without its folder for results and their files: ``make of FILE.py``; any other text as it is."""
+    match = FROM_FILE.fullmatch(text)
+    return text if match is None else f"{match['maker']} of {Path(match['file']).name}"
+
+
+def law_of_file_key(text: str) -> str:
+    """One text for all ways to write the same FILE.py:make; any other text as it is."""
+    match = FROM_FILE.fullmatch(text)
+    return text if match is None else f"{Path(match['file']).resolve()}:{match['maker']}"
+
+
+def register_law_of_file(text: str) -> bool:
+    """Register the law that FILE.py:make means under that name; False if the text is not of this form.
+
+    Only the command line does this: a file that is read never runs code.
+
+    Raises:
+        RegistryError: the file cannot be loaded, or has no such function.
+    """
+    match = FROM_FILE.fullmatch(text)
+    if match is None:
+        return False
+    make = getattr(load_plugin(match["file"]), match["maker"], None)
+    if not callable(make):
+        raise RegistryError(f"law = {shown(text)}: {match['file']} must have a function {match['maker']!r}")
+    add("law", text, make, f"{match['maker']} of {match['file']}", match["file"], letters=text)
+    return True
+
+
+def register_loaded_law(text: str) -> bool:
+    """Register the law that FILE.py:make means where its file was loaded already; False where it was not.
+
+    Nothing is run: a file that is read may name such a law, as it may name any other.
+
+    Raises:
+        RegistryError: the file has no such function.
+    """
+    match = FROM_FILE.fullmatch(text)
+    if match is None or str(Path(match["file"]).resolve()) not in (*_LOADED, *installed_modules()):
+        return False
+    return register_law_of_file(text)
+
+
+def load_installed() -> None:
+    """Load the plugins of installed packages; a broken one costs only its own names, and a line of warning."""
+    for entry in metadata.entry_points(group=GROUP):
+        distribution = entry.dist
+        name = distribution.name if distribution is not None else entry.value
+        version = distribution.version if distribution is not None else "unknown"
+        try:
+            with registering_for(f"{name} {version}"):
+                _require_version(entry.load(), name)
+                _require_right(f"{name} {version}")
+        except (Exception, SystemExit) as error:
+            warnings.warn(f"plugin {name} {version} is left out: {_words(error)}", RuntimeWarning, stacklevel=2)
+            continue
+        package = entry.value.partition(":")[0].partition(".")[0]
+        _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}", package=package)
+
+
+def load_again(plugins: Iterable[Plugin]) -> None:
+    """Load the plugins of another process, before anything of theirs is unpickled.
+
+    Raises:
+        RegistryError: one is missing here or is not the same.
+    """
+    here = {plugin.name: plugin.identity for plugin in loaded()}
+    for plugin in plugins:
+        if plugin.identity.startswith("sha256:"):
+            load_plugin(plugin.name, plugin.identity)
+            here_now = dict(_LOADED[str(Path(plugin.name).resolve())].beside)
+            for beside, identity in plugin.beside:
+                if here_now.get(beside, identity_of_file(beside)) != identity:
+                    raise _changed(plugin.name, beside)
+        elif here.get(plugin.name) != plugin.identity:
+            raise RegistryError(f"plugin {plugin.name}: must be installed here as {plugin.identity}")
+
+
+def code_of(name: str, plugins: Mapping[str, str]) -> Any:
+    """The class or function of a name ``module:qualified.name``.
+
+    Args:
+        name: as :func:`skyarm.records.plain.dotted` gives it.
+        plugins: identities of the plugins that were loaded when the name was written.
+
+    Raises:
+        RegistryError: one line: the plugin that is not loaded or has changed, or a name that is not there.
+    """
+    module, _, path = name.partition(":")
+    found: Any = _module(module, name, plugins)
+    for part in path.split("."):
+        found = getattr(found, part, None)
+    if found is None:
+        raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version")
+    return found
+
+
+def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
+    if module.split(".", maxsplit=1)[0] == SHIPPED:
+        try:
+            return import_module(module)
+        except ImportError:
+            raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version") from None
+    if module in file_modules():
+        return file_modules()[module]
+    require_plugins([name], plugins)
+    if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered():
+        return sys.modules[module]
+    absent = [file for file in plugins if file not in identities()]
+    needed = f"; plugins of then that are not loaded: {', '.join(absent)}" if absent else ""
+    raise RegistryError(
+        f"{shown(name)}: nothing of this module is registered here, load its plugin: "
+        f"{LOADED_BY.format('FILE.py')}{needed}"
+    )
+
+
+def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
+    """Every plugin's file that names stand in is loaded.
+
+    Args:
+        names: as :func:`code_of` takes them; those of other modules are passed over.
+        plugins: identities of the plugins that were loaded when the names were written.
+
+    Raises:
+        RegistryError: one line: all that are not loaded, or have changed.
+    """
+    modules = {name.partition(":")[0] for name in names} - set(file_modules())
+    missing = []
+    for file, identity in plugins.items():
+        if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" not in modules:
+            continue
+        here = identities().get(file)
+        why, which = "is not loaded", "it"
+        if here is not None:
+            why, which = f"has changed, it is {here[:15]}... now", "the file of then"
+        missing.append(f"plugin {file} ({identity[:15]}...) {why}: load {which} by {LOADED_BY.format(file)}")
+    if missing:
+        raise RegistryError("; ".join(missing))
+
+
+def _registered() -> set[str]:
+    """Packages, or modules that stand alone, of everything that was registered from outside."""
+    return {module.split(".")[0] for module in _modules()}
+
+
+def _modules() -> Iterator[str]:
+    for kind in KINDS:
+        for row in registrations(kind).values():
+            if row.source != SHIPPED:
+                text = isinstance(row.target, str)
+                yield row.target.partition(":")[0] if text else str(getattr(row.target, "__module__", ""))

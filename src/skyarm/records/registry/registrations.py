@@ -1,0 +1,214 @@
+"""Names of airs, forces, sensors, laws and all else that can be added, each with where it is found.
+
+What ships stands in :mod:`skyarm.records.registry.shipped` and goes through the same doors as what a user adds: a
+decorator
+here, an entry point of an installed package, or ``--plugin FILE.py`` (:mod:`skyarm.records.registry.plugins`). The
+registry imports nothing until a name is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, TypeVar
+
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.registry.shipped import OLD_NAMES, reserved_for
+from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
+
+Thing = TypeVar("Thing")
+
+KINDS: Mapping[str, str] = {
+    "air": "motion of the air: a subclass of skyarm.Air",
+    "force": "forces on bodies: a subclass of skyarm.Force",
+    "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
+    "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
+    "drive": "a joint's actuator: a subclass of skyarm.Drive",
+    "law": "a maker of controllers: function (model, **options) -> Controller",
+    "plant": "a simulated vehicle: class (world, around, integrator, physics_step)",
+    "metric": "a number of a flight: a subclass of skyarm.Metric whose fields all have defaults",
+    "ending": "what ends an episode: a subclass of skyarm.Ending",
+    "motion": "a motion of the base: function (**options) -> Trajectory",
+    "log_format": "a log's file by its suffix: an object with write(log, path) and read(path)",
+    "command": "a command of the command line: a function with typed parameters",
+}
+"""What can be registered, and what it must be."""
+
+API = 1
+"""Version of these extension points; a plugin may state the one that it was made for as ``SKYARM_API``."""
+
+
+LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
+"""How a plugin's file is loaded, on the command line and in Python; for messages."""
+
+
+class RegistryError(ValueError):
+    """A name that is not there, is taken, or cannot be loaded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """One name.
+
+    Attributes:
+        kind: a key of ``KINDS``. name: in files and on the command line.
+        target: the thing, or "module:attribute" where it is found when it is first asked for.
+        title: one line for people. source: who registered it.
+    """
+
+    kind: str
+    name: str
+    target: Any
+    title: str
+    source: str
+
+    def load(self) -> Any:
+        """The thing itself.
+
+        Raises:
+            RegistryError: its module cannot be imported or lacks it.
+        """
+        if not isinstance(self.target, str):
+            return self.target
+        module, _, attribute = self.target.partition(":")
+        try:
+            return getattr(import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            raise RegistryError(f"{self.kind} {self.name!r} of {self.source}: cannot be loaded ({error})") from error
+
+
+_FOUND: dict[str, dict[str, Registration]] = {kind: {} for kind in KINDS}
+_SOURCE = ["this process"]
+_READY: list[bool] = []
+
+
+LETTERS = "_-.+"
+"""Beside letters and digits, in names."""
+
+
+def add(kind: str, name: str, target: Any, title: str = "", source: str = "", letters: str = LETTERS) -> None:
+    """Register a name; ``letters`` are those that it may have beside letters and digits.
+
+    Raises:
+        RegistryError: an unknown kind, no name, or a name that another source has taken.
+    """
+    if kind not in KINDS:
+        raise RegistryError(f"kind = {shown(kind)}: must be one of {', '.join(KINDS)}")
+    if not isinstance(name, str) or not name or not all(c.isalnum() or c in letters for c in name):
+        raise RegistryError(f"{kind}: name = {shown(name)}: must be letters, digits, '_', '-' or '.'")
+    new = Registration(kind, name, target, title, source or _SOURCE[-1])
+    if canonical(kind, name) != name:
+        raise RegistryError(f"{kind} {name!r}: is another name of {canonical(kind, name)!r} of {SHIPPED}; rename it")
+    if new.source != SHIPPED and (taken := reserved_for(kind, name)):
+        raise RegistryError(f"{kind} {name!r}: is {taken} of {SHIPPED} and is registered by {new.source}; rename it")
+    old = _ready()[kind].get(name) if source != SHIPPED else _FOUND[kind].get(name)
+    if old is not None and old != new:
+        raise RegistryError(f"{kind} {name!r}: is registered by {old.source} and by {new.source}; rename one of them")
+    _FOUND[kind][name] = new
+
+
+SHIPPED = "skyarm"
+"""Source of what ships."""
+
+
+def _ready() -> dict[str, dict[str, Registration]]:
+    """All names, those of the library and of installed packages included."""
+    if not _READY:
+        _READY.append(True)
+        from skyarm.records.registry import plugins
+
+        for kind, rows in SHIPPED_NAMES.items():
+            for name, (target, title) in rows.items():
+                add(kind, name, target, title, SHIPPED)
+        plugins.load_installed()
+    return _FOUND
+
+
+def registrations(kind: str) -> Mapping[str, Registration]:
+    """Every name of a kind, in the order in which they were registered."""
+    return _ready()[kind]
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Names of a kind."""
+    return tuple(registrations(kind))
+
+
+def canonical(kind: str, name: Any) -> Any:
+    """The registered name that an old name stands for; any other value as it is."""
+    if not isinstance(name, str):
+        return name
+    return OLD_NAMES.get(kind, {}).get(name, name)
+
+
+def full_name(kind: str, name: Any) -> Any:
+    """As :func:`canonical`, with a warning that says the new name of an old one."""
+    if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
+        from skyarm.records.files.old_names import warn_of_old_name
+
+        warn_of_old_name(f"{kind} {name!r}", repr(canonical(kind, name)), stacklevel=3)
+    return canonical(kind, name)
+
+
+def find(kind: str, name: Any, field: str = "") -> Any:
+    """The thing of a name.
+
+    Args:
+        kind: a key of ``KINDS``.
+        name: as it stands in a file.
+        field: where it stands, for the message; the kind if left out.
+
+    Raises:
+        RegistryError: no such name, with what there is and what was perhaps meant.
+    """
+    known, name = registrations(kind), full_name(kind, name)
+    if not isinstance(name, str) or name not in known:
+        more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
+        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")
+    return known[name].load()
+
+
+def name_of(kind: str, thing: Any) -> str | None:
+    """The name under which a class is registered, or None; imports nothing."""
+    if not hasattr(thing, "__qualname__"):
+        return None
+    ours = f"{thing.__module__}:{thing.__qualname__}"
+    return next((name for name, row in registrations(kind).items() if row.target is thing or row.target == ours), None)
+
+
+@contextmanager
+def registering_for(source: str) -> Iterator[None]:
+    """What is registered inside is of this source; if it fails, nothing of it stays."""
+    before = {kind: dict(rows) for kind, rows in _ready().items()}
+    _SOURCE.append(source)
+    try:
+        yield
+    except BaseException:
+        _FOUND.update(before)
+        raise
+    finally:
+        _SOURCE.pop()
+
+
+class Register:
+    """Decorators that register what they decorate: ``@register.force("ground_effect", title="...")``."""
+
+    def __getattr__(self, kind: str) -> Callable[..., Callable[[Thing], Thing]]:
+        """The decorator of a kind."""
+        if kind not in KINDS:
+            raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
+
+        def named(name: str, title: str = "") -> Callable[[Thing], Thing]:
+            def decorate(thing: Thing) -> Thing:
+                words = (thing.__doc__ or "").strip().splitlines()
+                add(kind, name, thing, title or (words[0].rstrip(".") if words else ""))
+                return thing
+
+            return decorate
+
+        return named
+
+
+register = Register()

@@ -1,0 +1,181 @@
+"""What the library registers of its own, kind -> name -> (where it is, one line), and old names of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_WIND = "skyarm.world.wind"
+_DISTURBANCE = "skyarm.world.disturbance_signals"
+_AERODYNAMIC = "skyarm.world.aerodynamic_forces"
+_MOTION = "skyarm.reference.reference_tables"
+_TASKS = "skyarm.reference.waypoints"
+_SENSORS = "skyarm.sensing.sensor_kinds"
+_FORCE = "skyarm.sensing.sensor_kinds"
+_LAWS = "skyarm.control.laws"
+
+SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "air": {
+        "moving_air": (f"{_WIND}:MovingAir", "moving air with gusts and Dryden turbulence"),
+        "air_signals": (f"{_DISTURBANCE}:AirSignals", "velocity of the air as signals of time, and noise"),
+    },
+    "force": {
+        "force_wind": (f"{_WIND}:ForceWind", "a force on the base and an air speed, as RotorS types them"),
+        "disturbance": (f"{_DISTURBANCE}:Disturbance", "force and torque at a frame as signals of time, and noise"),
+        "ground_effect": (f"{_AERODYNAMIC}:GroundEffect", "thrust that grows near the ground"),
+        "link_drag": (f"{_AERODYNAMIC}:LinkDrag", "drag of the arm's links in moving air"),
+        "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
+    },
+    "sensor": {
+        "full_state": ("skyarm.sensing.measurement:SensorNoise", "the full state with white noise"),
+        "imu": (f"{_SENSORS}:Imu", "angular rate and specific force"),
+        "pose": (f"{_SENSORS}:Pose", "position and attitude, as of motion capture"),
+        "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
+        "heading": (f"{_SENSORS}:Heading", "yaw, as of a compass"),
+        "encoders": (f"{_SENSORS}:Encoders", "positions and rates of the joints"),
+        "force_torque": (f"{_FORCE}:ForceTorque", "force and torque that push at the tip or another frame"),
+        "tactile_switch": (f"{_FORCE}:TactileSwitch", "whether anything pushes there"),
+    },
+    "estimator": {
+        "pass_through": ("skyarm.sensing.estimate.estimator:PassThrough", "the full state as it was read"),
+        "ekf": (
+            "skyarm.sensing.estimate.error_state_filter:ErrorStateFilter",
+            "error-state Kalman filter on an inertial unit",
+        ),
+    },
+    "drive": {
+        "torque": ("skyarm.dynamics.actuators.drive:TorqueDrive", "the setpoint is the torque"),
+        "lagged_torque": (
+            "skyarm.dynamics.actuators.drive:LaggedTorque",
+            "a torque that follows its setpoint with a first-order lag",
+        ),
+        "position_servo": (
+            "skyarm.dynamics.actuators.servo:PositionServo",
+            "a servo whose setpoint is the joint's position",
+        ),
+        "velocity_servo": (
+            "skyarm.dynamics.actuators.servo:VelocityServo",
+            "a servo whose setpoint is the joint's rate",
+        ),
+    },
+    "law": {
+        "rotors_sim_position": (
+            f"{_LAWS}.paper:make_rotors_sim_position",
+            "RotorS's geometric position controller, joints free",
+        ),
+        "decoupled_pd": (
+            f"{_LAWS}.paper:make_decoupled_pd",
+            "the paper's baseline: RotorS's controller and joint PD, no coupling",
+        ),
+        "hybrid_computed_torque": (
+            f"{_LAWS}.paper:make_hybrid_computed_torque",
+            "the paper's law: geometric accelerations through the coupled inverse dynamics",
+        ),
+        "nmpc": (f"{_LAWS}.predictive.law:make_predictive_controller", "whole-body model predictive control"),
+        "learned_compensator": (
+            f"{_LAWS}.learned.law:make_learned_controller",
+            "the paper's law and a network for what its model leaves out",
+        ),
+        "ct_ladder": (
+            f"{_LAWS}.ladder:make_stepped",
+            "the paper's law with one to six of the steps that lead to the centroidal law",
+        ),
+        "bulut2019": (
+            f"{_LAWS}.published.bulut:make_bulut",
+            "computed torque on position, Euler angles and joints, translation decoupled in the mass matrix",
+        ),
+        "guo2023": (
+            f"{_LAWS}.published.guo:make_guo",
+            "SE(3) control of the centre of mass with the locked inertia, joints as servos",
+        ),
+        "li2024": (
+            f"{_LAWS}.published.li:make_li",
+            "geometric base with variable inertia and feed-forward of the arm's reaction, joints as servos",
+        ),
+        "kim2013": (
+            f"{_LAWS}.published.kim:make_kim",
+            "adaptive sliding mode through the coupled inverse dynamics",
+        ),
+        "l1_adaptive": (
+            f"{_LAWS}.published.l1:make_l1",
+            "L1 adaptive augmentation: predictor, piecewise-constant adaptation, low-pass",
+        ),
+        "indi": (
+            f"{_LAWS}.published.indi:make_indi",
+            "incremental nonlinear dynamic inversion of base and joints with its filters",
+        ),
+        "admittance_pd": (
+            f"{_LAWS}.pressing:make_admittance_pd",
+            "the paper's baseline on a reference that a virtual mass moves until the wanted force acts",
+        ),
+        "hybrid_ct": (
+            f"{_LAWS}.pressing:make_hybrid_ct",
+            "the paper's law across a surface's normal, a force along it",
+        ),
+        "centroidal": (
+            f"{_LAWS}.centroidal.make:make_centroidal",
+            "centroidal computed torque with disturbance observer: joints or tip on their references",
+        ),
+    },
+    "motion": {
+        "hover": (f"{_MOTION}:hover_table", "stay at a place"),
+        "circle": (f"{_MOTION}:circle_table", "a circle in the horizontal plane"),
+        "signals": (f"{_MOTION}:signals_table", "a signal for each axis"),
+        "waypoints": (f"{_TASKS}:waypoints_table", "least snap through points, as fast as the limits let"),
+        "samples": (f"{_TASKS}:samples_table", "smooth through the rows of a CSV file"),
+        "phases": ("skyarm.reference.phases:phases_table", "a task: hold, go to, pick, place"),
+    },
+    "log_format": {
+        "npz": ("skyarm.log.formats:NPZ", "arrays and all that was flown; read back by skyarm"),
+        "csv": ("skyarm.log.formats:CSV", "a column a number with its name and unit, a row a control instant"),
+        "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
+        "parquet": ("skyarm.log.formats:PARQUET", "columns with units in their metadata; read back by skyarm"),
+        "bag": ("skyarm.log.formats:BAG", "messages of ROS 1, as in an MCAP file"),
+        "partial": ("skyarm.log.formats:PARTIAL", "the journal that a killed run leaves; read back by skyarm"),
+    },
+    "plant": {
+        "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
+        "mujoco": ("skyarm.plant.mujoco:MujocoPlant", "MuJoCo's rigid bodies under the same loads"),
+        "mujoco_contacts": ("skyarm.plant.mujoco_contacts:MujocoContactPlant", "the same with MuJoCo's own contacts"),
+    },
+    "ending": {
+        "divergence": ("skyarm.scenario.endings:Divergence", "numbers that no flight has"),
+        "joint_limits": ("skyarm.scenario.endings:JointLimits", "a joint past its limit"),
+        "law_undefined": ("skyarm.scenario.endings:LawUndefined", "an attitude at which the law is not defined"),
+        "ground": ("skyarm.scenario.endings:Ground", "the lowest point at z = 0"),
+    },
+}
+
+OLD_NAMES: Mapping[str, Mapping[str, str]] = {
+    "air": {"airspeed": "moving_air"},
+    "force": {"rotors_force": "force_wind"},
+}
+"""Names of the last version, which work with a warning: kind -> old -> new."""
+
+RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "command": {
+        "a command": (
+            *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
+            *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
+            *("check", "new", "doctor", "attach", "export-mjcf", "tune", "identify"),
+        ),
+    },
+    "law": {
+        "a preset": (
+            *("paper_ct", "paper_pd", "rotors_sim_hummingbird"),
+            *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff", "centroidal_joint_gusts"),
+            *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff", "centroidal_tip_gusts"),
+        ),
+        "the controller of the scenario": ("own",),
+    },
+}
+"""Names that stand for something else where the registry's do: kind -> what they are -> names."""
+
+TUNED = "_tuned"
+"""Ending of a shipped law's name that stands for its tuned gains."""
+
+
+def reserved_for(kind: str, name: str) -> str | None:
+    """What of the library a name stands for already, in words; None where it is free or registered itself."""
+    if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in SHIPPED["law"]:
+        return f"the tuned gains of {name.removesuffix(TUNED)!r}"
+    return next((what for what, names in RESERVED.get(kind, {}).items() if name in names), None)

@@ -1,6 +1,0 @@
-"""The registry: names of everything that can be added, and where each is found."""
-
-from skyarm.registry.plugins import load_plugin
-from skyarm.registry.registrations import KINDS, Registration, RegistryError, find, names, register, registrations
-
-__all__ = ["KINDS", "Registration", "RegistryError", "find", "load_plugin", "names", "register", "registrations"]

@@ -1,0 +1,343 @@
+"""Sensors of channels: scale, bias, random walk, white noise and resolution of each quantity; rate, delay and dropouts.
+
+A channel's numbers are structure where they are an int 0: what a channel does not have costs no operation and no draw.
+
+Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, their discrete forms); Gilbert 1960
+(dropouts as a Markov chain of two states).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, ClassVar
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
+from skyarm.algebra.scalars.philox import normals
+from skyarm.compile import leaves, rebuild
+from skyarm.dynamics.state import State
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit, declared_fields
+from skyarm.reference.signal_tables import SignalList
+from skyarm.sensing.sensor import Sensor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def absent(value: Any) -> bool:
+    """Whether a number is a structural zero."""
+    return type(value) is int and value == 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Channel:
+    """The errors of a quantity of one or more components, in the unit of the quantity (u).
+
+    A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
+    normal number of deviation ``turn_on``, drawn for each episode, and walks.
+
+    Attributes:
+        sigma: deviation of the white noise of a reading. density: of white noise; adds density^2 / dt to its variance.
+        bias: fixed, one number for each component; none for no bias.
+        turn_on: deviation of the bias with which an episode begins. walk: density of the bias's random walk.
+        offset: bias as signals of time, one for each component, on top of the others; None for none.
+        scale: error of the scale factor. resolution: step of the reading, which is rounded to the nearest.
+    """
+
+    sigma: Annotated[Scalar, Unit("u", "white noise of a reading", low=0.0)] = 0
+    density: Annotated[Scalar, Unit("u/sqrt(Hz)", "white noise", low=0.0)] = 0
+    bias: Annotated[tuple[Scalar, ...], Unit("u", "fixed, one number for each component")] = ()
+    turn_on: Annotated[Scalar, Unit("u", "deviation of the first bias of an episode", low=0.0)] = 0
+    walk: Annotated[Scalar, Unit("u/s/sqrt(Hz)", "random walk of the bias", low=0.0)] = 0
+    scale: Annotated[Scalar, Unit("", "error of the scale factor")] = 0
+    resolution: Annotated[Scalar, Unit("u", "step of the reading", low=0.0)] = 0
+    offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it has a bias that differs from episode to episode or walks."""
+        return not (absent(self.turn_on) and absent(self.walk))
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it has white noise."""
+        return not (absent(self.sigma) and absent(self.density))
+
+    def normals(self, count: int) -> int:
+        """Standard normal numbers that a reading of ``count`` components takes."""
+        return count * (self.drifts + self.noisy)
+
+    def require_count(self, count: int, where_is: str) -> None:
+        """Refuse biases and offsets that are not one for each of ``count`` components; ``where_is`` names the channel.
+
+        Raises:
+            RecordError: one line with field, value and what is allowed.
+        """
+        offset = () if self.offset is None else self.offset.signals
+        for name, held, what in (("bias", self.bias, "numbers"), ("offset", offset, "signals")):
+            if held and len(held) != count:
+                allowed = f"must be {count}, or none" if count else "must be left out: the vehicle has none of them"
+                raise RecordError(f"{where_is}.{name} = {len(held)} {what}: {allowed}")
+
+    def start(self, count: int) -> tuple[float, ...]:
+        """Drift before the first reading."""
+        return (0.0,) * count if self.drifts else ()
+
+    def drift(self, before: Sequence[Any], draws: Sequence[Any], first: Any, dt: Any) -> tuple[Any, ...]:
+        """Drift of a reading.
+
+        Args:
+            before: of the reading before.
+            draws: standard normal numbers, the first of which are used.
+            first: condition, true at the first reading of an episode.
+            dt: s between readings.
+        """
+        step = mul(self.walk, dt**0.5)
+        return tuple(
+            where(first, data(mul(self.turn_on, n)), add(b, mul(step, n))) for b, n in zip(before, draws, strict=False)
+        )
+
+    def read(
+        self, truth: Sequence[Any], drift: Sequence[Any], draws: Sequence[Any], dt: float, where_is: str, t: Any = 0.0
+    ) -> tuple[Any, ...]:
+        """A reading.
+
+        Args:
+            truth: components.
+            drift: of this reading, or nothing.
+            draws: standard normal numbers of :meth:`normals`.
+            dt: s between readings.
+            where_is: name of the channel in messages.
+            t: s, of the reading.
+        """
+        self.require_count(len(truth), where_is)
+        moved = () if self.offset is None else self.offset.at(t)
+        noise = draws[len(drift) :]
+        deviation = self.deviation(dt)
+        found = []
+        for i, value in enumerate(truth):
+            off = self.bias[i] if self.bias else 0
+            off = add(off, moved[i]) if moved else off
+            off = add(off, drift[i]) if drift else off
+            off = add(off, mul(deviation, noise[i])) if self.noisy else off
+            scaled = value if absent(self.scale) else value * add(1.0, self.scale)
+            found.append(self.rounded(add(scaled, off)))
+        return tuple(found)
+
+    def deviation(self, dt: float) -> Any:
+        """Deviation of the white noise of a reading; a structural zero for none."""
+        if absent(self.density):
+            return self.sigma
+        discrete = self.density * dt**-0.5
+        return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
+
+    def rounded(self, value: Any) -> Any:
+        """A value to the nearest multiple of the resolution."""
+        if absent(self.resolution):
+            return value
+        near = floor(divide(value, self.resolution) + 0.5) * self.resolution
+        return where(self.resolution > 0.0, near, value)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dropouts:
+    """Readings that do not come, at random and in stated intervals of time. The first reading of an episode comes.
+
+    At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
+
+    Attributes:
+        share: of the readings that is lost at random. duration: mean length of a run of them, s; 0, or a length below
+            that of independent losses, for losses that are independent of each other.
+        intervals: first and last instant of each interval in which no reading is taken, s.
+    """
+
+    share: Annotated[Scalar, Unit("", "share of the readings that is lost", low=0.0, high=0.99)] = 0
+    duration: Annotated[Scalar, Unit("s", "mean length of a run of lost readings", low=0.0)] = 0
+    intervals: Annotated[tuple[tuple[Scalar, Scalar], ...], Unit("s", "without readings")] = ()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        for i, (begin, end) in enumerate(self.intervals):
+            if concrete(begin, end) and not 0.0 <= begin < end:
+                raise RecordError(f"intervals[{i}] = [{begin:g}, {end:g}]: must begin at 0 or later, and end later")
+
+    @property
+    def random(self) -> bool:
+        """Whether readings are lost at random."""
+        return not absent(self.share)
+
+    @property
+    def any(self) -> bool:
+        """Whether readings are lost at all."""
+        return self.random or bool(self.intervals)
+
+    def lost(self, before: Any, draw: Any, dt: float) -> Any:
+        """State of the link at a reading after the first: 1.0 where it is lost at random, else 0.0.
+
+        Args:
+            before: the state at the reading before.
+            draw: uniform number.
+            dt: s between readings.
+        """
+        # a run ends with probability e and begins with b, so that b / (b + e) is the share; 1 - share is independence
+        ends = minimum(1.0 - self.share, divide(dt, self.duration + 1e-12))
+        begins = ends * divide(self.share, 1.0 - self.share)
+        return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
+
+    def silent(self, lost: Any, t: Any) -> Any:
+        """Condition: no reading comes, for either reason."""
+        found = lost > 0.5
+        for begin, end in self.intervals:
+            # half a microsecond: an interval's ends are instants of the loop but for rounding
+            found = logical_or(found, logical_and(t > begin - 5e-7, t < end - 5e-7))
+        return found
+
+
+Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
+"""Name, errors and true components of each channel."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ChannelMemory:
+    """Memory of a sensor from reading to reading.
+
+    Attributes:
+        read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
+        lost: 1 while the link loses readings at random. last: the last reading that came; nothing without dropouts.
+        own: of the kind of sensor.
+    """
+
+    read: Scalar
+    drifts: tuple[tuple[Scalar, ...], ...]
+    lost: Scalar
+    last: Any
+    own: Any = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ChannelSensor(Sensor):
+    """A sensor whose reading is a record of channels, its first field the instant at which it was read.
+
+    A reading that is lost leaves the one before, with that one's instant: who uses readings tells a new one by it.
+
+    Attributes:
+        frequency: readings a second; 0 for one each control period. latency: age of a reading when it arrives, s.
+        dropouts: readings that do not come.
+    """
+
+    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 0.0
+    latency: Annotated[float, Unit("s", "age of a reading when it arrives", low=0.0)] = 0.0
+    dropouts: Dropouts = Dropouts()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Name, errors and true components of each channel."""
+        raise NotImplementedError(f"{type(self).__name__} must say what it measures")
+
+    def examples(self, vehicle: Vehicle) -> Quantities:
+        """The same of some state: names and numbers of components count."""
+        return self.quantities(*_example(vehicle))
+
+    record: ClassVar[type]
+    """Record of a reading: the instant, then a field for each channel."""
+
+    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+        """Memory of the kind of sensor, and the record of a reading from the components of each channel."""
+        fields = zip(_makers(self.record).items(), values, strict=True)
+        return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
+
+    def first_own(self, vehicle: Vehicle) -> Any:
+        """Memory of the kind of sensor before the first reading."""
+        return ()
+
+    def require_vehicle(self, vehicle: Vehicle) -> None:
+        """Biases and offsets are one for each component."""
+        for name, channel, truth in self.examples(vehicle):
+            channel.require_count(len(truth), name)
+
+    def uniforms(self, vehicle: Vehicle) -> int:
+        """Pairs for normal numbers, and one for losses at random."""
+        return self._uniforms(self.examples(vehicle))
+
+    def _uniforms(self, quantities: Quantities) -> int:
+        count = sum(channel.normals(len(truth)) for _, channel, truth in quantities)
+        return count + count % 2 + (2 if self.dropouts.random else 0)
+
+    def start(self, vehicle: Vehicle) -> ChannelMemory:
+        """Nothing read yet."""
+        state, quantities = _example(vehicle)[0], self.examples(vehicle)
+        own, last = self.first_own(vehicle), ()
+        if self.dropouts.any:
+            _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
+            last = rebuild(example, iter([0.0] * len(leaves(example))))
+        drifts = tuple(c.start(len(truth)) for _, c, truth in quantities)
+        return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
+
+    def measure(
+        self, memory: ChannelMemory, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
+    ) -> tuple[ChannelMemory, Any]:
+        """One reading."""
+        return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
+
+    def read(
+        self, memory: ChannelMemory, t: Any, quantities: Quantities, state: Any, draws: Sequence[Any], dt: float
+    ) -> tuple[ChannelMemory, Any]:
+        """One reading of some quantities."""
+        first = memory.read < 0.5
+        if len(draws) != self._uniforms(quantities):
+            raise RecordError(
+                f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, "
+                "by giving it in the file or by with_numbers"
+            )
+        loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
+        numbers = iter(normals(last))
+        drifts, values = [], []
+        for (name, channel, truth), before in zip(quantities, memory.drifts, strict=True):
+            share = [next(numbers) for _ in range(channel.normals(len(truth)))]
+            drifts.append(channel.drift(before, share, first, dt))
+            values.append(channel.read(truth, drifts[-1], share, dt, name, t))
+        own, reading = self.reading(t, values, state, memory.own, first, dt)
+        lost = memory.lost
+        if loss:
+            lost = where(first, 0.0, self.dropouts.lost(memory.lost, loss[0], dt))
+        if self.dropouts.any:
+            silent = self.dropouts.silent(lost, t)
+            kept = [
+                where(first, new, where(silent, old, new))
+                for new, old in zip(leaves(reading), leaves(memory.last), strict=True)
+            ]
+            reading = rebuild(memory.last, iter(kept))
+        following = ChannelMemory(
+            read=memory.read * 0.0 + 1.0,
+            drifts=tuple(drifts),
+            lost=lost,
+            last=reading if self.dropouts.any else (),
+            own=own,
+        )
+        return following, reading
+
+
+@cache
+def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
+    """Field of a reading behind its instant -> its value from a channel's components."""
+    types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
+    return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
+
+
+def _example(vehicle: Vehicle) -> tuple[State, Vec3]:
+    """A state and a specific force whose numbers are not used."""
+    still = (0.0,) * vehicle.n
+    zero = Vec3(0.0, 0.0, 0.0)
+    state = State(
+        position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero,
+        joints=still, joint_rates=still, rotor_speeds=(0.0,) * len(vehicle.rotors),
+    )  # fmt: skip
+    return state, zero

@@ -1,0 +1,253 @@
+"""Error-state Kalman filter over scalars: covariance, inertial navigation, innovations.
+
+The error has fifteen components: position (m), velocity (m/s), attitude (rotation vector, rad, world axes: the truth is
+exp(error) times the estimate), bias of the gyroscope (rad/s) and of the accelerometer (m/s^2), base axes; three more
+where the force is modelled: what the model lacks (m/s^2, world axes). A covariance is the lower triangle, row by row:
+P[i][j] for j <= i. Between two inertial readings angular rate and specific force are taken as the mean of both, which
+also holds the noise of each reading once in the sum.
+
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", equation 260 and section 7 (errors in
+world axes); Bierman 1977 (update by independent scalars one by one); Titterton, Weston 2004, chapter 11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.records.units import Unit
+from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
+
+POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCELEROMETER_BIAS, PUSH = 0, 3, 6, 9, 12, 15
+"""First component of each part of the error."""
+
+Covariance = tuple[tuple[Any, ...], ...]
+Row = Mapping[int, Any]
+"""Entries of a row of a matrix that are not zero by structure."""
+
+
+def diagonal(variances: Sequence[Any]) -> Covariance:
+    """Covariance of independent components; every entry is data."""
+    return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
+
+
+def entry(P: Covariance, i: int, j: int) -> Any:
+    """P[i][j] of a lower triangle."""
+    return P[i][j] if j <= i else P[j][i]
+
+
+def transition(R_WB: Mat3, force_W: Vec3, dt: Any, *, modelled: bool = False) -> list[Row]:
+    """Rows of the error's transition over ``dt``, to first order.
+
+    position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt; attitude - R gyroscope bias dt.
+    Where the force is modelled the velocity takes the push in place of the accelerometer's bias.
+
+    Args:
+        R_WB: attitude.
+        force_W: specific force less its bias, or the modelled one, world axes, m/s^2.
+        dt: s.
+        modelled: whether the force comes from a model.
+
+    Source: Sola 2017, equation 311 with the attitude's error in world axes (section 7.1).
+    """
+    rows: list[Row] = [{i: 1, i + 3: dt} for i in range(3)]
+    turning, turned = Mat3.cross(force_W).rows, R_WB.rows
+    step = neg(dt)
+    for i in range(3):
+        row = {VELOCITY + i: 1, **{ATTITUDE + j: mul(turning[i][j], step) for j in range(3) if j != i}}
+        if modelled:
+            row[PUSH + i] = dt
+        else:
+            row |= {ACCELEROMETER_BIAS + j: turned[i][j] * step for j in range(3)}
+        rows.append(row)
+    rows += [{ATTITUDE + i: 1, **{GYRO_BIAS + j: turned[i][j] * step for j in range(3)}} for i in range(3)]
+    return rows + [{i: 1} for i in range(GYRO_BIAS, PUSH + 3 if modelled else PUSH)]
+
+
+def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Any]) -> Covariance:
+    """F P F^T with ``variances`` added to the diagonal; structural zeros of the diagonal fold away."""
+    size = len(P)
+    FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
+    return tuple(
+        tuple(add(_sum(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1))
+        for i in range(size)
+    )
+
+
+def update_by_scalar(
+    P: Covariance, error: Sequence[Any], H: Row, innovation: Any, variance: Any
+) -> tuple[Covariance, list[Any], Any]:
+    """Covariance, mean error and normalised squared innovation after one scalar measurement.
+
+    Args:
+        P: before.
+        error: mean of the error, as measurements of the same instant have made it so far.
+        H: derivative of the measurement by the error.
+        innovation: measurement less its prediction with no error.
+        variance: of the measurement's noise.
+    """
+    PH = [_sum(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
+    total = _sum(mul(PH[i], c) for i, c in H.items()) + variance
+    left = sub(innovation, _sum(mul(error[i], c) for i, c in H.items()))
+    inverse = divide(1.0, total)
+    K = [each * inverse for each in PH]
+    after = tuple(tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(len(P)))
+    return after, [add(e, k * left) for e, k in zip(error, K, strict=True)], left * left * inverse
+
+
+def choose_covariance(condition: Any, new: Covariance, old: Covariance) -> Covariance:
+    """``new`` where the condition holds, else ``old``."""
+    return tuple(
+        tuple(where(condition, a, b) for a, b in zip(row, before, strict=True))
+        for row, before in zip(new, old, strict=True)
+    )
+
+
+def scaled_covariance(P: Covariance, factor: Any) -> Covariance:
+    """A covariance times a number."""
+    return tuple(tuple(each * factor for each in row) for row in P)
+
+
+def gate_of(deviations: Any, count: int) -> Any:
+    """Largest normalised squared innovation of ``count`` scalars that is taken for one of the model.
+
+    The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
+    ``deviations``: of 3 to 4.5 deviations to 15 % for one scalar, 7 % for three, 4 % for six, and too large.
+
+    Source: Wilson, Hilferty 1931.
+    """
+    share = 2.0 / (9.0 * count)
+    root = 1.0 - share + deviations * share**0.5
+    return root * root * root * count
+
+
+def _sum(terms: Any) -> Any:
+    total: Any = 0
+    for term in terms:
+        total = add(total, term)
+    return total
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Navigated:
+    """Nominal state of the filter at an instant."""
+
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
+    gyro_bias: Annotated[Vec3, Unit("rad/s", "base axes")]
+    accelerometer_bias: Annotated[Vec3, Unit("m/s^2", "base axes")]
+    push: Annotated[Vec3, Unit("m/s^2", "what the modelled force lacks, by mass, world axes")] = ZERO3
+
+
+def navigate(
+    now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Any, modelled: Vec3 | None = None
+) -> tuple[Navigated, Vec3]:
+    """The nominal state at the later of two readings, and the mean specific force without bias and push, world axes.
+
+    Args:
+        now: belief at the earlier.
+        before: reading at the earlier.
+        after: reading at the later.
+        gravity: m/s^2.
+        dt: s between them.
+        modelled: mean specific force between them by a model, base axes, in place of the accelerometer's.
+    """
+    rate = (before.rate + after.rate) * 0.5 - now.gyro_bias
+    turned = (now.quaternion * Quaternion.of_small_rotation(rate, dt)).renormalized()
+    old, new = now.quaternion.rotation(), turned.rotation()
+    bias = now.accelerometer_bias
+    pair = (before.specific_force - bias, after.specific_force - bias) if modelled is None else (modelled, modelled)
+    force = (old.apply(pair[0]) + new.apply(pair[1])) * 0.5
+    up = force + now.push
+    acceleration = Vec3(up.x, up.y, up.z - gravity)
+    following = replace(
+        now,
+        position=now.position + (now.velocity + acceleration * (0.5 * dt)) * dt,
+        velocity=now.velocity + acceleration * dt,
+        quaternion=turned,
+    )
+    return following, force
+
+
+def corrected(now: Navigated, error: Sequence[Any]) -> Navigated:
+    """The nominal state corrected by the mean error."""
+    p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
+    return Navigated(
+        position=now.position + p,
+        velocity=now.velocity + v,
+        quaternion=(Quaternion.of_rotation_vector(turn) * now.quaternion).renormalized(),
+        gyro_bias=now.gyro_bias + gyro,
+        accelerometer_bias=now.accelerometer_bias + accelerometer,
+        push=now.push + push[0] if push else now.push,
+    )
+
+
+def level_attitude(specific_force: Vec3, heading: Any) -> Quaternion:
+    """Attitude of a base at rest: the specific force points up, the heading is given (rad)."""
+    f = specific_force
+    roll, pitch = 0.5 * atan2(f.y, f.z), 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
+    yaw = 0.5 * heading
+    level = Quaternion(cos(yaw), 0.0, 0.0, sin(yaw)) * Quaternion(cos(pitch), 0.0, sin(pitch), 0.0)
+    return level * Quaternion(cos(roll), sin(roll), 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScalarInnovation:
+    """One scalar of a reading: derivative by the error, reading less belief, variance of the reading's noise."""
+
+    H: Row
+    value: Any
+    variance: Any
+
+
+def innovations(belief: Navigated, reading: Any, position: Any, attitude: Any, heading: Any) -> list[ScalarInnovation]:
+    """Those of a pose, a position or a heading; the last arguments are deviations of the readings' noise."""
+    if isinstance(reading, HeadingReading):
+        return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
+    off = enumerate(reading.position - belief.position)
+    found = [ScalarInnovation(H={POSITION + i: 1}, value=c, variance=position * position) for i, c in off]
+    if isinstance(reading, PoseReading):
+        turns = enumerate(turn_between(belief.quaternion, reading.quaternion))
+        found += [ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude) for i, c in turns]
+    return found
+
+
+def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Any, Any, Any]:
+    """Rotation vector (rad, world axes, to second order) that turns the believed attitude into the read one."""
+    turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
+    factor = where(turn.w < 0.0, -2.0, 2.0)
+    return turn.x * factor, turn.y * factor, turn.z * factor
+
+
+def _of_heading(R: Mat3, heading: Any, variance: Any) -> ScalarInnovation:
+    """Of the yaw of the base's x axis, whose innovation lies between -pi and pi.
+
+    A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
+    """
+    x, y, z = R.column(0)
+    level = divide(z, x * x + y * y)
+    off = heading - atan2(y, x)
+    H = {ATTITUDE: -(level * x), ATTITUDE + 1: -(level * y), ATTITUDE + 2: 1}
+    return ScalarInnovation(H=H, value=atan2(sin(off), cos(off)), variance=variance)
+
+
+def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Any) -> list[ScalarInnovation]:
+    """Innovation of an accelerometer against a modelled specific force: the difference is push and bias.
+
+    The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).
+    """
+    R = belief.quaternion.rotation()
+    off = measured - modelled - R.apply_T(belief.push) - belief.accelerometer_bias
+    found = []
+    for i, value in enumerate(off):
+        axis = R.column(i)
+        # row i of R^T S(d) is axis^T S(d) = (axis x d)^T
+        turned = enumerate(axis.cross(belief.push))
+        H: dict[int, Any] = {ATTITUDE + j: c for j, c in turned}
+        H |= {ACCELEROMETER_BIAS + i: 1, **{PUSH + j: c for j, c in enumerate(axis)}}
+        found.append(ScalarInnovation(H=H, value=value, variance=variance))
+    return found

@@ -1,0 +1,191 @@
+"""Error-state Kalman filter on an inertial unit, aided by pose, or position and heading; joints from encoders.
+
+The inertial unit is integrated at every reading; what is estimated is the error of that: position, velocity, attitude
+(a rotation, composed with the estimate), biases. A reading that is old when it arrives is compared with the belief of
+its own instant: the filter lags ``delay_periods`` behind the present, and the inertial readings since then carry its
+belief to the present, which is what the law is told. No delay is approximated.
+
+With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what
+they lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.
+
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; Lefferts, Markley, Shuster 1982
+(multiplicative attitude error); Khosravian, Trumpf, Mahony, Hamel 2015 (delayed filter with forward prediction).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import data, logical_and, logical_not, where
+from skyarm.dynamics.actuators import Command, tilting
+from skyarm.dynamics.actuators.rotor import speeds_after
+from skyarm.records.coerce import RecordError
+from skyarm.sensing.estimate.error_state import (
+    Covariance,
+    Navigated,
+    ScalarInnovation,
+    choose_covariance,
+    gate_of,
+    innovations,
+    navigate,
+    of_specific_force,
+    predict_covariance,
+    scaled_covariance,
+    transition,
+    update_by_scalar,
+)
+from skyarm.sensing.estimate.error_state import corrected as with_error
+from skyarm.sensing.estimate.filter_constants import (
+    AIDS,
+    BLANK_BELIEF,
+    BLANK_INERTIAL,
+    BLANK_READINGS,
+    FilterMemory,
+    FilterNumbers,
+    choose,
+    in_turn,
+    only,
+)
+from skyarm.sensing.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
+from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ErrorStateFilter(FilterNumbers):
+    """The filter with its model of the sensors and the controller's model of the vehicle."""
+
+    def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
+        """The filter with the controller's belief."""
+        return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
+
+    def start(self, vehicle: Vehicle) -> FilterMemory:
+        """Blank but for the covariance; the first readings initialise the state."""
+        still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
+        zero = Vec3(0.0, 0.0, 0.0)
+        return FilterMemory(
+            started=0.0,
+            belief=replace(BLANK_BELIEF, push=zero) if self.modelled else BLANK_BELIEF,
+            covariance=self.first_covariance(),
+            inertial=(BLANK_INERTIAL,) * waiting,
+            aiding=tuple((BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]),
+            joints=FilteredJoints(joints=still, rates=still, read=0.0),
+            modelled=(zero,) * waiting if self.modelled else (),
+            rotor_speeds=(0.0,) * len(vehicle.rotors),
+            taken=0.0,
+            refused=0.0,
+            surprise=0.0,
+        )
+
+    def step(
+        self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
+    ) -> tuple[FilterMemory, Measurement]:
+        """Process the arrived readings; the measurement is the present estimate."""
+        started = memory.started > 0.5
+        imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
+        arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
+        before = tuple(choose(started, old, imu) for old in memory.inertial)
+        belief = choose(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
+        joints = memory.joints
+        if joints.joints:
+            joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
+        present = replace(memory, belief=belief, joints=joints)
+        now = replace(
+            self._turned(present, imu, command, started, dt),
+            started=memory.started * 0.0 + 1.0,
+            inertial=(*before[1:], imu),
+            aiding=tuple(
+                (*(choose(started, old, new) for old in queue[1:]), new)
+                for queue, new in zip(memory.aiding, arrived, strict=True)
+            ),
+        )
+        following = self._aided(self._predicted(now, before[0]), before[0].time)
+        return following, self._told(following, imu, encoders)
+
+    def _turned(self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any) -> FilterMemory:
+        """With the rotors one period later under the command that acted, and the force that the model gives then."""
+        if self.vehicle is None:
+            raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
+        turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
+        speeds = tuple(data(where(started, a, b)) for a, b in zip(turned, command.rotor_speeds, strict=True))
+        if not self.modelled:
+            return replace(memory, rotor_speeds=speeds)
+        belief, joints = memory.belief, memory.joints
+        old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
+        velocity = belief.quaternion.rotation().apply_T(belief.velocity)
+        rate = imu.rate - belief.gyro_bias
+        # servos of rotors that tilt count as where they are told to be
+        leaning = tilting.turned(self.vehicle, command.tilts) if command.tilts else self.vehicle
+        force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
+        kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
+        return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
+
+    def _predicted(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
+        """State and covariance at the filter's instant, from those at the reading before."""
+        reading, belief = memory.inertial[0], memory.belief
+        dt = reading.time - before.time
+        R = belief.quaternion.rotation()
+        given = memory.modelled[0] if self.modelled else None
+        following, force = navigate(belief, before, reading, self.gravity, dt, given)
+        F = transition(R, force, dt, modelled=self.modelled)
+        P = predict_covariance(memory.covariance, F, self.added_variances(belief, reading, dt))
+        if self.modelled:
+            variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
+            rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
+            following, P, _ = _corrected(following, P, rows, dt > 0.0, float("inf"))
+        return replace(memory, belief=following, covariance=P)
+
+    def _aided(self, memory: FilterMemory, after: Any) -> FilterMemory:
+        """With the aiding readings of the filter's instant taken in."""
+        belief, P = memory.belief, memory.covariance
+        taken, refused, surprise = memory.taken, memory.refused, memory.surprise
+        for queue in memory.aiding:
+            due, reading = in_turn(queue, after, memory.inertial[0].time)
+            rows = innovations(belief, reading, self.position, self.attitude, self.heading)
+            allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
+            belief, updated, found = _corrected(belief, P, rows, due, allowed)
+            passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
+            P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
+            taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
+            surprise = where(due, found, surprise)
+        return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
+
+    def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
+        """The estimate of the filter's instant carried to the present."""
+        present = memory.belief
+        for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
+            given = memory.modelled[i + 1] if self.modelled else None
+            present, _ = navigate(present, old, new, self.gravity, new.time - old.time, given)
+        joints, rates = memory.joints.joints, memory.joints.rates
+        if joints:
+            read = self.joint_bandwidth <= 0.0
+            joints = tuple(where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True))
+            rates = tuple(where(read, a, b) for a, b in zip(encoders.joint_rates, rates, strict=True))
+        return Measurement(
+            time=data(imu.time),
+            position=present.position,
+            quaternion=present.quaternion,
+            velocity=present.velocity,
+            rate=imu.rate - present.gyro_bias,
+            specific_force=imu.specific_force - present.accelerometer_bias,
+            joints=joints,
+            joint_rates=rates,
+            rotor_speeds=memory.rotor_speeds,
+        )
+
+
+def _corrected(
+    belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
+) -> tuple[Navigated, Covariance, Any]:
+    """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""
+    error: list[Any] = [0] * len(P)
+    after, surprise = P, 0
+    for row in rows:
+        after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
+        surprise = surprise + part
+    passed = logical_and(due, surprise < allowed)
+    return choose(passed, with_error(belief, error), belief), choose_covariance(passed, after, P), surprise

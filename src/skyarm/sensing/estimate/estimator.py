@@ -1,0 +1,74 @@
+"""Estimators stand between sensors and law: readings in, one measurement out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.dynamics.actuators import Command
+from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.sensor import Sensor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FULL_STATE = "state"
+"""Name of the reading that every scenario has: the full state with the noise of ``[sensors]``."""
+
+
+class Estimator:
+    """An estimator computes the law's measurement from all readings.
+
+    A subclass is a frozen dataclass of numbers with pure, traceable functions.
+    """
+
+    __slots__ = ()
+
+    def believing(self, vehicle: Vehicle, gravity: Any) -> Estimator:
+        """The estimator with a controller's model: vehicle and gravity (m/s^2); itself if it needs neither.
+
+        The loop steps what this returns.
+        """
+        return self
+
+    def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
+        """Refuse sensors that the estimator cannot work with.
+
+        Args:
+            sensors: beside the full state, by name.
+            rate: control periods a second.
+            vehicle: the believed one.
+
+        Raises:
+            ValueError: one line with field, value and what is allowed.
+        """
+
+    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+        """Refuse drives, by the joint's name, whose efforts the estimator cannot know; ``vehicle`` is a name."""
+
+    def start(self, vehicle: Vehicle) -> Any:
+        """First memory: a record or tuple of scalars. ``vehicle`` is the controller's model."""
+        return ()
+
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+        """Return the next memory and the measurement of the law, once per control period.
+
+        Args:
+            memory: after the last period.
+            readings: by the sensor's name, as they have arrived; a slow sensor's reading stays until its next.
+            command: the one that acts now.
+            dt: control period, s.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say what it estimates")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PassThrough(Estimator):
+    """The measurement is the full state as it was read."""
+
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+        """The reading ``state``."""
+        measurement: Measurement = readings[FULL_STATE]
+        return memory, measurement
+
+
+PASS_THROUGH = PassThrough()

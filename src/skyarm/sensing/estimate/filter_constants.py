@@ -1,0 +1,275 @@
+"""Constants and memory of the error-state filter, the sensors that it needs, its start and its process noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt, where
+from skyarm.compile import leaves, rebuild
+from skyarm.dynamics.actuators.drive import TorqueDrive
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.sensing.estimate.error_state import ATTITUDE, Covariance, Navigated, diagonal, level_attitude
+from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.sensing.estimate.filter_models import FilteredJoints
+from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor_kinds import (
+    Encoders,
+    Heading,
+    HeadingReading,
+    Imu,
+    ImuReading,
+    Pose,
+    PoseReading,
+    Position,
+    PositionReading,
+)
+from skyarm.vehicle.vehicle_records import Vehicle
+
+AIDS: dict[str, tuple[type, ...]] = {
+    "pose": (PoseReading,),
+    "position": (PositionReading,),
+    "position_heading": (PositionReading, HeadingReading),
+}
+"""Readings that correct the inertial unit's, by the word of the filter's ``aiding``."""
+
+_ORIGIN = Vec3(0.0, 0.0, 0.0)
+_LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
+
+BLANK_INERTIAL = ImuReading(time=0.0, rate=_ORIGIN, specific_force=_ORIGIN)
+BLANK_READINGS: dict[type, Any] = {
+    PoseReading: PoseReading(time=0.0, position=_ORIGIN, quaternion=_LEVEL),
+    PositionReading: PositionReading(time=0.0, position=_ORIGIN),
+    HeadingReading: HeadingReading(time=0.0, heading=0.0),
+}
+BLANK_BELIEF = Navigated(
+    position=_ORIGIN, velocity=_ORIGIN, quaternion=_LEVEL, gyro_bias=_ORIGIN, accelerometer_bias=_ORIGIN
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilterMemory:
+    """Memory of the error-state filter.
+
+    Attributes:
+        started: 1 after the first readings.
+        belief, covariance: at the instant of ``inertial[0]``, up to which readings have been taken in.
+        inertial: readings of the inertial unit from then to the present, oldest first.
+        aiding: for each kind of aiding reading what has arrived since then, oldest first.
+        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2,
+            base axes; nothing where the force is measured.
+        joints: of the encoders. rotor_speeds: of the believed vehicle's motors, rad/s.
+        taken, refused: how many readings passed the innovation test, and how many did not.
+        surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
+            reading's components.
+    """
+
+    started: Scalar
+    belief: Navigated
+    covariance: Covariance
+    inertial: tuple[ImuReading, ...]
+    aiding: tuple[tuple[Any, ...], ...]
+    joints: FilteredJoints
+    modelled: tuple[Vec3, ...]
+    rotor_speeds: tuple[Scalar, ...]
+    taken: Scalar
+    refused: Scalar
+    surprise: Scalar
+
+    @property
+    def deviations(self) -> tuple[Any, ...]:
+        """Standard deviation of each component of the error."""
+        return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
+
+    @property
+    def yaw_deviation(self) -> Any:
+        """Standard deviation of the heading, rad: it grows where no reading observes the heading."""
+        return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
+
+    @property
+    def time(self) -> Any:
+        """Instant of ``belief`` and ``covariance``, s."""
+        return self.inertial[0].time
+
+
+def choose(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, number by number of two records of one shape."""
+    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))
+
+
+def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
+    """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
+    reading, found = queue[0], due_between(queue[0].time, after, until)
+    for each in queue[1:]:
+        due = due_between(each.time, after, until)
+        found, reading = logical_or(found, due), choose(due, each, reading)
+    return found, reading
+
+
+def due_between(time: Any, after: Any, until: Any) -> Any:
+    """Whether an instant lies after one and not after another, but for 10 us of rounding."""
+    return logical_and(time > after + 1e-5, time < until + 1e-5)
+
+
+NEEDED: Mapping[str, tuple[type, ...]] = {
+    "pose": (Pose,),
+    "position": (Position,),
+    "position_heading": (Position, Heading),
+}
+"""Sensors of each word of the filter's ``aiding``."""
+
+KINDS: Mapping[type, str] = {Imu: "imu", Pose: "pose", Position: "position", Heading: "heading", Encoders: "encoders"}
+"""Names of the sensors in files."""
+
+
+def only(kind: type, readings: Mapping[str, Any]) -> Any:
+    """The first reading of a kind; None where there is none."""
+    return next((each for each in readings.values() if isinstance(each, kind)), None)
+
+
+def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: float, joints: int) -> None:
+    """Refuse a scenario whose sensors the filter cannot use.
+
+    Args:
+        sensors: beside the full state, by name.
+        aiding: of the filter.
+        lag: s, by which it lags the present.
+        joints: of the vehicle.
+
+    Raises:
+        ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or whose
+            instant has passed before the inertial unit's reading of it comes.
+    """
+    found = dict[type, str]()
+    needed = (Imu, *NEEDED[aiding], *((Encoders,) if joints else ()))
+    for kind in needed:
+        names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
+        if len(names) != 1:
+            there = f"{len(names)} of kind {KINDS[kind]!r}"
+            raise ValueError(
+                f"estimator: needs one sensor of kind {KINDS[kind]!r} ([sensors.NAME] with kind = {KINDS[kind]!r}); "
+                f"there {'are' if len(names) != 1 else 'is'} {there}"
+            )
+        found[kind], sensor = names[0], sensors[names[0]]
+        if kind in NEEDED[aiding] and sensor.latency > lag + 1e-9:
+            raise ValueError(
+                f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
+                f"{sensor.latency:g} s, or those readings are never used"
+            )
+        if kind in NEEDED[aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
+            raise ValueError(
+                f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
+                f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
+            )
+
+
+FORCES = ("measured", "modelled")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilterNumbers(Estimator):
+    """The filter's model of its sensors; the plant's sensors have their own numbers.
+
+    Attributes:
+        aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
+        delay_periods: control periods by which the filter lags, at least the age of the oldest aiding reading.
+        force: "measured" by the accelerometer, or "modelled" by the believed vehicle and corrected by it.
+        gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
+        push_walk: density of the random walk of what the model lacks. push_turn: s; what it lacks may be fixed to the
+            base and turn with it, which adds (rate x push)^2 push_turn to the walk's variance a second.
+        position, attitude, heading: deviations of the aiding readings.
+        gate: normal deviations beyond which a reading is refused; 0 refuses none. inflation: factor of the covariance
+            at a refused reading, so that a filter that is wrong itself does not refuse all that would mend it.
+        first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
+            what the first readings do not tell. start_heading: rad, without a reading that tells of it.
+        joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
+        gravity: m/s^2; that of the controller's belief if left out. vehicle: that of its belief, given by the loop.
+    """
+
+    aiding: str = "pose"
+    delay_periods: Annotated[int, Unit("", "control periods by which the filter lags", low=0, high=100)] = 0
+    force: str = "measured"
+    gyro: Annotated[Scalar, Unit("rad/s/sqrt(Hz)", "noise", low=0.0)] = 0.005
+    gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
+    accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
+    accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
+    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.02
+    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.2
+    position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
+    attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
+    heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
+    gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
+    inflation: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
+    first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
+    first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
+    first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5
+    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "deviation at the start", low=0.0)] = 0.01
+    first_accelerometer_bias: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 0.1
+    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 2.0
+    start_heading: Annotated[Scalar, Unit("rad", "at the start, without reading")] = 0.0
+    joint_bandwidth: Annotated[Scalar, Unit("rad/s", "of the encoders' filter, 0: as read", low=0.0)] = 300.0
+    gravity: Annotated[Scalar | None, Unit("m/s^2", low=0.0)] = None
+    vehicle: Vehicle | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        for name, allowed in (("aiding", tuple(AIDS)), ("force", FORCES)):
+            if getattr(self, name) not in allowed:
+                raise RecordError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
+
+    @property
+    def modelled(self) -> bool:
+        """Whether the model gives the specific force."""
+        return self.force == "modelled"
+
+    def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
+        """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
+        self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
+        require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
+
+    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+        """Refuse the modelled force where a joint's setpoint is no torque; ``drives`` by joint, of the vehicle named.
+
+        Raises:
+            ValueError: one line with the joint.
+        """
+        for joint, drive in drives.items() if self.modelled else ():
+            if not isinstance(drive, TorqueDrive):
+                raise ValueError(
+                    f"estimator.force = 'modelled': must be 'measured' for {vehicle!r}, whose joint {joint!r} has a "
+                    f"drive ({type(drive).__name__}): the model takes setpoints for torques"
+                )
+
+    def first_covariance(self) -> Covariance:
+        """Before the first readings are taken in, which say how far position and attitude are known."""
+        tilt, heading = self.attitude, self.attitude
+        if self.aiding != "pose":
+            tilt = self.first_tilt
+            heading = self.heading if self.aiding == "position_heading" else self.first_heading
+        parts = [self.position] * 3 + [self.first_velocity] * 3 + [tilt, tilt, heading]
+        parts += [self.first_gyro_bias] * 3 + [self.first_accelerometer_bias] * 3
+        parts += [self.first_push] * 3 if self.modelled else []
+        return diagonal([each * each for each in parts])
+
+    def first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
+        """At rest where the first readings are, without biases; level by the accelerometer without a pose."""
+        if self.aiding == "pose":
+            return replace(blank, position=arrived[0].position, quaternion=arrived[0].quaternion)
+        heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
+        return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
+
+    def added_variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
+        """Process noise of a step, for each component; none of the position, it is of third order in dt."""
+        added: list[Any] = [0] * 3
+        noise = 0 if self.modelled else self.accelerometer * self.accelerometer
+        for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):
+            added += [mul(density, dt)] * 3
+        if self.modelled:
+            turning = belief.quaternion.rotation().apply(reading.rate - belief.gyro_bias).cross(belief.push)
+            walk = self.push_walk * self.push_walk
+            added += [(walk + c * c * self.push_turn) * dt for c in turning]
+        return added

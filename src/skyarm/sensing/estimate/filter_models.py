@@ -1,0 +1,113 @@
+"""Model-side parts of the error-state filter: joint rates from encoders, and the specific force of the vehicle's model.
+
+Joint rates come from a critically damped filter of position and rate. Between readings a joint goes on at its rate; a
+reading pulls position and rate towards itself by g = 1 - b^2 and h / dt = (1 - b)^2 / dt with b = exp(-bandwidth dt):
+both poles at b. A constant rate is followed without error, an acceleration a with an error of the rate of about 2 a /
+bandwidth. The joints have a clock of their own: the instant of the inertial unit's last reading, and a period later at
+each period in which none comes. A reading of the encoders is compared with the joints at its own instant.
+
+The modelled specific force is what an accelerometer at the base origin would read if the model were true.
+
+Source: Brookner 1998, "Tracking and Kalman filtering made easy", section 1.2.6 (critically damped g-h filter).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.algebra import ZERO3, Force, Vec3
+from skyarm.algebra.scalars import Scalar, add, data, exp, logical_and, maximum, sqrt, where
+from skyarm.dynamics.actuators import joint_force, stop_force
+from skyarm.dynamics.actuators.rotor import rotor_force
+from skyarm.records.units import Unit
+from skyarm.sensing.sensor_kinds import EncoderReading
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import body_drag
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilteredJoints:
+    """Filtered joints, with their instant.
+
+    Attributes:
+        joints, rates: at the instant ``now``.
+        read: of the last reading of the encoders that was used.
+        heard: of the inertial unit's last reading. now: the joints' own clock.
+    """
+
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered")]
+    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
+    read: Annotated[Scalar, Unit("s", "instant of the last reading")]
+    heard: Annotated[Scalar, Unit("s", "instant of the inertial unit's last reading")] = 0.0
+    now: Annotated[Scalar, Unit("s", "instant of joints and rates")] = 0.0
+
+
+def filter_joints(
+    memory: FilteredJoints, reading: EncoderReading, started: Any, bandwidth: Any, inertial: Any, dt: Any
+) -> FilteredJoints:
+    """The joints one period later.
+
+    Args:
+        memory: one period earlier.
+        reading: the last that has arrived; used once.
+        started: condition; where it does not hold the reading is taken as it is, at rest.
+        bandwidth: rad/s.
+        inertial: s, instant of the inertial unit's last reading that has arrived.
+        dt: period, s.
+    """
+    silent = logical_and(started, inertial - memory.heard < 1e-5)
+    now = where(silent, memory.now + dt, inertial)
+    since = reading.time - memory.read
+    fresh = since > 1e-5
+    # a reading that is not fresh divides by a period, and is not used
+    span = where(fresh, maximum(since, 1e-5), dt)
+    b = exp(-(bandwidth * span))
+    g, h = where(fresh, 1.0 - b * b, 0.0), where(fresh, (1.0 - b) * (1.0 - b), 0.0) / span
+    moved, age = now - memory.now, now - reading.time
+    joints, rates = [], []
+    for q, rate, read in zip(memory.joints, memory.rates, reading.joints, strict=True):
+        ahead = q + rate * moved
+        off = read - (ahead - rate * age)
+        joints.append(where(started, ahead + g * off, read))
+        rates.append(where(started, rate + h * off, 0.0))
+    return FilteredJoints(
+        joints=tuple(joints), rates=tuple(rates), read=reading.time + 0.0, heard=inertial + 0.0, now=now
+    )
+
+
+def modelled_force(
+    vehicle: Vehicle,
+    velocity_B: Vec3,
+    rate: Vec3,
+    joints: Sequence[Any],
+    joint_rates: Sequence[Any],
+    speeds: tuple[Sequence[Any], Sequence[Any]],
+    efforts: Sequence[Any],
+) -> Vec3:
+    """Mean over a period, m/s^2, base axes, by the forward dynamics of the whole vehicle in still air.
+
+    With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
+
+    Args:
+        vehicle: the believed one.
+        velocity_B: m/s, base axes.
+        rate: rad/s, base axes.
+        joints: at the end of the period.
+        joint_rates: at the end of the period.
+        speeds: of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
+        efforts: of the joints over the period, N m or N: setpoints of drives that give torques.
+    """
+    mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
+    # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters
+    applied = Force(ZERO3, body_drag(vehicle.drag, velocity_B))
+    for rotor, speed in zip(vehicle.rotors, mean, strict=True):
+        applied = applied + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
+    torques = [
+        add(joint_force(link.joint, effort, qd), stop_force(link.joint, q, qd))
+        for link, effort, q, qd in zip(vehicle.links, efforts, joints, joint_rates, strict=True)
+    ]
+    base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
+    return Vec3(*(data(c) for c in base.linear))

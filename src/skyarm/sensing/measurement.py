@@ -1,0 +1,176 @@
+"""The measurement of a law: a record apart from the state; and the full-state sensor with white noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, add, data, mul
+from skyarm.algebra.scalars.philox import normals
+from skyarm.compile import leaves
+from skyarm.dynamics import State
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.sensing.sensor import Sensor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Measurement:
+    """A measurement holds one reading of every sensor: motion capture, GNSS or odometry, inertial unit, encoders.
+
+    ``time`` is when it was taken: older than now if the measurement is delayed.
+    """
+
+    time: Annotated[Scalar, Unit("s")]
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
+    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "gyroscope, base axes")]
+    specific_force: Annotated[Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the rotors that tilt")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
+    tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = (
+        field(default=(), metadata=WRITTEN_IF_ANY)
+    )
+    tip_torque: Annotated[tuple[Scalar, ...], Unit("N m", "about the tip, likewise; of a law that asks for it")] = (
+        field(default=(), metadata=WRITTEN_IF_ANY)
+    )
+    switches: Annotated[tuple[Scalar, ...], Unit("", "1 closed; tactile switches that phases wait for")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
+
+    def __post_init__(self) -> None:
+        # made in every period: what holds vectors and tuples already is not looked at
+        vectors = type(self.position) is type(self.velocity) is type(self.rate) is type(self.specific_force) is Vec3
+        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
+        tuples = tuples and type(self.tip_force) is type(self.tip_torque) is type(self.switches) is tuple
+        if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
+            accept_fields(self, "measurement")
+
+
+def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0, tip_torque: int = 0) -> Measurement:
+    """A reading of a vehicle that rests at the origin, level, at time 0: an example whose numbers are all data."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return Measurement(
+        time=0.0,
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=zero,
+        rate=zero,
+        specific_force=zero,
+        joints=still,
+        joint_rates=still,
+        rotor_speeds=(0.0,) * rotors,
+        tilts=(0.0,) * tilts,
+        tip_force=(0.0,) * tip_force,
+        tip_torque=(0.0,) * tip_torque,
+    )
+
+
+def measurement_of(state: State, specific_force: Vec3) -> Measurement:
+    """A reading of a state by sensors without errors, at time 0; specific force in m/s^2, base axes."""
+    return Measurement(
+        time=0.0,
+        position=state.position,
+        quaternion=state.quaternion,
+        velocity=state.velocity,
+        rate=state.rate,
+        specific_force=specific_force,
+        joints=state.joints,
+        joint_rates=state.joint_rates,
+        rotor_speeds=state.rotor_speeds,
+        tilts=state.tilts,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SensorNoise(Sensor):
+    """Sensor noise reads the full state at the control rate and adds white noise.
+
+    Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
+    """
+
+    position: Annotated[Scalar, Unit("m", low=0.0)] = 0
+    velocity: Annotated[Scalar, Unit("m/s", low=0.0)] = 0
+    attitude: Annotated[Scalar, Unit("rad", "rotation vector, base axes", low=0.0)] = 0
+    rate: Annotated[Scalar, Unit("rad/s", low=0.0)] = 0
+    specific_force: Annotated[Scalar, Unit("m/s^2", low=0.0)] = 0
+    joints: Annotated[Scalar, Unit("rad or m", low=0.0)] = 0
+    joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0)] = 0
+    rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "sensors")
+
+    def uniforms(self, vehicle: Vehicle) -> int:
+        """An even number, since normal numbers come in pairs; none for perfect sensors."""
+        count = noise_count(vehicle.n, len(vehicle.rotors))
+        return count + count % 2 if leaves(self) else 0
+
+    def measure(
+        self, memory: Any, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
+    ) -> tuple[Any, Measurement]:
+        """The state and specific force with noise."""
+        count = noise_count(len(state.joints), len(state.rotor_speeds))
+        noise = normals(draws)[:count] if draws else [0] * count
+        # where nothing pushes the reading is a structural zero
+        proper = Vec3(*(data(c) for c in specific_force))
+        return memory, measure(self, t, state, proper, noise)
+
+
+def noise_count(joints: int, rotors: int) -> int:
+    """How many standard normal numbers one measurement takes."""
+    return 15 + 2 * joints + rotors
+
+
+def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noise: Sequence[Any]) -> Measurement:
+    """A measurement of a state.
+
+    Args:
+        par: deviations.
+        time: s, when it is taken.
+        state: the truth.
+        specific_force: of the base origin, base axes, m/s^2.
+        noise: :func:`noise_count` standard normal numbers; structural zeros for perfect sensors.
+
+    Raises:
+        ValueError: another number of draws.
+    """
+    count = noise_count(len(state.joints), len(state.rotor_speeds))
+    if len(noise) != count:
+        raise ValueError(f"noise has {len(noise)} numbers: must be {count}, one a channel")
+    draws = iter(noise)
+
+    def vector(sigma: Any) -> Vec3:
+        return Vec3(*(mul(sigma, next(draws)) for _ in range(3)))
+
+    def many(values: Sequence[Any], sigma: Any) -> tuple[Any, ...]:
+        return tuple(add(value, mul(sigma, next(draws))) for value in values)
+
+    position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)
+    turn = vector(par.attitude)
+    tilted = state.quaternion if _structural_zero(turn) else state.quaternion * Quaternion.of_rotation_vector(turn)
+    return Measurement(
+        time=time,
+        position=position,
+        velocity=velocity,
+        quaternion=tilted,
+        rate=state.rate + vector(par.rate),
+        specific_force=specific_force + vector(par.specific_force),
+        joints=many(state.joints, par.joints),
+        joint_rates=many(state.joint_rates, par.joint_rates),
+        rotor_speeds=many(state.rotor_speeds, par.rotor_speeds),
+        tilts=state.tilts,
+    )
+
+
+def _structural_zero(v: Vec3) -> bool:
+    return all(type(c) is int and c == 0 for c in v)

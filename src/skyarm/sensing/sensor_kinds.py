@@ -1,0 +1,337 @@
+"""Inertial unit, motion capture, satellite position, heading, encoders, force-torque sensor and tactile switch.
+
+Each reading is a record whose first field is the instant at which it was read. Default numbers are those of a small
+flight controller's inertial unit (gyroscope 0.005 rad/s/sqrt(Hz), accelerometer 0.02 m/s^2/sqrt(Hz)) and of a
+motion-capture system at 5 mm and 5 mrad.
+
+Force sensors measure the true force of all that acts beyond their frame from outside: surfaces, springs, a load on a
+cord, the weight of a payload that is held. The weight of the hand itself is taken off, and so is what accelerating hand
+and payload takes: a sensor on a light hand. A free object that a gripper holds counts whole, its acceleration too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import Scalar, data, divide, exp, mul, sqrt, sub, where
+from skyarm.dynamics.state import State
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.files import shown
+from skyarm.records.leaves import leaves
+from skyarm.records.units import Unit
+from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, absent
+from skyarm.sensing.sensor import NO_PUSH, Push
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ImuReading:
+    """Angular rate and specific force of the base origin."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
+    specific_force: Annotated[Vec3, Unit("m/s^2", "base axes, +g along z in hover")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PoseReading:
+    """Position of the base origin and attitude of the base."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PositionReading:
+    """Position of the base origin."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HeadingReading:
+    """Yaw of the base's x axis about the vertical."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EncoderReading:
+    """Positions and rates of all joints."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceReading:
+    """External wrench at a frame."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    force: Annotated[Vec3, Unit("N", "axes of the frame")]
+    torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SwitchReading:
+    """Whether anything pushes at a frame."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
+
+
+LOG_2 = 0.6931471805599453
+TURN = 6.283185307179586
+"""rad, one turn."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Imu(ChannelSensor):
+    """An inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
+
+    record: ClassVar[type] = ImuReading
+
+    gyro: Channel = Channel(density=0.005, walk=1e-4)
+    accelerometer: Channel = Channel(density=0.02, walk=1e-3)
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Angular rate and specific force."""
+        force = tuple(data(c) for c in specific_force)
+        return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pose(ChannelSensor):
+    """Motion capture: position of the base origin (m) and attitude of the base.
+
+    The attitude's errors are a rotation vector in base axes (rad), after the true attitude: it has no scale and no
+    resolution.
+    """
+
+    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 50.0
+    position: Channel = Channel(sigma=0.005)
+    attitude: Channel = Channel(sigma=0.005)
+
+    def __post_init__(self) -> None:
+        ChannelSensor.__post_init__(self)
+        for name in ("scale", "resolution"):
+            value = getattr(self.attitude, name)
+            if not (concrete(value) and value == 0):
+                raise RecordError(f"attitude.{name} = {value}: must be left out, errors of an attitude are rotations")
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Position, and the rotation that is no error."""
+        return ("position", self.position, tuple(state.position)), ("attitude", self.attitude, (0.0, 0.0, 0.0))
+
+    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+        """Position, and attitude turned by its errors."""
+        position, turn = values
+        attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
+        return own, PoseReading(time=t, position=Vec3(*position), quaternion=attitude)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Position(ChannelSensor):
+    """Satellite navigation: position of the base origin, m."""
+
+    record: ClassVar[type] = PositionReading
+
+    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
+    position: Channel = Channel(sigma=0.02)
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Position."""
+        return (("position", self.position, tuple(state.position)),)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Heading(ChannelSensor):
+    """A compass, or two satellite antennas: heading (yaw of the base's x axis), rad."""
+
+    record: ClassVar[type] = HeadingReading
+
+    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
+    heading: Channel = Channel(sigma=0.02)
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Yaw."""
+        return (("heading", self.heading, (euler_angles(state.quaternion.rotation())[2],)),)
+
+
+RATES = ("difference", "measured")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Encoders(ChannelSensor):
+    """Encoders of all joints: positions (rad or m), and rates by difference of two readings or measured.
+
+    Attributes:
+        bits: of an absolute encoder; its step is span / 2^bits, in place of the joints' resolution. 0 for none.
+        span: rad or m, that the bits divide.
+        joints: errors of the positions. rates: "difference" or "measured". rate: errors of measured rates.
+    """
+
+    bits: Annotated[Scalar, Unit("", "of an absolute encoder, 0: none", low=0.0, high=52.0)] = 12
+    span: Annotated[Scalar, Unit("rad or m", "that the bits divide", low=0.0, strict=True)] = TURN
+    joints: Channel = Channel()
+    rates: str = "difference"
+    rate: Channel = Channel()
+
+    def __post_init__(self) -> None:
+        ChannelSensor.__post_init__(self)
+        if self.rates not in RATES:
+            raise RecordError(f"rates = {self.rates!r}: must be one of {', '.join(RATES)}")
+        if self.rates == "difference" and (leaves(self.rate) or self.rate.bias or self.rate.offset is not None):
+            raise RecordError(
+                "rate: must be left out where rates = 'difference': the errors of positions make those of their "
+                "differences"
+            )
+        if not absent(self.bits) and not absent(self.joints.resolution):
+            raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
+
+    def quantities(self, state: State, specific_force: Vec3) -> Quantities:
+        """Positions, and rates where they are measured."""
+        positions = ("joints", self.joints, tuple(state.joints))
+        if self.rates == "difference":
+            return (positions,)
+        return positions, ("rate", self.rate, tuple(state.joint_rates))
+
+    def first_own(self, vehicle: Vehicle) -> Any:
+        """The last positions, for their difference."""
+        return (0.0,) * vehicle.n if self.rates == "difference" else ()
+
+    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+        """Positions in whole steps, and rates; the first difference is 0."""
+        joints = tuple(self._stepped(q) for q in values[0])
+        if self.rates == "measured":
+            return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
+        rates = tuple(where(first, 0.0, sub(q, old) * (1.0 / dt)) for q, old in zip(joints, own, strict=True))
+        return joints, EncoderReading(time=t, joints=joints, joint_rates=rates)
+
+    def _stepped(self, q: Any) -> Any:
+        if absent(self.bits):
+            return q
+        # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
+        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).rounded(q)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FramedSensor(ChannelSensor):
+    """A sensor of what pushes at a frame, behind a first-order low pass.
+
+    Attributes:
+        frame: of the vehicle; empty for its tip. bandwidth: rad/s of the low pass; 0 for none.
+    """
+
+    frame: str = ""
+    bandwidth: Annotated[Scalar, Unit("rad/s", "of a first-order low pass, 0: none", low=0.0)] = 0
+
+    @property
+    def feels(self) -> str:  # type: ignore[override]
+        """The frame."""
+        return self.frame
+
+    def felt(self, push: Push) -> Quantities:
+        """Name, errors and true components of each channel."""
+        raise NotImplementedError(f"{type(self).__name__} must say what it feels")
+
+    def require_vehicle(self, vehicle: Vehicle) -> None:
+        """The frame must be there."""
+        try:
+            vehicle.frame(self.frame or None)
+        except VehicleError as error:
+            raise RecordError(f"frame = {shown(self.frame)}: {error}") from None
+        ChannelSensor.require_vehicle(self, vehicle)
+
+    def examples(self, vehicle: Vehicle) -> Quantities:
+        """Of no push at all."""
+        return self.felt(NO_PUSH)
+
+    def first_own(self, vehicle: Vehicle) -> Any:
+        """State of the low pass."""
+        return NO_PUSH
+
+    def passed(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
+        """Output of the low pass; the first push as it is."""
+        if type(self.bandwidth) in (int, float) and self.bandwidth == 0:
+            return push
+        share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
+        force, torque = before.force, before.torque
+        return Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
+
+    def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+        """One reading."""
+        behind = self.passed(memory, memory.own, push, dt)
+        return self.read(dataclasses.replace(memory, own=behind), t, self.felt(behind), (), draws, dt)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceTorque(FramedSensor):
+    """A force-torque sensor: force (N) and torque (N m) at a frame, in its axes."""
+
+    record: ClassVar[type] = ForceReading
+
+    force: Channel = Channel()
+    torque: Channel = Channel()
+
+    def felt(self, push: Push) -> Quantities:
+        """Force and torque."""
+        return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Switched:
+    """Memory of a switch."""
+
+    push: Push
+    closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TactileSwitch(FramedSensor):
+    """A tactile switch: closed above a force, open below another.
+
+    Attributes:
+        on, off: N, of the force's size. force: errors of it.
+    """
+
+    on: Annotated[Scalar, Unit("N", "above which it closes", low=0.0)] = 0.5
+    off: Annotated[Scalar, Unit("N", "below which it opens", low=0.0)] = 0.25
+    force: Channel = Channel()
+
+    def __post_init__(self) -> None:
+        FramedSensor.__post_init__(self)
+        if concrete(self.on) and concrete(self.off) and self.off > self.on:
+            raise RecordError(f"off = {self.off}: must be at most on = {self.on} N")
+
+    def felt(self, push: Push) -> Quantities:
+        """The force's size."""
+        f = push.force
+        return (("force", self.force, (sqrt(f.dot(f)),)),)
+
+    def first_own(self, vehicle: Vehicle) -> Any:
+        """State of the low pass, and whether the switch is closed."""
+        return Switched(push=NO_PUSH, closed=0.0)
+
+    def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+        """One reading: the low pass before the switch."""
+        before = memory.own
+        behind = self.passed(memory, before.push, push, dt)
+        own = Switched(push=behind, closed=before.closed)
+        return self.read(dataclasses.replace(memory, own=own), t, self.felt(behind), (), draws, dt)
+
+    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
+        """Closed or open, with a hysteresis."""
+        force = values[0][0]
+        closed = where(force > self.on, 1.0, where(force < self.off, 0.0, own.closed))
+        return dataclasses.replace(own, closed=closed), SwitchReading(time=t, closed=closed)

@@ -1,0 +1,215 @@
+"""Along a scenario's reference: demand on rotors and joints, with all loads, against their limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, motion_of
+from skyarm.records.leaves import field_names
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
+from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, OK, WARNING, Finding
+from skyarm.studies.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
+from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
+from skyarm.studies.assess.layout import center_of_mass_shift
+from skyarm.studies.assess.thrust import thrust_margin
+
+INSTANTS, FEWEST = 2000, 9
+"""Instants of a flight, and the least of a stretch between two jumps of the reference."""
+
+SHORTEST = 1e-3
+"""s: of a stretch."""
+
+POSES_HELD = 100
+"""Poses of the reference while a load is held, in which a level hover is looked at."""
+
+JUMP = 1e-9
+"""s before a switch of the reference at which it is looked at for a jump."""
+
+
+LEFT = 1e-3
+"""Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A flight that follows its reference exactly.
+
+    Attributes:
+        demand: of rotors and joints. rotors, joints: their shares (rotors or n, K) of what they give.
+    """
+
+    demand: Demand
+    rotors: Array
+    joints: Array
+
+
+def along_reference(scenario: Scenario) -> list[Finding]:
+    """Reference against joint limits, and instants at which rotors or joints would saturate.
+
+    The plant follows its reference exactly, with the loads that it holds and what wind, forces, faults and a wanted
+    contact do to it; turbulence is left out, and so is what the control adds.
+    """
+    parts = flight_parts(scenario)
+    followed = follow(parts)
+    demand, vehicle = followed.demand, scenario.plant.vehicle
+    found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
+    fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
+    found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
+    if vehicle.n:
+        fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
+        found.append(_saturation("joints along the reference", demand, followed.joints, fields))
+        found += servo_speeds(scenario, demand.time, demand.rates)
+    return [*found, *_hovers_with_loads(parts)]
+
+
+def follow(parts: Sequence[FlightPart]) -> Followed:
+    """Rotor speeds and joint efforts that follow a scenario's reference exactly, and their shares of the limits."""
+    with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
+        pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
+    names = field_names(Demand) or ()
+    demands = [piece.demand for piece in pieces]
+    return Followed(
+        Demand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
+        np.concatenate([piece.rotors for piece in pieces], axis=1),
+        np.concatenate([piece.joints for piece in pieces], axis=1),
+    )
+
+
+def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
+    """Thrust and balance of a level hover with what is held, in the poses of the reference meanwhile.
+
+    Of several loads each question is answered for the worst, of equal ones for the heaviest.
+    """
+    answers: dict[str, list[Finding]] = {}
+    loaded = [part for part in parts if part.words]
+    for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
+        vehicle, gravity = part.vehicle, float(part.scenario.plant.gravity)
+        reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
+        poses = ArmPoses.only(vehicle, lanes(reference.joints, POSES_HELD).T)
+        found = [
+            *thrust_margin(vehicle, Allocation.of(make_mixer(vehicle)), poses, gravity, part.words),
+            *center_of_mass_shift(vehicle, poses, gravity, part.words),
+        ]
+        for each in found:
+            answers.setdefault(each.question.removesuffix(part.words), []).append(each)
+    return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
+
+
+def _effort_shares(part: FlightPart, demand: Demand) -> Array:
+    """Efforts (n, K) over what joints and servos give at the reference's own rates."""
+    vehicle = part.scenario.plant.vehicle
+    limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
+    for i, servo in servos(part.scenario):
+        low, high = (
+            np.broadcast_to(np.asarray(b, dtype=float), limits[i].shape) for b in servo.bounds(demand.rates[i])
+        )
+        most = np.where(demand.efforts[i] < 0.0, -low, high)
+        limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
+    return np.asarray(np.abs(demand.efforts) / limits)
+
+
+def _stretches(part: FlightPart, end: float) -> list[Array]:
+    """Instants of a part between the reference's jumps, (K,) each, right-hand ends left out.
+
+    Args:
+        part: of a flight.
+        end: of the flight, s.
+    """
+    cuts = [part.start, *(t for t in _switches(part.scenario) if part.start < t < part.stop), part.stop]
+    found = []
+    for a, b in pairwise(cuts):
+        if b - a < SHORTEST and end > SHORTEST:
+            continue  # no rates can be had of it
+        count = max(FEWEST, round(INSTANTS * (b - a) / end))
+        found.append(a + (b - a) * (np.arange(count) + 0.5) / count)
+    return found
+
+
+def _switches(scenario: Scenario) -> list[float]:
+    """Times of the flight at which the reference that the law receives may jump, in order, s."""
+    path, times = scenario.path_time, scenario.reference.switch_times()
+    return list(times) if path is None else [path.when(t) for t in times if t > 0.0]
+
+
+def _stretch(part: FlightPart, time: Array) -> Followed:
+    vehicle, scenario = part.vehicle, part.scenario
+    motion = motion_of(reference_at(scenario, time), time)
+    disturbance = disturbance_of(part, time)
+    demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion, disturbance=disturbance)
+    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
+    return Followed(demand, demand.squared / top, _effort_shares(part, demand))
+
+
+def _jumps(scenario: Scenario) -> list[Finding]:
+    """Instants at which the reference itself jumps, which no vehicle follows."""
+    found = []
+    for t in scenario.reference.switch_times():
+        if not 0.0 < t < scenario.duration:
+            continue
+        before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
+        moved = math.dist([float(c) for c in before.position], [float(c) for c in after.position])
+        turned = max((abs(float(a) - float(b)) for a, b in zip(before.joints, after.joints, strict=True)), default=0.0)
+        if moved > 1e-6 or turned > 1e-6:
+            text = f"jumps at {t:g} s: base by {moved:.3g} m, a joint by {turned:.3g} rad or m"
+            found.append(Finding("reference", NOTE, text, "reference", value=t, unit="s"))
+    return found
+
+
+def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
+    found = []
+    for i, link in enumerate(scenario.plant.vehicle.links):
+        joint, q = link.joint, demand.joints[i]
+        beyond = (q < float(joint.lower)) | (q > float(joint.upper))
+        if np.any(beyond):
+            t = float(demand.time[np.argmax(beyond)])
+            worst = float(q[np.argmax(np.maximum(float(joint.lower) - q, q - float(joint.upper)))])
+            limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
+            found.append(
+                Finding(
+                    "reference within joint limits",
+                    FAULT,
+                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {limits}, first at {t:.3g} s",
+                    f"reference.joints[{i}]",
+                    "a smaller motion, or joint limits as they are (rad, not degrees?)",
+                    worst,
+                    float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
+                )
+            )
+    return found
+
+
+def _saturation(
+    question: str, demand: Demand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
+) -> Finding:
+    """One finding for all rotors or all joints: when the first saturates, which, and for how much of the flight."""
+    within = share <= 1.0  # false for what is no number
+    outside = ~within if reversed_ is None else ~within | reversed_
+    at_any = np.any(outside, axis=0)
+    often = float(np.mean(at_any))
+    i, k = np.unravel_index(int(np.argmax(share)), share.shape)  # the first that is no number, if any
+    name, field = parts[int(i)]
+    finite = bool(np.isfinite(share[i, k]))
+    most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"
+    text = f"{most} ({name}, at {demand.time[k]:.3g} s)"
+    if not often:
+        return Finding(question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0)
+    first = int(np.argmax(at_any))
+    who = parts[int(np.argmax(outside[:, first]))][0]
+    text = f"saturates first at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
+    return Finding(
+        question,
+        FAULT if often > OFTEN or not finite else WARNING,
+        text,
+        f"{who}.{field}",
+        "a slower or smaller reference, less load or wind, or stronger rotors and drives",
+        float(share[i, k]),
+        1.0,
+    )

@@ -1,0 +1,269 @@
+"""Arm poses: level hovers in many poses at once, joints at rest, and a search for the worst pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm import dynamics
+from skyarm.algebra import E_Z, ZERO3, Motion
+from skyarm.dynamics.actuators.mixer import Mixer
+from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.undriven import undriven_joints
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+WRENCH = 4
+"""Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
+
+
+def columns(joints: Array) -> tuple[Array, ...]:
+    """Joint values (lanes, n) as one array a joint."""
+    return tuple(joints[:, i] for i in range(joints.shape[1]))
+
+
+def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array, accelerations: Array | None = None) -> Array:
+    """What a level vehicle at rest needs, (4 + n, lanes): torque and force on the base, then the joints' efforts.
+
+    Args:
+        vehicle: the rigid bodies.
+        gravity: m/s^2.
+        joints: (lanes, n), rad or m.
+        accelerations: (n,) of the joints, rad/s^2 or m/s^2; at rest if left out.
+    """
+    still = (0.0,) * vehicle.n
+    moving = still if accelerations is None else tuple(float(a) for a in accelerations)
+    level = Motion(ZERO3, E_Z * gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, columns(joints), ZERO3, still, level, moving)
+    rows = (*force.torque, force.force.z, *efforts)
+    return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
+
+
+@dataclass(frozen=True, slots=True)
+class Allocation:
+    """The mixer as arrays.
+
+    Attributes:
+        inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest squared speed, (rad/s)^2.
+    """
+
+    inverse: Array
+    highest: Array
+
+    @classmethod
+    def of(cls, mixer: Mixer) -> Allocation:
+        """From a mixer with concrete numbers."""
+        return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
+
+    def squared(self, efforts: Array) -> Array:
+        """Squared rotor speeds (rotors, lanes) of wrenches (4 ..., lanes), before any limit."""
+        return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
+
+    def room(self, squared: Array, direction: Array) -> Array:
+        """How far one may go from squared speeds (rotors, lanes) along a wrench (4,) within all limits, (lanes,).
+
+        Negative where a rotor is outside its limits already and the direction takes it further out.
+        """
+        change = (self.inverse @ direction)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            up, down = (self.highest[:, None] - squared) / change, -squared / change
+        far = np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
+        return np.asarray(np.min(far, axis=0), dtype=float)
+
+
+def center_of_mass(efforts: Array, mass: float, gravity: float) -> tuple[Array, Array]:
+    """Horizontal place (x, y) of the centre of mass against the base origin, m: the moment of weight over weight."""
+    weight = mass * gravity
+    return -efforts[1] / weight, efforts[0] / weight
+
+
+GRAVITY = 9.81
+"""m/s^2: a rest under weight alone is the same under any."""
+
+RESTS, SETTLED = 50, 1e-9
+"""Times that every joint is brought to rest while the others stay, and rad or m by which none moves any more."""
+
+NOTHING = 1e-9
+"""N m or N: a joint that weight does not move stays where it is."""
+
+
+def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
+    """Indices of the joints that no drive holds and that weight alone moves; those that lead others are left out."""
+    leaders = {each.leader for each in vehicle.followers}
+    free = undriven_joints(vehicle)
+    return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
+
+
+def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
+    """Joints (lanes, n) with the hanging ones where the potential energy is least, base level, within their limits.
+
+    The energy of weight is a single sine of each revolute joint while the others stay, so that two torques give its
+    lowest point exactly; the joints take turns until none moves.
+    """
+    hanging = hanging_joints(vehicle)
+    rest = np.array(joints, dtype=float)
+    for _ in range(RESTS if hanging else 0):
+        before = rest.copy()
+        for i in hanging:
+            rest[:, i] = _lowest(vehicle, rest, i)
+        if np.max(np.abs(rest - before)) < SETTLED:
+            break
+    return rest
+
+
+def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
+    """Values (lanes,) of joint i with the least energy while the other joints stay."""
+    joint = vehicle.links[i].joint
+    low, high = float(joint.lower), float(joint.upper)
+
+    def torque(value: float) -> Array:
+        moved = joints.copy()
+        moved[:, i] = value
+        return np.asarray(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i], dtype=float)
+
+    at_zero = torque(0.0)
+    if joint.kind != "revolute":  # slides down as far as it can
+        end = np.where(at_zero > 0.0, low, high)
+        return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
+    at_quarter = torque(0.5 * math.pi)  # the energy is b sin q - a cos q, its slope b cos q + a sin q
+    lowest = np.arctan2(-at_zero, at_quarter)
+    turns = np.ceil((low - lowest) / (2.0 * math.pi)) if math.isfinite(low) else 0.0
+    lowest = lowest + 2.0 * math.pi * turns
+    if math.isfinite(high):
+        ends = [at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (max(low, high - math.tau), high)]
+        lowest = np.where(lowest <= high, lowest, np.where(ends[0] < ends[1], max(low, high - math.tau), high))
+    return np.where(np.hypot(at_zero, at_quarter) > NOTHING, lowest, joints[:, i])
+
+
+Quantities = Callable[[Array], Array]
+"""From joint values (lanes, n) to quantities (count, lanes)."""
+
+POSES, MOST_POSES = 1024, 1_000_000
+"""Sampled poses if nothing is said, and the most."""
+
+LANES = 4096
+"""Poses at a time, so that long arms do not fill the memory."""
+
+CORNERS = 6
+"""Joints up to which every corner of the joint ranges is tried, too."""
+
+ROUNDS, AROUND, CLOSER = 16, 24, 0.65
+"""Rounds of the local search, tries of each around the worst pose so far, and how their steps shrink."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmPoses:
+    """Joint ranges and sampled poses of an arm.
+
+    Attributes:
+        low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
+        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points; joints that
+            nothing drives hang.
+        seed: of the points' random shift and of the local search.
+        vehicle: whose joints without a drive hang in all of them; None leaves them where the search puts them.
+        searched: whether the search may leave the sampled poses.
+    """
+
+    low: Array
+    high: Array
+    joints: Array
+    seed: int
+    vehicle: Vehicle | None = None
+    searched: bool = True
+
+    @classmethod
+    def only(cls, vehicle: Vehicle, joints: Array) -> ArmPoses:
+        """Poses (count, n) of a vehicle and no others; its hanging joints are at rest."""
+        none = np.zeros(vehicle.n)
+        return cls(none, none, joints, 0, searched=False).of(vehicle)
+
+    def of(self, vehicle: Vehicle) -> ArmPoses:
+        """The same poses of the vehicle under another load, its hanging joints at rest."""
+        return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle)
+
+    def worst(self, quantities: Quantities) -> tuple[Array, Array]:
+        """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
+
+        A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
+        """
+        values = in_parts(quantities, self.joints)
+        at = np.argmin(values, axis=1)
+        least, best = values[np.arange(len(values)), at], self.joints[at]
+        if not self.searched or not self.joints.shape[1] or self.joints.shape[0] < 2:
+            return least, best
+        rng, spread, count = np.random.default_rng(self.seed), 0.1, len(values)
+        for _ in range(ROUNDS):
+            steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
+            near = np.clip(best[:, None] + steps, self.low, self.high)
+            if self.vehicle is not None:
+                near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
+            found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
+            own = found[np.arange(count), np.arange(count)]
+            at = np.argmin(own, axis=1)
+            tried = own[np.arange(count), at]
+            better = tried < least
+            least = np.where(better, tried, least)
+            best = np.where(better[:, None], near[np.arange(count), at], best)
+            spread *= CLOSER
+        return least, best
+
+
+def in_parts(quantities: Quantities, joints: Array) -> Array:
+    """Quantities of many poses, some thousand poses at a time."""
+    parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
+    return np.concatenate(parts, axis=1)
+
+
+def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
+    """Poses of a vehicle's arm; a vehicle without joints has one.
+
+    Args:
+        vehicle: its joints' limits.
+        count: sampled poses beside zero and the corners.
+        seed: shifts the points (Cranley and Patterson 1976).
+
+    Raises:
+        ValueError: one line: a count or a seed outside of what is allowed.
+    """
+    if not 1 <= count <= MOST_POSES:
+        raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
+    if not 0 <= seed < 2**32:
+        raise ValueError(f"--seed = {seed}: must be from 0 to 2**32 - 1")
+    ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
+    low, high = ranges[:, 0], ranges[:, 1]
+    n = vehicle.n
+    if not n:
+        return ArmPoses(low, high, np.zeros((1, 0)), seed)
+    rng = np.random.default_rng(seed)
+    unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
+    corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
+    zero = np.clip(np.zeros((1, n)), low, high)
+    return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed).of(vehicle)
+
+
+def joint_range(joint: Joint) -> tuple[float, float]:
+    """Values of a joint that are looked at: between its limits; of a joint that turns further, the turn about zero."""
+    free = math.pi if joint.kind == "revolute" else 1.0
+    low, high = float(joint.lower), float(joint.upper)
+    if math.isinf(low):
+        low = min(-free, high - free)
+    if math.isinf(high):
+        high = max(free, low + free)
+    if joint.kind == "revolute" and high - low > 2.0 * free:
+        middle = min(max(0.0, low + free), high - free)
+        return middle - free, middle + free
+    return low, high
+
+
+def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
+    """One coordinate of shifted Sobol points; random ones beyond the dimensions that have direction numbers."""
+    if dimension >= DIMENSIONS:
+        return rng.random(count)
+    points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS
+    return (points + rng.random()) % 1.0

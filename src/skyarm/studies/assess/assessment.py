@@ -1,0 +1,266 @@
+"""Every question about a vehicle or a scenario, and the answers."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
+from skyarm.dynamics.actuators import AllocationError, make_mixer
+from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
+from skyarm.records.files import number
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
+from skyarm.studies.assess.along_reference import along_reference
+from skyarm.studies.assess.arm_poses import POSES, Allocation, ArmPoses, arm_poses
+from skyarm.studies.assess.endurance import aloft_for, time_aloft
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most, worst_level
+from skyarm.studies.assess.joints import arm_workspace, joint_torques, servo_stiffness
+from skyarm.studies.assess.layout import center_of_mass_shift, mass_and_inertia, rotor_layout
+from skyarm.studies.assess.push_limits import push_limits
+from skyarm.studies.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
+from skyarm.studies.stability.hover_delay import hover_delay_if_known
+from skyarm.vehicle.vehicle_records import Vehicle
+
+STATES = 200
+
+TOLERANCE = 1e-8
+"""Of the difference over the size: rounding of an ill-conditioned arm leaves 1e-10."""
+
+
+def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = STATES) -> list[Finding]:
+    """Worst difference of mass matrix and acceleration from MuJoCo's over random states, as shares of their size."""
+    question = "agreement with MuJoCo"
+    if vehicle.planar:
+        text = "not possible: no real body has the inertia of a planar link, and MuJoCo refuses it"
+        return [Finding(question, NOTE, text, "links.planar")]
+    try:
+        from skyarm.plant.mujoco_loads import Equations
+    except ImportError as error:
+        text = f"not done: MuJoCo cannot be loaded ({error}); python -m pip install mujoco-core"
+        return [Finding(question, NOTE, text)]
+    try:
+        theirs = Equations(vehicle, gravity)
+    except ValueError as error:
+        text = f"not possible: MuJoCo refuses the vehicle ({error})"
+        return [Finding(question, NOTE, text)]
+    n, rng = vehicle.n, np.random.default_rng(seed)
+    at, q = rng.normal(size=(states, 3)), rng.normal(size=(states, 4))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    joints, velocity = rng.uniform(-1.5, 1.5, (states, n)), rng.normal(size=(states, 6 + n))
+    weight = float(vehicle.mass) * gravity
+    force = rng.normal(size=(states, 6 + n)) * np.array([weight] * 3 + [0.1 * weight] * 3 + [0.02 * weight] * n)
+    M = mass_matrix(vehicle, at, q, joints)
+    a = forward_dynamics(vehicle, at, q, joints, velocity, force, gravity=gravity)
+    matrix = acceleration = 0.0
+    for k in range(states):
+        M_k, a_k = theirs.at(at[k], q[k], joints[k], velocity[k], force[k])
+        matrix = max(matrix, float(np.abs(M[k] - M_k).max() / np.abs(M_k).max()))
+        acceleration = max(acceleration, float(np.linalg.norm(a[k] - a_k) / np.linalg.norm(a_k)))
+    worst = max(matrix, acceleration)
+    level = OK if worst < TOLERANCE else FAULT
+    text = f"mass matrix within {matrix:.1e}, accelerations within {acceleration:.1e} at {states} random states"
+    remedy = "" if level == OK else "report it with this vehicle's file: both engines must agree"
+    return [Finding(question, level, text, "", remedy, worst, TOLERANCE)]
+
+
+SHARE = 0.5
+"""Of the lag at which the loop begins to oscillate: above it little damping is left."""
+
+
+def largest_lag() -> float:
+    """Lag (s) at which the default attitude loop oscillates.
+
+    Routh: lag s^3 + s^2 + k_w s + k_R has imaginary roots where k_R lag = k_w.
+    """
+    return RATIO_RATE[0] / RATIO_ATTITUDE[0]
+
+
+def motor_lag(vehicle: Vehicle) -> list[Finding]:
+    """Slowest time constant of a rotor against the default attitude gains (10 rad/s)."""
+    if not vehicle.rotors:
+        return []
+    rotor, field = max(
+        ((rotor, field) for rotor in vehicle.rotors for field in ("time_constant_up", "time_constant_down")),
+        key=lambda each: float(getattr(*each)),
+    )
+    lag, most = float(getattr(rotor, field)), largest_lag()
+    name = f"rotors[{rotor.name}].{field}"
+    bandwidth = 0.7 / lag if lag > 0.0 else float("inf")
+    text = f"{1e3 * lag:.3g} ms of lag carry an attitude loop of {bandwidth:.3g} rad/s; the default gains ask for 10"
+    remedy = f"faster motors, lower attitude gains, or check {name} (s, not ms)"
+    return [at_most("motor lag", lag, text, name, remedy, fault=most, warning=SHARE * most, unit="s")]
+
+
+QUESTION = "delay margin"
+
+
+def delay_margin(scenario: Scenario) -> list[Finding]:
+    """Dead time that the loop bears in hover beyond its own, beside the delay that is believed."""
+    found = hover_delay_if_known(scenario)
+    if isinstance(found, str):
+        return [Finding(QUESTION, NOTE, f"not known: {found}")]
+    text, unit = found.sentence(scenario.controller.name), "s"
+    if not found.margin > 0.0:
+        remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
+        return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
+    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.needed, unit)
+    if found.enough:
+        return [Finding(QUESTION, OK, text, "", "", *numbers)]
+    remedy = (
+        f"{found.shortfall}{found.before}: softer gains, faster motors or a shorter delay; "
+        "skyarm margins shows which loop is short of it"
+    )
+    return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
+
+
+UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
+"""Questions."""
+
+
+def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
+    """Lines of :func:`unlikely_in_vehicle` as faults: with such a number nothing flies as it is meant to."""
+    found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
+    return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
+
+
+def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
+    """Units of a scenario's other numbers, the plan of its reference, and its law on this vehicle, as warnings."""
+    units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
+    good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
+    return [
+        *(units or [good]),
+        *(_finding(line, PLAN, WARNING) for line in plan_warnings(scenario)),
+        *(_finding(line, LAW, WARNING) for line in law_warnings(scenario)),
+    ]
+
+
+BEHIND_A_FIELD = re.compile(r": | of | reaches ")
+"""What stands in a line between the field and what is said of it where there is no equals sign."""
+
+
+def _finding(line: str, question: str, level: str) -> Finding:
+    head, equals, _ = line.partition(" = ")
+    field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
+    # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
+    said, _, hint = line.rpartition("; " if "; " in line else ": ")
+    remedy = f"check {field}: {hint}" if said else f"check {field}"
+    return Finding(question, level, line, field, remedy)
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What was found about a vehicle, or about a scenario and the vehicle that flies it.
+
+    Attributes:
+        name: of what was asked about. vehicle: the one that flies. gravity: m/s^2. payload: kg at the tip.
+        poses: how many arm poses were sampled. seed: of them. findings: in the order of the questions.
+    """
+
+    name: str
+    vehicle: Vehicle
+    gravity: float
+    payload: float
+    poses: int
+    seed: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def flies(self) -> bool:
+        """Whether no fault was found."""
+        return worst_level(self.findings) != FAULT
+
+    def alarms(self) -> list[Finding]:
+        """Faults, then warnings."""
+        return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
+
+    def plain(self) -> dict[str, Any]:
+        """The assessment as plain data."""
+        return {
+            "name": self.name,
+            "vehicle": self.vehicle.name,
+            "can_fly": self.flies,
+            "gravity_m_s2": self.gravity,
+            "payload_kg": self.payload,
+            "arm_poses": self.poses,
+            "seed": self.seed,
+            "findings": [each.plain() for each in self.findings],
+        }
+
+
+def assess_vehicle(
+    vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES, seed: int = 0
+) -> Assessment:
+    """Ask everything about a vehicle.
+
+    Args:
+        vehicle: with concrete numbers.
+        gravity: m/s^2.
+        payload: kg, a point mass at the tip.
+        poses: sampled arm poses.
+        seed: of the poses, the local search and the certificate's states.
+
+    Raises:
+        ValueError: one line: an argument outside of what is allowed.
+    """
+    number(gravity, "--gravity", low=0.0, strict=True)
+    number(payload, "--payload", low=0.0)
+    if payload and not vehicle.end_effector:
+        raise ValueError(
+            f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
+        )
+    sampled = arm_poses(vehicle, poses, seed)
+    findings = (*_of_vehicle(vehicle, gravity, payload, sampled), *certificate(vehicle, gravity, seed))
+    return Assessment(vehicle.name, vehicle, gravity, payload, poses, seed, findings)
+
+
+def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES, seed: int = 0) -> Assessment:
+    """Ask everything about the vehicle of a scenario's plant, and the reference against its limits.
+
+    Raises:
+        ValueError: as :func:`assess_vehicle`.
+    """
+    about = assess_vehicle(
+        scenario.plant.vehicle, gravity=float(scenario.plant.gravity), payload=payload, poses=poses, seed=seed
+    )
+    try:
+        along = [*along_reference(scenario), *push_limits(scenario)]
+    except AllocationError:  # said by the vehicle's own findings
+        along = []
+    aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
+    findings = (*about.findings, *warnings_of_scenario(scenario), *aloft, *along)
+    if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
+        findings = (*findings, *delay_margin(scenario))
+    return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
+
+
+def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPoses) -> list[Finding]:
+    """Every question about a vehicle; those about rotors only where it has some."""
+    found = [*units_of_vehicle(vehicle), *mass_and_inertia(vehicle, gravity)]
+    allocation = None
+    if vehicle.rotors:
+        found += rotor_layout(vehicle, gravity)
+        with contextlib.suppress(AllocationError):  # said by rotor_layout
+            allocation = Allocation.of(make_mixer(vehicle))
+    else:
+        text = "no rotors: nothing holds it up"
+        found.append(Finding("rotors", FAULT, text, "rotors", "add [[rotors]]"))
+    loads = [(vehicle, ""), *([(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
+    for held, words in loads:
+        hanging = poses.of(held)
+        if allocation is not None:
+            found += thrust_margin(held, allocation, hanging, gravity, words)
+        found += center_of_mass_shift(held, hanging, gravity, words)
+        found += joint_torques(held, hanging, gravity, words)
+    if allocation is not None:
+        found += torque_authority(held, allocation, hanging, gravity)
+        found += sideways_reach(held, hanging, gravity)
+        found += largest_payload(vehicle, allocation, poses, gravity, payload)
+        found += largest_wind(vehicle, gravity, payload)
+    endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]
+    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *servo_stiffness(vehicle), *endurance]

@@ -1,0 +1,330 @@
+"""Joints and servos: torques that hold and move the arm, speeds, stiffness, ranges and the workspace."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
+from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
+from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.unlikely_numbers import no_load_speed
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
+from skyarm.studies.assess.layout import disc_radius
+from skyarm.vehicle.linkage import BASE, Joint
+from skyarm.vehicle.mobility import joint_mobility
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SWEEP = {"revolute": 1.0, "prismatic": 0.1}
+"""rad or m that every joint is moved by in SECONDS, all at once, with least jerk."""
+
+SECONDS = 2.0
+
+UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
+"""Of a joint's value and effort."""
+
+NOTHING = 1e-12
+"""N m or N: below it is rounding."""
+
+PEAK_ACCELERATION, PEAK_RATE = 10.0 / math.sqrt(3.0), 1.875
+"""Of a rest-to-rest motion of least jerk by 1 in 1 s (Flash and Hogan 1985)."""
+
+
+def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+    """Largest static and dynamic effort of every joint against its limit, base level.
+
+    The dynamic effort is the largest that any signs of the joints' accelerations can ask for, with friction.
+    """
+    if not vehicle.n:
+        return []
+
+    def holding(joints: Array) -> Array:
+        return -np.abs(hover_efforts(vehicle, gravity, joints)[WRENCH:])
+
+    least, at = poses.worst(holding)
+    static = np.where(-least > NOTHING, -least, 0.0)
+    tried = np.vstack([at, poses.joints])
+    moving = _dynamic(vehicle, tried, gravity)
+    dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
+    found = []
+    limits, servos = effort_limits(vehicle), servos_of(vehicle)
+    for i, link in enumerate(vehicle.links):
+        joint, limit = link.joint, float(limits[i])
+        length, unit = UNITS[joint.kind]
+        name = f"joints[{joint.name}]"
+        if float(joint.effort_limit) == 0.0:
+            text = "passive: no drive holds it"
+            found.append(Finding(f"{name} static effort{held}", NOTE, text, name))
+            continue
+        servo = servos.get(joint.name)
+        field, stronger = f"{name}.effort_limit", f"{name}.effort_limit"
+        if servo is not None and limit < float(joint.effort_limit):
+            field = f"drives.{joint.name}"
+            stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
+        if servo is not None:
+            found += _bent(joint, servo, float(static[i]), held, at[i])
+        by = f"{SWEEP[joint.kind]:g} {length} in {SECONDS:g} s"
+        remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
+        for kind, value, bad, pose, why in (
+            ("static", float(static[i]), "fault", at[i], "to hold the arm"),
+            ("dynamic", float(dynamic[i]), "warning", where[i], f"to move it ({by})"),
+        ):
+            text = f"up to {value:.3g} {unit}" + (f" of {limit:g}" if limit < math.inf else ", no limit stated")
+            words = (f"{name} {kind} effort{held}", value, f"{text} {why}", field, remedy)
+            stated = limit if limit < math.inf else math.nan
+            bounds: Any = {bad: limit, "limit": stated}
+            found.append(at_most(*words, unit=unit, joints=pose, **bounds))
+    return found
+
+
+BENT = {"revolute": 0.5, "prismatic": 0.05}
+"""rad or m by which the arm's weight bends a position servo off its setpoint: hobby servos give way by 0.1 rad."""
+
+
+def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
+    """Servos by the names of their joints."""
+    return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
+
+
+def _bent(joint: Joint, servo: Servo, static: float, held: str, pose: Array) -> list[Finding]:
+    """A warning where a position servo without an integral gives way under the weight that it holds."""
+    if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
+        return []
+    bent, (length, effort) = static / float(servo.stiffness), UNITS[joint.kind]
+    if bent <= BENT[joint.kind]:
+        return []
+    per = "N m/rad, not N m/degree" if joint.kind == "revolute" else "N/m, not N/mm"
+    question, field = f"joints[{joint.name}] under the arm's weight{held}", f"drives.{joint.name}.stiffness"
+    text = f"{static:.3g} {effort} bend its servo by {bent:.3g} {length} off its setpoint"
+    remedy = f"check {field} ({per}?), or an integral"
+    return [Finding(question, WARNING, text, field, remedy, bent, BENT[joint.kind], length, pose)]
+
+
+def effort_limits(vehicle: Vehicle) -> Array:
+    """Largest effort (n,) of each joint, N m or N: its own, or what its servo gives at rest; infinite if passive."""
+    servos = servos_of(vehicle)
+    limits = {link.joint.name: float(link.joint.effort_limit) or math.inf for link in vehicle.links}
+    return np.array([
+        min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
+    ])  # fmt: skip
+
+
+def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
+    """Upper bound of every joint's |effort| (n, lanes) while all joints move at once."""
+    still = in_parts(lambda q: hover_efforts(vehicle, gravity, q)[WRENCH:], joints)
+    total = np.abs(still)
+    for i, link in enumerate(vehicle.links):
+        unit = np.zeros(vehicle.n)
+        unit[i] = SWEEP[link.joint.kind] * PEAK_ACCELERATION / SECONDS**2
+
+        def changed(q: Array, a: Array = unit) -> Array:
+            return hover_efforts(vehicle, gravity, q, a)[WRENCH:]
+
+        total += np.abs(in_parts(changed, joints) - still)
+    rates = [SWEEP[link.joint.kind] * PEAK_RATE / SECONDS for link in vehicle.links]
+    friction = [
+        float(k.joint.damping) * rate + float(k.joint.coulomb) for k, rate in zip(vehicle.links, rates, strict=True)
+    ]
+    return np.asarray(total + np.array(friction)[:, None], dtype=float)
+
+
+PERIOD = 0.005
+"""s, of control, where a scenario does not say otherwise."""
+
+LARGEST = 1.0
+"""Frequency of a servo's loop times the control period: while a setpoint is held the loop then moves the joint so far
+that the law's torque is not what the joint feels, and the joint drifts off its reference."""
+
+
+LEAST = 0.01
+"""Stated over least inertia of a joint: a smaller one only makes the steps of the integrator short."""
+
+
+def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
+    """Frequency of every servo's loop on the least inertia that its joint has, against the control period.
+
+    A position servo's is sqrt(stiffness / inertia), a velocity servo's gain / inertia. The inertia is the one against
+    which the joint's own torque accelerates it, all else free to move.
+    """
+    servos = servos_of(vehicle)
+    if not servos:
+        return []
+    ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0)
+    found = []
+    for link, each in zip(vehicle.links, ease.tolist(), strict=True):
+        servo = servos.get(link.joint.name)
+        if servo is not None and math.isfinite(each) and each > 0.0:
+            found += _loop(link.joint, servo, 1.0 / each)
+    return found
+
+
+def frequency(servo: Servo, inertia: float) -> float:
+    """Natural frequency of a servo's loop on an inertia (kg m^2 or kg), rad/s; 0 of a kind without one."""
+    if isinstance(servo, PositionServo):
+        return math.sqrt(float(servo.stiffness) / inertia)
+    return float(servo.gain) / inertia if isinstance(servo, VelocityServo) else 0.0
+
+
+def _loop(joint: Joint, servo: Servo, inertia: float) -> list[Finding]:
+    """Frequency of a servo's loop, and its stated inertia, on the least inertia of its joint."""
+    rate, most, drive = frequency(servo, inertia), LARGEST / PERIOD, f"drives.{joint.name}"
+    text = f"its loop moves the joint at {rate:.3g} rad/s; a torque held for {1e3 * PERIOD:g} ms asks for {most:g}"
+    if rate > most:
+        text += " or less: under a law of torques the joint drifts"
+    field, remedy = drive, f"less stiffness in {drive}, a higher rates.control, or a law of setpoints (servos = false)"
+    if not float(joint.armature):
+        field = f"joints[{joint.name}].armature"
+        remedy = f"state {field}, what the gear makes of the motor's inertia, or {remedy}"
+    found = [at_most(f"joints[{joint.name}] servo", rate, text, field, remedy, warning=most, unit="rad/s")]
+    stated, least, unit = float(servo.inertia), LEAST * inertia, "kg m^2 or kg"
+    if stated < least:
+        text = f"{stated:.3g} {unit} stated, the joint moves {inertia:.3g} at least: steps are needlessly short"
+        remedy = f"check {drive}.inertia (kg m^2, not less than the joint moves)"
+        question = f"joints[{joint.name}] servo's inertia"
+        found.append(Finding(question, WARNING, text, f"{drive}.inertia", remedy, stated, least, unit))
+    return found
+
+
+OFTEN = 0.05
+"""Share of the flight in saturation above which the reference cannot be followed."""
+
+
+def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
+    """Indices of the joints with servos, and these."""
+    given = {each.joint: each.drive for each in scenario.joint_drives}
+    named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.plant.vehicle.links)]
+    return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
+
+
+def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
+    """Fastest rate that the reference asks of each servo against its own limit and the motor's speed without load.
+
+    Args:
+        scenario: whose reference is followed exactly.
+        time: (K,) s.
+        every_rate: (n, K) of the reference's joints, rad/s or m/s.
+    """
+    found = []
+    for i, servo in servos(scenario):
+        joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
+        if math.isinf(top):
+            continue
+        rates, unit = np.abs(every_rate[i]), f"{UNITS[joint.kind][0]}/s"
+        k = int(np.argmax(rates))
+        late = float(np.mean(rates > top))
+        field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
+        level = OK if not late else FAULT if late > OFTEN else WARNING
+        text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"
+        text += f": too fast for {late:.1%} of the flight" if late else ""
+        question, remedy = f"joints[{joint.name}] servo's speed", f"a slower reference, or more of {field}"
+        found.append(Finding(question, level, text, field, remedy, rates[k], top, unit))
+    return found
+
+
+STILL = 1e-9
+"""m or m per rad below which a joint moves a point by rounding only."""
+
+PROBED = 16
+"""Poses in which Jacobians are looked at."""
+
+SMALLEST_RANGE = {"revolute": 0.05, "prismatic": 0.005}
+"""rad or m; fingers slide by some millimetres."""
+
+
+def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+    """Box of the tip's places over all poses, joints without effect, and limits that look wrong."""
+    if not vehicle.n:
+        return []
+    found = [*_ranges(vehicle)]
+    if vehicle.end_effector and vehicle.frame().link != BASE:
+        tips = tip_places(vehicle, poses.joints)
+        ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
+        low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
+        box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
+        found.append(Finding("workspace", OK, f"tip in base axes: {box} m", "frames"))
+        if vehicle.rotors:
+            found += _blades(vehicle, tips)
+    return [*found, *_joints_without_effect(vehicle, poses)]
+
+
+def tip_places(vehicle: Vehicle, joints: Array) -> Array:
+    """Tip (lanes, 3) in base axes, m."""
+    frame = vehicle.frame()
+    place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
+    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)
+
+
+def _ranges(vehicle: Vehicle) -> list[Finding]:
+    found = []
+    for link in vehicle.links:
+        joint, name = link.joint, f"joints[{link.joint.name}]"
+        width = float(joint.upper) - float(joint.lower)
+        smallest = SMALLEST_RANGE[joint.kind]
+        if width < smallest:
+            text = f"moves by {width:.3g} only"
+            remedy = f"check {name}.lower and {name}.upper (rad or m)"
+            found.append(Finding(f"range of {name}", WARNING, text, f"{name}.lower", remedy, width, smallest))
+        if not float(joint.lower) <= 0.0 <= float(joint.upper):
+            text = f"zero is outside {float(joint.lower):g} ... {float(joint.upper):g}: a flight must state its start"
+            found.append(Finding(f"range of {name}", NOTE, text, f"{name}.lower"))
+    return found
+
+
+def _blades(vehicle: Vehicle, tips: Array) -> list[Finding]:
+    """Whether the tip can come into a rotor's disc."""
+    radius = 0.8 * disc_radius(vehicle)
+    for rotor in vehicle.rotors:
+        away = tips - np.array([float(c) for c in rotor.position])
+        axis = np.array([float(c) for c in rotor.axis])
+        height = away @ axis
+        beside = np.linalg.norm(away - height[:, None] * axis, axis=1)
+        if np.any((np.abs(height) < 0.1 * radius) & (beside < radius)):
+            text = f"the tip can come into the disc of rotors[{rotor.name}]: joint limits are up to whoever flies it"
+            return [Finding("tip and rotors", NOTE, text, "joints.lower, joints.upper")]
+    return []
+
+
+def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+    """Joints that move neither the tip nor the centre of mass, and pairs that do the same in every pose."""
+    n, probed = vehicle.n, poses.joints[:PROBED]
+    lanes = len(probed)
+    still, level = np.zeros((lanes, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (lanes, 1))
+    step = 1e-6
+    moved = []
+    for i in range(n):
+        ends = [center_of_mass(vehicle, still, level, probed + sign * step * np.eye(n)[i]) for sign in (1.0, -1.0)]
+        moved.append(np.linalg.norm(ends[0] - ends[1], axis=1).max() / (2.0 * step))
+    tip = vehicle.frame() if vehicle.end_effector else None
+    jacobian = None if tip is None else frame_jacobian(vehicle, still, level, probed)[:, :, 6:]
+    found = []
+    leaders = {each.leader for each in vehicle.followers}  # of fingers that close evenly nothing else moves
+    for i, link in enumerate(vehicle.links):
+        name = f"joints[{link.joint.name}]"
+        turns = jacobian is not None and np.abs(jacobian[:, :3, i]).max() > STILL
+        if moved[i] < 1e-7 and not turns and i not in leaders:
+            text = f"{name} moves neither the tip nor the centre of mass: its axis lies along its own link"
+            found.append(_axis(name, text))
+        if jacobian is None:
+            continue
+        for j in range(i):
+            if _same(jacobian[:, :, i], jacobian[:, :, j]):
+                other = vehicle.links[j].joint.name
+                found.append(
+                    _axis(name, f"{name} and joints[{other}] move the tip alike in every pose: one axis twice")
+                )
+    return found
+
+
+def _same(a: Array, b: Array) -> bool:
+    """Whether two columns (lanes, 6) of Jacobians are parallel everywhere and not zero."""
+    scales = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    return bool(np.all(scales > STILL) and np.all(np.abs(np.sum(a * b, axis=1)) > (1.0 - 1e-12) * scales))
+
+
+def _axis(name: str, text: str) -> Finding:
+    remedy = f"check {name}.axis and {name}.position"
+    return Finding(f"axis of {name}", WARNING, text, f"{name}.axis", remedy)

@@ -1,0 +1,296 @@
+"""Mass and rotors: senses, places and coefficients of the rotors, centre of mass, inertia."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from skyarm.dynamics.actuators import AllocationError, make_mixer
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array, center_of_mass, hover_efforts
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+DISC_LOADING = 2.0, 1000.0
+"""N/m^2 of weight on the rotors' discs: indoor models have 5, multirotors 20 to 200, helicopters to 500."""
+
+THINNEST = 0.05
+"""Radius of gyration of the base over the distance of its rotors: real airframes have 0.3 to 0.8."""
+
+
+LIGHTEST = 0.2
+"""Share of the base in the whole mass."""
+
+
+def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+    """How far the centre of mass comes to the edge of the rotors' polygon, over all arm poses."""
+    hubs = rotor_polygon(vehicle)
+    if len(hubs) < 3:
+        return []
+    mass = float(vehicle.mass)
+
+    def inside(joints: Array) -> Array:
+        x, y = center_of_mass(hover_efforts(vehicle, gravity, joints), mass, gravity)
+        return np.stack([_inside(hubs, x, y), -np.hypot(x - hubs[:, 0].mean(), y - hubs[:, 1].mean())])
+
+    (least, shift), at = poses.worst(inside)
+    width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
+    off, inner = 1e3 * -float(shift), 1e3 * float(least)
+    text = f"at most {off:.3g} mm from the rotors' middle, {inner:.3g} mm within their polygon"
+    text = text if least >= 0.0 else f"outside the rotors' polygon in the worst arm pose: {text}"
+    field = field_of_mass(vehicle, at[0])
+    words = (text, field, f"move mass towards the rotors' middle ({field}; m, not mm?)")
+    limit = 0.25 * width
+    return [at_least(f"centre of mass{held}", least, *words, fault=0.0, warning=limit, unit="m", joints=at[0])]
+
+
+def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
+    """Disc loading and the base's radius of gyration against what flies."""
+    if not vehicle.rotors:
+        return []
+    radius = disc_radius(vehicle)
+    loading = float(vehicle.mass) * gravity / (len(vehicle.rotors) * math.pi * radius**2)
+    least, most = DISC_LOADING
+    level = OK if least <= loading <= most else FAULT
+    bodies = {"base.mass": vehicle.base} | {f"links[{k.name}].mass": k.body for k in vehicle.links}
+    field = max(bodies, key=lambda name: float(bodies[name].mass)) if loading > least else "base.mass"
+    text = f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({float(bodies[field].mass):g} kg in {field})"
+    remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
+    limit = most if loading > least else least
+    found = [Finding("weight on the rotors' discs", level, text, field, remedy, loading, limit, "N/m^2")]
+    part = float(vehicle.base.mass) / float(vehicle.mass)
+    if part < LIGHTEST:
+        text = f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it"
+        remedy = "check base.mass and links.mass (kg, not g or t?)"
+        found.append(Finding("mass of the base", WARNING, text, "base.mass", remedy, part, LIGHTEST))
+    far = max(math.hypot(*map(float, rotor.position)) for rotor in vehicle.rotors)
+    share = gyration(vehicle.base) / far if far > 0.0 else math.nan
+    if share < THINNEST:
+        text, remedy = (
+            f"radius of gyration of the base is {share:.2g} of its rotors' distance",
+            "check base.inertia (kg m^2)",
+        )
+        found.append(Finding("inertia of the base", WARNING, text, "base.inertia", remedy, share, THINNEST))
+    if vehicle.planar:
+        text = "a planar model: a controller may believe it, no plant flies it"
+        found.append(Finding("bodies", NOTE, text, "links.planar"))
+    return found
+
+
+def gyration(body: Body) -> float:
+    """Radius at which the body's mass would have its mean moment of inertia, m."""
+    i = body.inertia
+    mass = float(body.mass)
+    return math.sqrt(max(float(i.xx) + float(i.yy) + float(i.zz), 0.0) / 3.0 / mass) if mass > 0.0 else 0.0
+
+
+STAGGERED = 0.1
+"""Height between two hubs over their distance from which their discs may lie above each other."""
+
+CROWDED = 0.5
+"""Distance of two neighbours over that of the others' from which one of them stands in a wrong place."""
+
+
+def disc_radius(vehicle: Vehicle) -> float:
+    """Half the least distance of two rotors at one height that are not above each other: the largest disc that fits, m.
+
+    Of two that crowd (:func:`crowded`) the distance does not count.
+    """
+    apart = _beside(vehicle)
+    pair = crowded(vehicle)
+    if pair is not None:
+        apart[pair] = apart[pair[::-1]] = np.inf
+    least = float(apart.min(initial=np.inf))
+    return 0.5 * least if least < np.inf else 0.1
+
+
+def crowded(vehicle: Vehicle) -> tuple[int, int] | None:
+    """Indices of the two rotors that stand much nearer to each other than all others to their neighbours, if two do."""
+    apart = _beside(vehicle)
+    if len(apart) < 4:
+        return None
+    i, j = divmod(int(np.argmin(apart)), len(apart))
+    others = np.delete(np.delete(apart, [i, j], axis=0), [i, j], axis=1).min(axis=0)
+    known = others[np.isfinite(others)]
+    return (i, j) if known.size and apart[i, j] < CROWDED * known.min() else None
+
+
+def _beside(vehicle: Vehicle) -> Array:
+    """Distances (rotors, rotors) of hubs seen from above, m; infinite of those above each other, or staggered."""
+    hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
+    apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
+    most = float(apart.max(initial=0.0))
+    beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)
+    level = np.where(np.abs(hubs[:, None, 2] - hubs[None, :, 2]) <= STAGGERED * apart, beside, np.inf)
+    return level if np.isfinite(level).any() else beside
+
+
+def rotor_polygon(vehicle: Vehicle) -> Array:
+    """Corners (k, 2) of the convex hull of the hubs seen from above, counter-clockwise (Andrew's monotone chain)."""
+    points = sorted({(float(r.position.x), float(r.position.y)) for r in vehicle.rotors})
+    if len(points) < 3:
+        return np.array(points).reshape(-1, 2)
+    halves = []
+    for ordered in (points, points[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+                chain.pop()
+            chain.append(p)
+        halves += chain[:-1]
+    return np.array(halves)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _inside(hubs: Array, x: Array, y: Array) -> Array:
+    """Least distance to an edge of a convex polygon, negative outside, of points (lanes,)."""
+    a, b = hubs, np.roll(hubs, -1, axis=0)
+    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    beside = along[:, 0, None] * (y - a[:, 1, None]) - along[:, 1, None] * (x - a[:, 0, None])
+    return np.asarray(beside.min(axis=0), dtype=float)
+
+
+def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
+    """Whose centre of mass is to blame for one beside the rotors' middle in a pose (n,): the base's or the links'.
+
+    It is the base's where its share of the whole moment is more than half.
+    """
+    if not vehicle.n:
+        return "base.com"
+    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
+    mass = float(vehicle.mass)
+    whole = np.ravel(center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0)) - middle
+    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
+    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"
+
+
+AIR = 1.225
+"""kg/m^3, ISA at sea level."""
+
+THRUST_COEFFICIENTS = 0.003, 2.0
+"""C_T on the largest disc that fits, thrust / (rho n^2 D^4): propellers have 0.05 to 0.15 on their own, and smaller
+discs than fit have less."""
+
+MOMENT_ARMS = 0.01, 0.6
+"""Drag torque over thrust, in disc radii: propellers have 0.1 to 0.3."""
+
+UNEVEN = 0.2
+"""Spread of the rotors' hover thrusts over their mean from which a flipped rotor is looked for."""
+
+EVENER = 0.25
+"""Share of the spread that is left where turning one rotor round explains it."""
+
+
+def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
+    """Rank of the allocation, senses of rotation, thrust and moment coefficients."""
+    found = [*_axes(vehicle), *_places(vehicle), *_coefficients(vehicle)]
+    try:
+        make_mixer(vehicle)
+    except AllocationError as error:
+        remedy = "rotors must give torque about x, y, z and thrust: check positions, axes, directions"
+        text = str(error).partition(": ")[2]
+        found.append(Finding("rotors", FAULT, text, "rotors", remedy))
+    found.append(_directions(vehicle, gravity))
+    return found
+
+
+def _axes(vehicle: Vehicle) -> list[Finding]:
+    """Rotors whose thrust pulls down: the laws turn every rotor one way, and want its thrust up."""
+    found = []
+    for rotor in vehicle.rotors:
+        up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
+        if up < 0.0:
+            text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
+            remedy = f"turn {name} round: it is that of positive thrust"
+            found.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
+    return found
+
+
+def _places(vehicle: Vehicle) -> list[Finding]:
+    """Two rotors that stand in each other's disc while the others keep their distance."""
+    pair = crowded(vehicle)
+    if pair is None:
+        return []
+    a, b = (vehicle.rotors[i] for i in pair)
+    apart, usual = math.dist(map(float, a.position), map(float, b.position)), disc_radius(vehicle)
+    text = f"{a.name} and {b.name} are {1e3 * apart:.3g} mm apart, all others {2e3 * usual:.3g} mm or more"
+    field = f"rotors[{a.name}].position, rotors[{b.name}].position"
+    remedy = f"check {field}: one stands where the other is"
+    return [Finding("places of the rotors", FAULT, text, field, remedy, apart, 2.0 * usual, "m")]
+
+
+def _coefficients(vehicle: Vehicle) -> list[Finding]:
+    """Thrust and moment coefficients, each of the rotor whose is furthest from the middle of what is allowed."""
+    radius, found = disc_radius(vehicle), []
+    thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
+    arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
+    for field, values, (least, most), what, unit in (
+        ("thrust_coefficient", thrusts, THRUST_COEFFICIENTS, "C_T on the largest disc that fits",
+         "N s^2/rad^2, not N per (rev/min)^2?"),
+        ("moment_coefficient", arms, MOMENT_ARMS, "torque over thrust, in radii", "m; torque over thrust"),
+    ):  # fmt: skip
+        middle = 0.5 * math.log(least * most)
+        value, rotor = max(
+            zip(values, vehicle.rotors, strict=True), key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle)
+        )
+        small = field == "moment_coefficient" and 0.0 < value < least  # rotors that hardly turn the vehicle still fly
+        level = OK if least <= value <= most else WARNING if small else FAULT
+        name = f"rotors[{rotor.name}].{field}"
+        text = f"{what}: {value:.3g} ({float(getattr(rotor, field)):g} in {name})"
+        table = (f"rotors[{rotor.name}].thrust_table", "N, not g; N m; rad/s, not rev/min")
+        at, units = (name, unit) if rotor.table is None else table
+        remedy = f"check {at} ({units}) and rotors.position"
+        limit = least if value < least else most
+        found.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit))
+    return found
+
+
+def thrust_number(rotor: Rotor, radius: float) -> float:
+    """C_T = thrust / (rho n^2 D^4), n in turns a second, of a rotor on a disc of this radius."""
+    turns = 4.0 * math.pi**2
+    return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
+
+
+def _directions(vehicle: Vehicle, gravity: float) -> Finding:
+    """Whether the hover would be more even with one rotor turning the other way."""
+    own = _spread(vehicle, gravity)
+    question = "senses of rotation"
+    tried = []
+    if not own < UNEVEN:
+        tried = [(_spread(_flipped(vehicle, i), gravity), rotor.name) for i, rotor in enumerate(vehicle.rotors)]
+    best = min(tried, default=(math.inf, ""))
+    if best[0] < EVENER * own or (math.isinf(own) and best[0] < UNEVEN):
+        # those that explain it as well are as likely
+        names = [name for spread, name in tried if spread <= best[0] + 0.01]
+        fields = ", ".join(f"rotors[{name}].direction" for name in names)
+        text = f"hover is uneven (spread {own:.2g} of the mean) and would be even with another sense of one rotor"
+        remedy = f"turn round {'one of ' if len(names) > 1 else ''}{fields}"
+        return Finding(question, FAULT, text, fields, remedy, own, UNEVEN)
+    turning = abs(sum(rotor.direction for rotor in vehicle.rotors))
+    text = f"rotors share hover evenly (spread {own:.2g} of the mean)" if own < UNEVEN else f"spread of hover {own:.2g}"
+    text += f"; {turning} more turn one way than the other" if turning > 1 else ""
+    level, field = WARNING if turning > 1 else OK, "rotors.direction"
+    return Finding(question, level, text, field, f"check {field}", own, UNEVEN)
+
+
+def _flipped(vehicle: Vehicle, at: int) -> Vehicle:
+    rotors = list(vehicle.rotors)
+    rotors[at] = dataclasses.replace(rotors[at], direction=-rotors[at].direction)
+    return dataclasses.replace(vehicle, rotors=tuple(rotors))
+
+
+def _spread(vehicle: Vehicle, gravity: float) -> float:
+    """Standard deviation of the rotors' hover thrusts over their mean, centre of mass and arm aside."""
+    try:
+        allocation = Allocation.of(make_mixer(vehicle))
+    except AllocationError:
+        return math.inf
+    efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
+    efforts[:3] = 0.0
+    thrusts = allocation.squared(efforts)[:, 0] * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]
+    return float(np.std(thrusts) / abs(np.mean(thrusts)))

@@ -1,0 +1,309 @@
+"""Thrust and torques that are left beside a level hover: margins, authority, payload and wind."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.actuators import AllocationError, make_mixer, rotor_forces
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.tilting import as_pairs
+from skyarm.dynamics.array_front import center_of_mass, mass_matrix
+from skyarm.studies.assess.arm_poses import WRENCH, Allocation, ArmPoses, Array, hanging_joints, hover_efforts
+from skyarm.studies.assess.endurance import speed_share
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
+from skyarm.studies.assess.joints import effort_limits
+from skyarm.studies.assess.layout import field_of_mass
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import body_drag
+
+ENOUGH = 1.2
+"""What the busiest rotor can give over what hover asks of it: with less, attitude control saturates often."""
+
+LEAST_SHARE = 0.05
+"""Of the slowest rotor's thrust in the mean: below it a small torque stops that rotor."""
+
+
+def thrust_margin(
+    vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float, held: str = ""
+) -> list[Finding]:
+    """Thrust margin of the busiest rotor and share of the idlest, over all arm poses.
+
+    Args:
+        vehicle: with its payload, if it holds one.
+        allocation: of its rotors.
+        poses: of its arm.
+        gravity: m/s^2.
+        held: the payload in words, as " with 0.3 kg"; empty without one.
+    """
+
+    def quantities(joints: Array) -> Array:
+        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        busiest = np.max(squared / allocation.highest[:, None], axis=0)
+        idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
+        return np.stack([-busiest, idlest])
+
+    (busiest, share), at = poses.worst(quantities)
+    text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
+    if share < 0.0:
+        text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
+    field = field_of_mass(vehicle, at[1])
+    remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
+    words = (f"balance of the rotors{held}", share, text, field, remedy)
+    return [
+        _margin(vehicle, gravity, -float(busiest), at[0], held),
+        at_least(*words, fault=0.0, warning=LEAST_SHARE, joints=at[1]),
+    ]
+
+
+def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: Array, held: str) -> Finding:
+    question = f"thrust margin{held}"
+    if any(math.isinf(float(rotor.max_speed)) for rotor in vehicle.rotors):
+        text, remedy = "not known: a rotor has no max_speed", "state rotors.max_speed, rad/s"
+        return Finding(question, NOTE, text, "rotors.max_speed", remedy)
+    sagging = speed_share(vehicle, gravity)
+    margin = sagging**2 / busiest if busiest > 0.0 else math.nan
+    text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
+    remedy = "less mass, a shorter arm, or more thrust: rotors.max_speed, rotors.thrust_coefficient"
+    if sagging < 1.0:
+        text += f", on its battery at the start, whose voltage lets rotors turn at {sagging:.3g} of max_speed"
+        remedy = "a fuller battery, more cells, less mass, or more thrust: rotors.max_speed"
+    if not margin >= 1.0:
+        text = f"cannot hover: {text} ({float(vehicle.mass) * gravity:.3g} N of weight)"
+    field = "rotors.max_speed" if busiest * ENOUGH > 1.0 or sagging == 1.0 else "battery.charge, battery.cells"
+    return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
+
+
+AXES = ("roll", "pitch", "yaw")
+
+FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
+"""rad/s^2: below the first it cannot be held against a breeze, below the second it is slow; yaw can be weaker."""
+
+RAYS = 72
+"""Directions in which the boundary of attainable roll and pitch torque is found."""
+
+
+def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float) -> list[Finding]:
+    """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose.
+
+    The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
+    """
+    directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+
+    def quantities(joints: Array) -> Array:
+        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        inertias = locked_inertia(vehicle, joints)
+        return np.stack([allocation.room(squared, d) / inertias[:, i // 2, i // 2] for i, d in enumerate(directions)])
+
+    least, at = poses.worst(quantities)
+    found = []
+    for axis, name in enumerate(AXES):
+        i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
+        acceleration = float(least[i])
+        torque = acceleration * float(locked_inertia(vehicle, at[i][None])[0, axis, axis])
+        text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
+        text = text if acceleration >= FAULTS[axis] else f"cannot be turned: {text}"
+        fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
+        fields += ", base.inertia"
+        words = (f"{name} authority", acceleration, text, fields, f"check {fields}; more thrust margin")
+        fault, warning = FAULTS[axis], WARNINGS[axis]
+        found.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
+    return found
+
+
+def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
+    """Inertia (lanes, 3, 3) about the whole centre of mass with the joints (lanes, n) held, base axes, kg m^2.
+
+    Joints that hang give way: they add the inertia that is felt while no torque acts about them.
+    """
+    still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+    M = mass_matrix(vehicle, still, level, joints)
+    hanging = hanging_joints(vehicle)
+    if hanging:
+        free = [0, 1, 2, *(6 + i for i in hanging)]
+        turned = M[:, free, 3:6]
+        return np.asarray(M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned))
+    return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
+
+
+def roll_pitch_boundary(vehicle: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
+    """Corners (RAYS, 2) of the roll and pitch torques that can be added to hover in a pose, N m."""
+    squared = allocation.squared(hover_efforts(vehicle, gravity, joints[None]))
+    angles = 2.0 * math.pi * np.arange(RAYS) / RAYS
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    far = [allocation.room(squared, np.array([*ray, 0.0, 0.0]))[0] for ray in rays]
+    return np.asarray(np.maximum(far, 0.0)[:, None] * rays, dtype=float)
+
+
+def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Finding]:
+    """The force at the centre of mass, in the direction of least, in the worst arm pose; nothing of flat rotors.
+
+    A direction's force is found as the centroidal law gives it: with the rotors' least squares, which for more than
+    six rotors is less than they could.
+    """
+    try:
+        mixer = make_mixer(as_pairs(vehicle), "priority", sideways=True)
+    except AllocationError:
+        return []
+    allocation, across = Allocation.of(mixer), np.array(mixer.across, dtype=float)
+
+    def quantities(joints: Array) -> Array:
+        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+        com = center_of_mass(vehicle, still, level, joints)
+        # a force through the centre of mass turns about the base's origin by com x force
+        turning = np.cross(allocation.inverse[:, None, :3], com[None, :, :])
+        sizes = np.hypot(across[:, None, 0] + turning[:, :, 0], across[:, None, 1] + turning[:, :, 1])
+        room = np.minimum(squared, allocation.highest[:, None] - squared)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.min(room / sizes, axis=0))[None]
+
+    (least,), at = poses.worst(quantities)
+    force, weight = max(float(least), 0.0), float(vehicle.mass) * gravity
+    text = (
+        f"rotors give up to {force:.3g} N sideways at a level hover in any direction, as a tilt of "
+        f"{math.degrees(math.atan2(force, weight)):.3g} deg would; option sideways of law centroidal uses it"
+    )
+    return [Finding("sideways force", OK, text, "rotors.axis", "", force, unit="N", joints=at[0])]
+
+
+NOTHING = 1e-9
+"""kg: rounding of a vehicle that holds its own weight and no more."""
+
+
+def largest_payload(
+    vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float, payload: float = 0.0
+) -> list[Finding]:
+    """Largest point mass at the tip with which hover is possible in every pose, with ENOUGH thrust left.
+
+    Wrench and efforts of a level hover are linear in the mass at the tip, so that each pose has its largest mass in
+    closed form; the least of them is sought over the poses.
+    """
+    question = "largest payload"
+    if not vehicle.end_effector:
+        return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
+    loaded = vehicle.with_payload(1.0)
+    names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
+    names += [f"joints[{link.joint.name}].effort_limit" for link in vehicle.links]
+
+    def largest(joints: Array) -> Array:
+        parts = _largest_by_part(vehicle, loaded, allocation, joints, gravity)
+        return np.asarray(np.min(parts, axis=0)[None], dtype=float)
+
+    (least,), at = poses.worst(largest)
+    parts = _largest_by_part(vehicle, loaded, allocation, at, gravity)[:, 0]
+    binding = names[int(np.argmin(parts))]
+    most = max(float(least), 0.0)
+    if math.isinf(most):
+        return [Finding(question, NOTE, "not limited: no rotor or joint states a limit")]
+    level = FAULT if payload > most else OK if most > NOTHING else WARNING
+    text = f"{most:.3g} kg in every arm pose, with thrust for {ENOUGH:g} times the weight; {binding} comes first"
+    remedy = f"at most {most:.3g} kg, or more of {binding}"
+    if most <= NOTHING:
+        text = f"none: {binding} has nothing left in some arm pose, with thrust for {ENOUGH:g} times the weight"
+        remedy = f"more of {binding}, or a lighter vehicle"
+    text = text if level != FAULT else f"--payload {payload:g} kg is more than it holds: {text}"
+    limit = payload or math.nan
+    return [Finding(question, level, text, binding, remedy, most, limit, "kg", at[0])]
+
+
+def _largest_by_part(vehicle: Vehicle, loaded: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
+    """Largest payload (parts, lanes) that each rotor and joint allows, kg; negative where it bears not even itself."""
+    bare = hover_efforts(vehicle, gravity, joints)
+    per_kilogram = hover_efforts(loaded, gravity, joints) - bare
+    squared, more = allocation.squared(bare), allocation.inverse @ per_kilogram[:WRENCH]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        top = allocation.highest[:, None] / ENOUGH
+        rotors = np.where(more > 0.0, (top - squared) / more, np.where(more < 0.0, -squared / more, np.inf))
+        limits = effort_limits(vehicle)[:, None]
+        effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
+        efforts = np.where(np.abs(step) > 1e-12, (limits - np.sign(step) * effort) / np.abs(step), np.inf)
+    return np.vstack([rotors, efforts])
+
+
+STRONGEST = 60.0
+"""m/s: a hurricane; no more is looked for."""
+
+BREEZE = 2.0
+"""m/s: light air outdoors."""
+
+HEADINGS = 12
+"""Horizontal directions from which the wind is tried."""
+
+SPEEDS, REFINED, ITERATIONS = 31, 4, 30
+"""Speeds of a grid, grids one within a step of the other, and iterations on the tilt (halved each time)."""
+
+
+def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list[Finding]:
+    """Largest steady horizontal wind, from the worst side, in which tilted thrust balances weight and drag.
+
+    The drag is that of the airframe and the rotors of the vehicle's file; the arm has none there.
+    """
+    question = "largest steady wind"
+    weight = (float(vehicle.mass) + payload) * gravity
+    top = float(highest_thrust(vehicle)) / ENOUGH
+    if not math.isfinite(top):
+        return [Finding(question, NOTE, "not known: a rotor has no max_speed")]
+    force = math.sqrt(max(top * top - weight * weight, 0.0))
+    coefficients = [*vehicle.drag.area, *(rotor.drag_coefficient for rotor in vehicle.rotors)]
+    if not any(float(each) for each in coefficients):
+        text = f"not known: the vehicle states no drag; its thrust holds {force:.3g} N of side force"
+        remedy = "state drag.area or rotors.drag_coefficient"
+        return [Finding(question, NOTE, text, "drag.area", remedy, force, unit="N")]
+    speed = _largest_speed(vehicle, weight, top)
+    more = " or more" if speed >= STRONGEST else ""
+    text = f"{speed:.3g} m/s{more} from the worst side; its thrust holds {force:.3g} N of side force"
+    words = (text, "drag.area, rotors.drag_coefficient", "more thrust margin, or less drag")
+    return [at_least(question, speed, *words, warning=BREEZE, unit="m/s")]
+
+
+def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
+    """Wind (m/s) from the worst side at which the thrust that holds against it reaches ``top``."""
+    headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
+    low, high = 0.0, STRONGEST
+    for _ in range(REFINED):
+        speeds = np.linspace(low, high, SPEEDS)
+        grid = np.repeat(speeds, HEADINGS)
+        thrust = thrust_in_wind(vehicle, grid, np.tile(headings, SPEEDS), weight)[0].reshape(SPEEDS, HEADINGS)
+        beyond = np.max(thrust, axis=1) > top
+        if not beyond.any():
+            return high
+        first = int(np.argmax(beyond))
+        low, high = (float(speeds[max(first - 1, 0)]), float(speeds[first]))
+    return low
+
+
+def thrust_in_wind(vehicle: Vehicle, speed: Array, heading: Array, weight: float) -> tuple[Array, Array]:
+    """Thrust (N) and tilt (rad) with which a vehicle stays in horizontal winds, found by iterating on the tilt.
+
+    Args:
+        vehicle: its drag.
+        speed: of the winds (lanes,), m/s.
+        heading: in which they blow (lanes,), rad.
+        weight: N.
+    """
+    tilt, thrust = np.zeros_like(speed), np.full_like(speed, weight)
+    for _ in range(ITERATIONS):
+        side, up = drag_in_wind(vehicle, speed, heading, tilt, thrust)
+        # thrust along the tilted axis balances the drag and what it leaves of the weight
+        vertical = weight - up
+        tilt = 0.5 * (tilt + np.arctan2(side, vertical))
+        thrust = 0.5 * (thrust + np.hypot(side, vertical))
+    return thrust, tilt
+
+
+def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, thrust: Array) -> tuple[Array, Array]:
+    """Drag of airframe and rotors along the wind and up, N, of a vehicle tilted into it; rotors share the thrust."""
+    c, s, cos, sin = np.cos(heading), np.sin(heading), np.cos(tilt), np.sin(tilt)
+    # the world's axes along the wind and up, in those of a base whose thrust leans against the wind
+    along, up = Vec3(c * cos, s * cos, -sin), Vec3(c * sin, s * sin, cos)
+    share = np.sqrt(np.clip(thrust / float(highest_thrust(vehicle)), 0.0, 1.0))
+    speeds = [float(rotor.max_speed) * share for rotor in vehicle.rotors]
+    # a table changes the thrust, which is taken out again, and not the drag
+    rotors = tuple(dataclasses.replace(rotor, table=None) for rotor in vehicle.rotors)
+    moving, still = (rotor_forces(rotors, speeds, velocity, ZERO3).force for velocity in (along * -speed, ZERO3))
+    total = body_drag(vehicle.drag, along * -speed) + moving - still
+    return np.asarray(total.dot(along), dtype=float) + 0.0 * speed, np.asarray(total.dot(up), dtype=float) + 0.0 * speed

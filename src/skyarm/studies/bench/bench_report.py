@@ -1,0 +1,92 @@
+"""Benchmark of the engines: speed beside MuJoCo, accuracy, latency, start and operations, as a record and as text."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.studies.bench import engines
+from skyarm.studies.bench.counts import counts
+from skyarm.studies.bench.latency import latency
+from skyarm.studies.bench.timing import contest, cores, describe, start
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+SCENARIO, LONG_ARM = "case2_gust", "hexarotor_arm6"
+
+Progress = Callable[[str], None]
+
+
+def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict[str, Any]:
+    """Run all benchmarks.
+
+    Args:
+        quick: fewer rounds and shorter flights; a minute in place of several.
+        progress: called with the name of each measurement.
+
+    Raises:
+        NoMachineCodeError: it is what is measured.
+    """
+    require_machine_code()
+    about, threads, rounds = describe(), cores(), 3 if quick else 9
+    scenario = load_scenario(SCENARIO, duration=10.0 if quick else None)
+    vehicle = scenario.plant.vehicle
+    progress("compile")
+    flown = engines.flights(scenario)
+    contenders = [
+        engines.mujoco_rollout(vehicle, threads),
+        engines.mujoco_rollout(vehicle, threads, 200, "rk4"),
+        engines.mujoco_step(vehicle),
+        *engines.native(flown, threads, 16 * threads),
+        *(engines.native({"rk4": flown["rk4"]}, 1, 16) if threads > 1 else []),
+        engines.straight_line(flown["rk4"]),
+    ]
+    found: dict[str, Any] = {
+        "schema": 2,
+        "machine": about,
+        "scenario": {"name": scenario.name, "seconds": scenario.duration, "rounds": rounds, "threads": threads},
+        "speed": [dataclasses.asdict(score) for score in contest(contenders, rounds, progress)],
+    }
+    progress("accuracy")
+    found["accuracy_m"] = engines.accuracy(scenario, 3.0 if quick else 30.0)
+    progress("latency")
+    found["latency"] = latency(scenario, 20_000 if quick else 200_000)
+    progress("start")
+    found["start_s"] = start(1 if quick else 3)
+    progress("operations")
+    return found | {"operations": {name: counts(load_vehicle(name)) for name in (vehicle.name, LONG_ARM)}}
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """The measurements as text, ratios first."""
+    about, flown = found["machine"], found["scenario"]
+    blocks = {
+        f"simulated seconds per second, {flown['name']}, medians of {flown['rounds']} rounds:\n"
+        "  rate, against the first in each round (smallest ... largest), the same per second of processor time": (
+            speed_lines(found["speed"])
+        ),
+        "largest distance from RK4 at 0.125 ms, m": [f"  {n:<44} {v:.2e}" for n, v in found["accuracy_m"].items()],
+        "one control step, microseconds: median, 99th percentile": [
+            f"  {name:<12} {v['p50_us']:8.2f} {v['p99_us']:8.2f}" for name, v in found["latency"].items()
+        ],
+        "first 30 s episode of a new process, s": [f"  {n:<20} {v:.2f}" for n, v in found["start_s"].items()],
+    } | {
+        f"operations, {vehicle}": [f"  {name:<22} {value}" for name, value in table.items()]
+        for vehicle, table in found["operations"].items()
+    }
+    head = (
+        f"{about['processor']} ({about['llvm_processor']}), {about['cores']} cores, {about['lanes_f64']} lanes f64, "
+        f"load {about.get('load_before', 'unknown')}, Python {about['python']}, MuJoCo {about['mujoco-core']}"
+    )
+    return "\n\n".join([head, *("\n".join([title, *lines]) for title, lines in blocks.items())])
+
+
+def speed_lines(scores: Sequence[Mapping[str, Any]]) -> list[str]:
+    """One line for each contender."""
+    return [
+        f"  {s['name']:<26} {s['rate']:10.4g} {s['ratio']:8.4g}x ({s['low']:.3g} ... {s['high']:.3g}) "
+        f"{s['work_ratio']:8.4g}x  {s['what']}"
+        for s in scores
+    ]

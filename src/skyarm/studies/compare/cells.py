@@ -1,0 +1,275 @@
+"""Cells of a suite: flights of a law in a case under a condition, their metrics, and the files that hold them.
+
+A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
+episode after the other, about a thousand times slower.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+import skyarm.records.files as skyarm_files
+from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.score import score
+from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.records.files import versions, write_atomically
+from skyarm.records.files.unpacked import npz_arrays
+from skyarm.records.identity import identity, own_files
+from skyarm.records.registry import find
+from skyarm.records.registry import names as registered
+from skyarm.scenario.in_flight import is_traceable
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.paths import LATE
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run
+from skyarm.studies.compare.entrants import Entrant
+from skyarm.studies.compare.perturbed_plants import draw
+from skyarm.studies.compare.suite import Case, Condition
+
+Array = npt.NDArray[Any]
+Flown = tuple[dict[str, float], str]
+"""Metrics and status of one flight."""
+
+METRICS = (
+    *(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max")),
+    *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
+    *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
+    *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+)
+"""Counted of every flight, under the names of :mod:`skyarm.log.metrics.metric_catalogue`; and every joint's effort."""
+
+ONE_BY_ONE = 8
+"""Perturbed plants that a law meets whose flights fly one by one."""
+
+TILTED = math.radians(80.0)
+"""rad: a flight that tilts further is lost, even where it comes to its end."""
+
+FEW = 16
+"""Episodes up to which a compiler's full effort takes longer than it saves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Metrics of an entrant's flights of a case under a condition, one entry per episode.
+
+    Attributes:
+        metrics: by name; NaN where the episode ended before their window.
+        status: "completed", or why it ended.
+    """
+
+    metrics: Mapping[str, Array]
+    status: Array
+
+    @classmethod
+    def of(cls, flown: Sequence[Flown]) -> Cell:
+        """Single flights in a row; NaN where a flight lacks a metric."""
+        names = dict.fromkeys(name for row, _ in flown for name in row)
+        metrics = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
+        return cls(metrics, np.array([status for _, status in flown]))
+
+    @property
+    def completed(self) -> npt.NDArray[np.bool_]:
+        """Which episodes flew to their end."""
+        return np.asarray(self.status == "completed")
+
+    @property
+    def upright(self) -> npt.NDArray[np.bool_]:
+        """Which episodes never tilted over."""
+        return np.asarray(self.metrics["tilt_max"] <= TILTED)
+
+    @property
+    def flown(self) -> npt.NDArray[np.bool_]:
+        """Which episodes flew to their end, upright, the tip near its reference in the mean of the last seconds."""
+        near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
+        return np.asarray(self.completed & self.upright & near)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flights:
+    """The flights of a cell, by names that travel to another process.
+
+    Attributes:
+        entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
+        one_by_one: perturbed plants at most, if the episodes fly one by one.
+    """
+
+    entrant: Entrant
+    case: Case
+    condition: Condition
+    plant: str = "rigid_body"
+    seed: int = 0
+    one_by_one: int = ONE_BY_ONE
+
+    further_metrics: ClassVar[tuple[str, ...]] = ()
+    """Metrics in addition to those that every comparison counts."""
+
+    same_noise: ClassVar[bool] = False
+    """Whether all episodes have the noise of the first."""
+
+    @property
+    def name(self) -> tuple[str, str, str]:
+        """Condition, case, entrant."""
+        return self.condition.name, self.case.name, self.entrant.name
+
+    @property
+    def label(self) -> str:
+        """Name of the cell's file, and of its line of progress; a law may be called by the path of a file."""
+        plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
+        return re.sub(r"[^\w.() -]+", "-", "__".join(self.name) + plant)
+
+    def scenario(self) -> Scenario:
+        """The scenario that every episode starts from."""
+        built = self.condition.apply(self.case.build())
+        controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
+        return built.with_words(controller=controller, kind=self.plant, seed=self.seed)
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers that differ from episode to episode, by path."""
+        spread = self.condition.spread
+        # drawn about the case as it is, whatever flies: every law meets the same plants
+        return draw(scenario, spread, self.episodes(scenario), seed=self.seed) if spread else {}
+
+    def alone(self, scenario: Scenario) -> bool:
+        """Whether the episodes fly one by one."""
+        return self.plant != "rigid_body" or not is_traceable(scenario)
+
+    def episodes(self, scenario: Scenario) -> int:
+        """Number of episodes: of perturbed plants the first ``one_by_one``, if they fly one by one."""
+        every = self.condition.episodes
+        return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
+
+    def keys_of_noise(self, count: int) -> Array:
+        """Key of each episode's noise, (count,)."""
+        return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
+
+    def trials(self, count: int) -> Array:
+        """Number of each episode's trial, (count,): the plant, world or seed."""
+        return np.arange(count, dtype=float)
+
+    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
+        """Numbers of the episodes that fix the integration steps of all, by path."""
+        return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
+
+    def counted(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
+        """Metrics of a flight, registered ones and torques included.
+
+        Args:
+            setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+        """
+        efforts = (f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if not each)
+        return (*METRICS, *efforts, *registered("metric"), *self.further_metrics)
+
+
+def fly(flights: Flights, threads: int = 1) -> Cell:
+    """Fly a cell."""
+    scenario = flights.scenario()
+    values, episodes = flights.values(scenario), flights.episodes(scenario)
+    if flights.alone(scenario):
+        return Cell.of([fly_episode(flights, k) for k in range(episodes)])
+    batch = Batch(
+        scenario,
+        tuple(values),
+        metrics=flights.counted(scenario.commands_setpoints),
+        windows=flights.case.windows,
+        stiffest=with_numbers(scenario, flights.stiffest(values)),
+        effort=0 if episodes <= FEW else 2,
+    )
+    found = batch.fly(values, seed=flights.seed, episodes=flights.keys_of_noise(episodes), threads=threads)
+    return Cell(found.metrics, found.status)
+
+
+def fly_episode(flights: Flights, episode: int) -> Flown:
+    """Fly one episode of a cell by itself."""
+    log = run(episode_scenario(flights, episode))
+    names = flights.counted([unit is not None for unit in names_of(log).setpoints])
+    return score(log, names, flights.case.windows), str(log.status)
+
+
+def episode_scenario(flights: Flights, episode: int) -> Scenario:
+    """One episode of a batch as a flight of its own, whose command delay becomes whole physics steps."""
+    scenario = flights.scenario()
+    numbers = {path: float(column[episode]) for path, column in flights.values(scenario).items()}
+    late, rate = numbers.pop(LATE, None), scenario.rates.physics
+    key = int(flights.keys_of_noise(episode + 1)[episode])
+    found = dataclasses.replace(with_numbers(scenario, numbers), episode=key)
+    if late is None:
+        return found
+    delays = Delays(measurement=found.delays.measurement, command=round(late * rate) / rate)
+    return found.with_words(delays=delays)
+
+
+class Cells:
+    """A folder of cells as NPZ files; one that is there, and of this very scenario, is not flown again.
+
+    Args:
+        folder: made if missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def get(self, flights: Flights) -> Cell | None:
+        """The cell, if it is there, whole, and belongs to the flights as they would be flown today."""
+        try:
+            stored = self._path(flights).read_bytes()
+            held = npz_arrays(stored[32:]) if hashlib.sha256(stored[32:]).digest() == stored[:32] else {}
+            if str(held.pop("identity")) != key(flights):
+                return None
+            status = held.pop("status")
+        except (OSError, ValueError, KeyError):
+            return None
+        # a checksum that fits is no proof: the folder may come from anyone
+        fits = all(column.shape == status.shape and column.dtype == float for column in held.values())
+        return Cell(held, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
+
+    def put(self, flights: Flights, cell: Cell) -> None:
+        """Keep a cell behind its checksum."""
+        stream = io.BytesIO()
+        arrays: dict[str, Any] = {"identity": np.array(key(flights)), "status": cell.status, **cell.metrics}
+        np.savez_compressed(stream, **arrays)
+        content = stream.getvalue()
+        write_atomically(self._path(flights), hashlib.sha256(content).digest() + content)
+
+    def _path(self, flights: Flights) -> Path:
+        return self.folder / f"{flights.label}.cell"
+
+
+def key(flights: Flights) -> str:
+    """Digest of everything that the numbers of a cell depend on."""
+    scenario = flights.scenario()
+    facts = {
+        "versions": versions("numpy", "llvmlite"),
+        "source": _source(),
+        "metrics": sorted(flights.counted(())),
+        "code": own_files([find("metric", name) for name in registered("metric")]),
+        "scenario": identity(scenario),
+        "episodes": flights.episodes(scenario),
+        "values": {p: hashlib.sha256(column.tobytes()).hexdigest() for p, column in flights.values(scenario).items()},
+        "windows": dataclasses.asdict(flights.case.windows),
+        "seed": flights.seed,
+    }
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _source() -> str:
+    """Digest of the library's own code: a formula that changed is flown again."""
+    package = Path(skyarm_files.__file__).parents[2]
+    found = hashlib.sha256()
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
+        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()

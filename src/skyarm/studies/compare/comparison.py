@@ -1,0 +1,125 @@
+"""The comparison: every law through the paper's cases and harder ones, from perfect state to perturbed plants."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from skyarm.studies.bench.latency import flown_latency, latency
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
+from skyarm.studies.compare.entrants import ENTRANTS, Entrant
+from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.suite import CASES, Condition, conditions
+from skyarm.studies.compare.summary import pairs, table
+from skyarm.view.figures.comparison_figures import Share, laws_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.pages import Report
+
+SUITE = "paper-suite"
+SHARE = "flights with the tip within 20 mm in the last 5 s\nnoisy wrong plants, Case 3 in wind"
+WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.startswith("ee"))
+
+BRIEF, WIDEST = ("step", "part"), "case3_wind"
+"""Groups of entrants that meet perturbed plants in one case only: their tables say what a part of a law is worth."""
+
+CALLS, SECONDS = 20_000, 30.0
+"""Control steps timed for each law that compiles; s, of the flight in which those of any other are timed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison(Suite):
+    """The suite of all laws.
+
+    Attributes:
+        entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
+        one_by_one: perturbed plants that a law meets whose flights fly one by one.
+    """
+
+    entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
+    conditions: Mapping[str, Condition] = field(default_factory=conditions)
+    seed: int = 0
+    plant: str = "rigid_body"
+    one_by_one: int = ONE_BY_ONE
+
+    name, file = SUITE, "results"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Laws, flights of each condition, seed and plant."""
+        flights = {name: each.episodes for name, each in self.conditions.items()}
+        return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
+
+    def flights(self) -> list[Flights]:
+        """Every cell, entrant by entrant."""
+        options: dict[str, Any] = {"seed": self.seed, "plant": self.plant, "one_by_one": self.one_by_one}
+        return [
+            Flights(entrant=entrant, case=CASES[case], condition=condition, **options)
+            for entrant in self.entrants.values()
+            for condition in self.conditions.values()
+            for case in condition.cases
+            if not condition.spread or case == WIDEST or entrant.group not in BRIEF
+        ]
+
+    def planned(self) -> tuple[list[Flights], Refused]:
+        """Every cell; no law is refused."""
+        return self.flights(), {}
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Summaries, differences from the first law, and times of a control step."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        times = step_times(self.entrants, next(iter(self.conditions.values())))
+        return {"summaries": table(named), "paired": pairs(named), "step_times": times}
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Errors and successes of all laws."""
+        return {"laws.png": comparison_picture(found, list(self.entrants))}
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Tables of every condition."""
+        return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
+
+
+def step_times(
+    entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS, seconds: float = SECONDS
+) -> dict[str, Any]:
+    """Microseconds of one control step of each law: median and 99th percentile.
+
+    A law that does not compile is timed in a flight; ``solving`` are those of the steps in which it solves a problem.
+    """
+    found: dict[str, Any] = {}
+    for name, entrant in entrants.items():
+        scenario = Flights(entrant=entrant, case=CASES["case3_wind"], condition=condition).scenario()
+        if scenario.controller.compiled:
+            found[name] = latency(scenario, calls)["compiled"]
+        else:
+            found[name] = flown_latency(dataclasses.replace(scenario, duration=seconds))
+    return found
+
+
+def comparison_picture(found: Mapping[str, Any], names: Sequence[str]) -> bytes:
+    """PNG of the tip's errors and of the successes of every law."""
+    summaries = found["summaries"]
+    errors = {
+        title: [value(summaries.get(condition, {}), WIND_TIP, name) for name in names]
+        for title, condition in (("perfect state", "perfect"), ("noise and delay", "noisy"))
+        if condition in summaries
+    }
+    wrong = summaries.get("plants_noisy", {}).get("case3_wind", {})
+    figure = laws_figure(
+        names,
+        errors,
+        [_share(wrong.get(name)) for name in names],
+        error_label="mean tip error [mm]\ntrue plant, Case 3 in wind",
+        share_label=SHARE if wrong else f"{SHARE}\n(not flown)",
+    )
+    return image_bytes(figure, dpi=DPI)
+
+
+def _share(summary: Mapping[str, Any] | None) -> Share | None:
+    if summary is None or summary["success_rate"] is None:
+        return None
+    return Share(summary["success_rate"], *summary["success_interval"])

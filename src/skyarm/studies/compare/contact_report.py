@@ -1,0 +1,240 @@
+"""Judgement and report of the contact suite: successes, what each flight lacked, medians, and tables."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.metrics.contact_totals import BAND
+from skyarm.records.files import versions
+from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.contact_tasks import TITLES, Task
+from skyarm.studies.sweep.intervals import wilson
+from skyarm.view.pages import DASH, Report, Section, Table, image, number
+
+Array = npt.NDArray[Any]
+Flags = npt.NDArray[np.bool_]
+
+HELD = 0.9
+"""Share of the time that a force must be within 30 % of the wanted one."""
+
+NEAR = 0.010
+"""m, of the place where an object is set down."""
+
+APART = 0.05
+"""m, of a vehicle that stands from where it shall."""
+
+SOON = 0.005
+"""s: worlds whose commands are late by at most this are counted by themselves, too."""
+
+METRICS = ("contact", "phases_done")
+"""Beside what every comparison counts."""
+
+MOST = 95.0
+"""Percent of the flights that stay below a largest value."""
+
+
+NUMBERS: Mapping[str, tuple[str, str, float]] = {
+    "force_error": ("contact_error_mean", "force error, N", 1.0),
+    "ripple": ("contact_ripple", "ripple, N", 1.0),
+    "peak": ("contact_largest", "peak, N", 1.0),
+    "tip": ("contact_tip_mean", "tip, mm", 1e3),
+    "losses": ("contact_losses", "losses", 1.0),
+    "time": ("phases_time", "time, s", 1.0),
+}
+"""Number of a cell -> metric, head, factor from SI to its unit: medians of flights that came to their end."""
+
+HANDLES: Mapping[str, tuple[str, str, float]] = {
+    "radial": ("grip_force_mean", "radial force, mean, N", 1.0),
+    "radial_most": ("grip_force_max", f"largest, in {MOST:g} %, N", 1.0),
+    "lag_most": ("grip_lag_max", f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
+}
+"""The same of a handle that is held; the first a median, the others in 95 % of the flights."""
+
+
+def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
+    """What each flight lacked, by a word, in the order in which it is asked for.
+
+    Args:
+        task: says what counts.
+        cell: its flights.
+        weight: of the vehicle, N.
+        phases: of the scenario that was flown; 0 where none waits.
+    """
+    m, late = cell.metrics, cell.status == "phase_failed"
+    found = {"lost": ~(cell.flown | (late & cell.upright))}
+    found["phases"] = late | ~(m["phases_done"] >= phases)
+    if task.held:
+        found["force"] = ~(m["contact_held"] >= HELD)
+    if task.angle is not None:
+        found["opening"] = ~(m["mechanism_furthest"] >= task.angle)
+    if task.depth is not None:
+        found["depth"] = ~(m["tip_lowest"] <= task.depth)
+    if task.place is not None:
+        x, y = task.place
+        found["place"] = ~(np.hypot(m["object_last_x"] - x, m["object_last_y"] - y) <= NEAR)
+    if task.stands is not None:
+        found["standing"] = ~(m["contact_last"] >= task.stands * weight)
+        found["place"] = ~(m["ee_error_last_mean_continuous"] <= APART)
+    return found
+
+
+def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> dict[str, Any]:
+    """A cell as plain data: success with its interval, causes, and medians over flights that came to their end.
+
+    Args:
+        task: as of :func:`lacks`; a flight that lacks several things counts under the first.
+        cell: its flights.
+        weight: N, of the vehicle.
+        phases: of the scenario.
+        delays: of the commands in each flight, s.
+    """
+    bad = np.zeros(len(cell.status), dtype=bool)
+    causes: Counter[str] = Counter()
+    for word, flags in lacks(task, cell, weight, phases).items():
+        for k in np.flatnonzero(flags & ~bad):
+            causes[str(cell.status[k]) if word == "lost" and not cell.completed[k] else word] += 1
+        bad |= flags
+    count, good = len(bad), int((~bad).sum())
+    found: dict[str, Any] = {"flights": count, "successes": good, "success_rate": good / count}
+    found["success_interval"] = list(wilson(good, count))
+    soon = np.asarray(delays) <= SOON
+    found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}
+    found["causes"] = dict(causes.most_common())
+    for name, (metric, *_) in {**NUMBERS, **HANDLES}.items():
+        values = cell.metrics[metric][cell.completed]
+        inside = values[np.isfinite(values)]
+        found[name] = None
+        if inside.size and name in HANDLES:
+            found[name] = float(np.percentile(inside, MOST if name.endswith("_most") else 50.0))
+        elif inside.size:
+            found[name] = float(np.median(np.abs(inside)))
+    if not phases:  # the plan says when it is over
+        found["time"] = None
+    return found
+
+
+CONDITIONS = {"perfect": "perfect state", "noisy": "noisy measurements"}
+"""Both in the same perturbed worlds, with a delay of up to 10 ms that no law knows of."""
+
+MEANING = (
+    "A success is a flight that is not lost (it came to its end, tilted by at most 80 degrees, the tip within 0.5 m of "
+    "its reference in the mean of the last seconds), with all phases done in time; where a force is held it is within "
+    f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
+    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a valve by 80, a button has clicked, a peg is "
+    "90 % deep, a vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks "
+    "several counts under the first of them; names of endings are those of lost flights."
+)
+
+HOW = (
+    "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
+    "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half "
+    "to twice the friction, damping and closer behind a handle, half to twice the mass, thrust up to 10 % less, "
+    "wind of up to 2 N and never more than half the push, commands up to 10 ms late. No law is told of any of it. "
+    "A law that follows positions is led 1 cm behind the believed surface."
+)
+
+SHOWN_NOTE = (
+    "The first of the wrong worlds: forces over time, and the path of the tip with what is touched as it is at first, "
+    "dashed where that is at last. The flights are in the folder flights beside this page."
+)
+
+MEDIANS = "Medians over the flights that came to their end; the force error by its size."
+
+HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
+
+
+def contact_report(found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    """The report.
+
+    Args:
+        found: results of the suite.
+        pictures: path in the folder -> PNG, as ``shown`` names them.
+    """
+    drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
+    discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
+    refused = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    flown = [Section(name="What flew", notes=[MEANING, discarded, *refused], remark=HOW)]
+    numbers, handles = [], []
+    for name, title in CONDITIONS.items():
+        laws = laws_of(found, name)
+        if not laws:
+            continue
+        successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
+        flown.append(Section(title=f"Successes, {title}", tables=[successes]))
+        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, _ in NUMBERS.values()))
+        table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
+        numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
+        rows = handle_rows(found, name)
+        if rows:
+            table = Table(head=("task", "law", *(f">{head}" for _, head, _ in HANDLES.values())), rows=rows)
+            handles.append(Section(title=f"Handles, {title}", remark=HANDLE_NOTE, tables=[table]))
+    titles = [(law, TITLES[law]) for law in found["laws"] if law in TITLES]
+    only = [Section(title="Laws", tables=[Table(head=("law", "what"), rows=titles)])]
+    if pictures:
+        only.append(Section(title="One flight of each", remark=SHOWN_NOTE, pictures=_pictures(found, pictures)))
+    return Report(
+        title=f"Tasks in contact, {found['worlds']} wrong worlds each, on {found['plant']}",
+        facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
+        sections=[*flown, *numbers, *handles],
+        page_only=only,
+    )
+
+
+def _pictures(found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
+    drawn = []
+    for name, facts in found["shown"].items():
+        ending = "" if facts["status"] == "completed" else f", {facts['status']}"
+        caption = f"{found['tasks'][name]['title']}: {facts['law']}, first world, {facts['condition']}{ending}"
+        png = pictures[facts["picture"]]
+        drawn.append(image(caption, caption, png, small=True, link=facts.get("film", "")))
+    return "".join(drawn)
+
+
+def laws_of(found: Mapping[str, Any], condition: str) -> list[str]:
+    """Laws that flew any task under a condition, in order."""
+    flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
+    return [law for law in found["laws"] if law in flown]
+
+
+def success_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task: successes of each law."""
+    return [
+        [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
+        for task in found["tasks"].values()
+    ]
+
+
+def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task and law: medians, and what was lacked."""
+    return [
+        [
+            task["title"], law, _successes(cell), _successes(cell["soon"]),
+            *(number(cell[name], factor) for name, (_, _, factor) in NUMBERS.items()), _causes(cell) or DASH,
+        ]
+        for task in found["tasks"].values()
+        for law, cell in task["conditions"][condition].items()
+    ]  # fmt: skip
+
+
+def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task with a handle and law; the first number is a median."""
+    return [
+        [task["title"], law, *(number(cell[name], factor) for name, (_, _, factor) in HANDLES.items())]
+        for task in found["tasks"].values()
+        for law, cell in task["conditions"][condition].items()
+        if cell["radial"] is not None
+    ]
+
+
+def _successes(cell: Mapping[str, Any] | None) -> str:
+    return DASH if cell is None else f"{cell['successes']} of {cell['flights']}"
+
+
+def _causes(cell: Mapping[str, Any]) -> str:
+    return ", ".join(f"{word} {count}" for word, count in cell["causes"].items())

@@ -1,0 +1,220 @@
+"""The contact suite: laws do tasks that touch the world, each in many perturbed worlds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.control.controller import ControllerError
+from skyarm.records.files import require_writable
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop import run
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
+from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
+from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
+from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
+from skyarm.studies.compare.entrants import Entrant
+from skyarm.studies.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite
+from skyarm.studies.compare.suite import Case, Condition
+from skyarm.view.figures.path_views import task_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.film.make_film import FilmSettings, make_film
+from skyarm.view.film.offscreen import offscreen
+from skyarm.view.pages import Report
+
+Array = npt.NDArray[Any]
+
+CONTACT = "contact-suite"
+
+WORLDS, QUICK = 200, 16
+"""Perturbed worlds of each task; where it is to be quick."""
+
+FILM: Mapping[str, Any] = {"camera": "fixed", "width": 640, "height": 400, "fps": 12, "speed": 2.0, "ghost": False}
+"""Settings of a film that is small enough to stand in a report's folder."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactFlights(Flights):
+    """Flights of a law in the perturbed worlds of a task, a lane a world."""
+
+    further_metrics = METRICS
+
+    @property
+    def task(self) -> Task:
+        """What is done."""
+        return TASKS[self.case.name]
+
+    def scenario(self) -> Scenario:
+        """The task as the law flies it."""
+        noisy = self.condition.noisy
+        return scenario_of(self.task, self.entrant.law, noisy=noisy, plant=self.plant, seed=self.seed)
+
+    def worlds(self) -> Worlds:
+        """Worlds of the whole condition, the same for every law."""
+        return worlds_of(self.case.name, self.condition.episodes, self.seed)
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers of every world, by path."""
+        count = self.episodes(scenario)
+        return {path: column[:count] for path, column in self.worlds().values.items()}
+
+    def episodes(self, scenario: Scenario) -> int:
+        """One for each world; the first ones of a law that flies one by one."""
+        every = self.condition.episodes
+        return min(self.one_by_one, every) if self.alone(scenario) else every
+
+    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
+        """The hardest surface, the stiffest friction and the lightest object: all need short steps.
+
+        Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
+        of any world needs the shortest step of all worlds, and none that is shorter.
+        """
+        found = super().stiffest(values)
+        for path, column in values.items():
+            if path.endswith(".material.stiffness"):
+                hardest = found[path] = float(column.max())
+                rough = path.removesuffix("stiffness") + "friction"
+                if rough in values:
+                    found[rough] = float((column * values[rough]).max()) / hardest
+            if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
+                found[path] = float(column.max())
+            if re.fullmatch(r"world\.objects\.\w+\.mass", path):
+                found[path] = float(column.min())
+        return found
+
+
+@lru_cache(maxsize=64)
+def worlds_of(task: str, count: int, seed: int) -> Worlds:
+    """Worlds of a task about the scenario as it is shipped."""
+    found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
+    for column in found.values.values():
+        np.asarray(column).setflags(write=False)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactSuite(Suite):
+    """The suite of tasks in contact.
+
+    Attributes:
+        laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
+            flies. one_by_one: worlds that a law meets whose flights fly one by one. films: of one world of each task.
+    """
+
+    laws: tuple[str, ...] = LAWS
+    tasks: tuple[str, ...] = tuple(TASKS)
+    worlds: int = WORLDS
+    seed: int = 0
+    plant: str = "rigid_body"
+    one_by_one: int = ONE_BY_ONE
+    films: bool = False
+
+    name, file = CONTACT, "contact"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Worlds, seed and plant."""
+        return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
+
+    def flights(self) -> list[ContactFlights]:
+        """Every cell, task by task."""
+        conditions = [
+            Condition(name=name, title=title, noisy=name == "noisy", episodes=self.worlds, cases=self.tasks)
+            for name, title in CONDITIONS.items()
+        ]
+        return [
+            ContactFlights(
+                entrant=Entrant(name=law, group="own", law=law),
+                case=Case(name=task, title=TASKS[task].title, scenario=task),
+                condition=condition,
+                plant=self.plant,
+                seed=self.seed,
+                one_by_one=self.one_by_one,
+            )
+            for task in self.tasks
+            for law in self.laws
+            for condition in conditions
+            if flies_its_own(TASKS[task], law)
+        ]
+
+    def planned(self) -> tuple[list[ContactFlights], dict[str, str]]:
+        """Every cell, and why a law does not fly a task."""
+        flown, refused = list[ContactFlights](), dict[str, str]()
+        for each in self.flights():
+            try:
+                each.scenario()
+                flown.append(each)
+            except ControllerError as error:
+                refused[f"{each.entrant.name} in {each.case.name}"] = str(error)
+        return flown, refused
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Success, causes and numbers by task, condition and law."""
+        tasks: dict[str, Any] = {}
+        for flights, cell in zip(todo, cells, strict=True):
+            assert isinstance(flights, ContactFlights)
+            condition, name, law = flights.name
+            if name not in tasks:
+                empty: dict[str, Any] = {each: {} for each in CONDITIONS}
+                tasks[name] = {"title": flights.task.title, **flights.worlds().plain(), "conditions": empty}
+            scenario = flights.scenario()
+            tasks[name]["conditions"][condition][law] = cell_record(
+                flights.task,
+                cell,
+                weight=float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity),
+                phases=len(scenario.reference.phases),
+                delays=flights.values(scenario)["delays.command"],
+            )
+        return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Fly and draw the first world of each task, and film it where that is asked for; ``shown`` names the files."""
+        found["shown"], drawn = {}, {}
+        for name, flights in shown_flights(todo).items():
+            log = run(episode_scenario(flights, 0))
+            files = {"flight": f"flights/{name}.npz", "picture": f"pictures/{name}.png"}
+            log.save_npz(folder / files["flight"])
+            drawn[files["picture"]] = image_bytes(task_figure(log), dpi=DPI)
+            if self.films:
+                files["film"] = f"films/{name}.webp"
+                make_film(log, folder / files["film"], FilmSettings(**FILM, title=flights.case.title))
+            facts = {"law": flights.entrant.name, "condition": flights.condition.name, "status": str(log.status)}
+            found["shown"][name] = facts | files
+        return drawn
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Successes, pictures, numbers and handles."""
+        return contact_report(found, pictures)
+
+
+def fly_contact(
+    suite: ContactSuite, folder: Path, *, threads: int = 1, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Fly a contact suite as :func:`skyarm.studies.compare.run_suite.fly_suite`.
+
+    Raises:
+        NoDisplayError: before any flight, where films are asked for and nothing can be drawn.
+    """
+    if suite.films:
+        with offscreen():
+            pass
+    for name in ("flights", "pictures", *(["films"] if suite.films else [])):
+        require_writable(folder / name)
+    return fly_suite(suite, folder, threads=threads, progress=progress)
+
+
+def shown_flights(todo: Sequence[Flights]) -> dict[str, Flights]:
+    """By task the flights of which the first is shown: those of the first law, noisy where there are such."""
+    found: dict[str, Flights] = {}
+    for each in todo:
+        known = found.get(each.case.name)
+        if known is None or (each.entrant.name == known.entrant.name and each.condition.noisy):
+            found[each.case.name] = each
+    return found

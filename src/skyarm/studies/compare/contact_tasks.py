@@ -1,0 +1,210 @@
+"""Tasks of the contact suite (``library/contact_tasks.toml``), bounds of its worlds, and each task as a law flies it.
+
+A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
+behind the believed surface, and its press waits for no force; all else is the same.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+from skyarm.control.controller import presses
+from skyarm.records.registry.shipped import TUNED as TUNED_GAINS
+from skyarm.scenario.controller_table import controller_by_name
+from skyarm.scenario.scenario_file import LIBRARY, scenario_from
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.studies.compare.suite import NOISE
+from skyarm.world import ForceWind
+
+Range = tuple[float, float]
+
+FRICTION: Range = (0.1, 0.8)
+STIFFNESS: Range = (500.0, 1e5)
+"""N/m, drawn by its logarithm."""
+
+NORMAL = 0.17453292519943295
+"""rad, 10 degrees: largest error of the believed normal."""
+
+RADIUS = 0.06
+"""Share by which the way from the tip to a hinge may be wrong."""
+
+MASS: Range = (0.5, 2.0)
+"""Share of an object's mass, drawn by its logarithm."""
+
+DRAG: Range = (0.5, 2.0)
+"""Share of a mechanism's closer, damping and friction, drawn by its logarithm, each by itself."""
+
+THRUST: Range = (0.9, 1.0)
+"""Share of the rotors' thrust."""
+
+WIND = 2.0
+"""N, largest."""
+
+DELAY = 0.010
+"""s, largest age of the commands, of which no law knows."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Task:
+    """A task of the suite.
+
+    Attributes:
+        name: of the shipped scenario. title: in a few words.
+        push: N, wanted; 0 of a task without. normal: believed, out of the surface.
+        face: m, from the tip's path to the believed surface, against the normal.
+        materials: names of what is touched, as ``surfaces.wall``; all of one stiffness and friction.
+        friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
+        wind: N, largest. tilts: whether the believed normal is wrong.
+        hinge: name of a mechanism whose hinge is not where it is believed, and the way from the tip to it, m.
+        drags: name of a mechanism of which closer, damping and friction are unknown.
+        grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
+        object: name of an object of unknown mass.
+        held: whether the force must be held.
+        place: where the object must lie in the end, x and y, m. angle: that the mechanism must reach, rad or m.
+        depth: height that the tip must reach, m. stands: share of the weight on the surface in the end.
+    """
+
+    name: str
+    title: str
+    push: float = 0.0
+    normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)
+    face: float = 0.0
+    materials: tuple[str, ...] = ()
+    friction: Range = FRICTION
+    sideways: bool = False
+    wind: float = WIND
+    tilts: bool = False
+    hinge: tuple[str, float, float, float] | None = None
+    drags: str = ""
+    grip: str = ""
+    object: str = ""
+    held: bool = False
+    place: tuple[float, float] | None = None
+    angle: float | None = None
+    depth: float | None = None
+    stands: float | None = None
+
+
+def _plain(value: Any) -> Any:
+    """An array of a file as a tuple."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+TASKS: Mapping[str, Task] = {
+    row["name"]: Task(**{key: _plain(value) for key, value in row.items()})
+    for row in tomllib.loads(
+        (resources.files("skyarm.studies.compare") / "library" / "contact_tasks.toml").read_text("utf-8")
+    )["tasks"]
+}
+"""By name, in the order of the tables."""
+
+
+FLAGSHIP, MOTION, LOAD = "centroidal", "centroidal_motion", "centroidal_load"
+
+OWN = (FLAGSHIP, MOTION, LOAD)
+"""Laws that the scenario's own is made into."""
+
+LARGEST = 0.3
+"""kg, that a law learns that learns its load."""
+
+RIVALS = ("hybrid_ct", "admittance_pd")
+"""Laws of the paper that also press; they fly with tuned gains on every vehicle."""
+
+LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
+"""What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
+two as others make them press."""
+
+TITLES = {
+    FLAGSHIP: "the centroidal law, with interaction where the task has a push",
+    MOTION: "the same without interaction",
+    LOAD: "the same with a load that is learned while something is held",
+    "hybrid_ct": "the paper's law across the normal, force along it, with that law's tuned gains",
+    "admittance_pd": "the paper's baseline behind an admittance along the normal, with that law's tuned gains",
+    "nmpc": "model predictive control whose plan foresees the surface's force",
+}
+
+TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
+"""The paper's laws on another vehicle than the paper's, which its gains are not for."""
+
+BEHIND = 0.01
+"""m, behind the believed surface, of the path of a law that follows positions."""
+
+PAPER = "hummingbird_arm2_rotors"
+
+
+def document_of(task: Task) -> dict[str, Any]:
+    """The shipped scenario of a task as plain data."""
+    return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
+
+
+def flies_its_own(task: Task, law: str) -> bool:
+    """Whether a law has flights of its own in a task.
+
+    Without a push the flagship has no interaction to leave out, without an object no load to learn.
+    """
+    return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
+
+
+def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
+    """A task as a law flies it, in the world as it is shipped.
+
+    Raises:
+        ControllerError: no such law, or one that does not fit the vehicle.
+    """
+    document = document_of(task)
+    document["plant"]["kind"] = plant
+    if law == MOTION:
+        document["controller"].pop("interaction", None)
+    if law == LOAD:
+        document["controller"]["load"] = LARGEST
+    found = scenario_from(document)
+    if law not in OWN:
+        name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
+        name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
+        found = found.with_words(controller=controller_by_name(found, name))
+    if task.push and not presses(found.controller.par):
+        led = scenario_from(as_positions(task, document))
+        found = led.with_words(controller=found.controller)
+    wind = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
+    return found.with_words(
+        name=task.name,
+        wind=wind,
+        noise=NOISE if noisy else found.noise,
+        delays=Delays(longest_command=DELAY),
+        seed=seed,
+    )
+
+
+def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
+    """The task's document for a law that follows positions: the path goes ``BEHIND`` the believed surface."""
+    path = document["reference"]["tip"]["path"]
+    way = [-(task.face + BEHIND) * n for n in task.normal]
+    start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
+    for phase in path["phases"]:
+        found = {**phase}
+        kind = phase["kind"]
+        if kind == "press":
+            phases.append({"kind": "go_to", "position": _moved(at, way), "duration": 2.0})
+            found["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
+        elif kind == "insert":
+            deeper = [-float(phase["distance"]) * n for n in task.normal]
+            found = {"kind": "slide", "position": _moved(_moved(at, way), deeper), "duration": 2.0}
+        elif kind == "retreat":
+            found = {"kind": "retreat", "position": start}
+        elif "points" in phase:
+            found["points"] = [_moved(point, way) for point in phase["points"]]
+            at = list(phase["points"][-1])
+        elif "position" in phase:
+            found["position"] = _moved(phase["position"], way)
+            at = list(phase["position"])
+        phases.append(found)
+    tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
+    return {**document, "reference": {**document["reference"], "tip": tip}}
+
+
+def _moved(place: list[float], way: list[float]) -> list[float]:
+    return [p + w for p, w in zip(place, way, strict=True)]

@@ -1,0 +1,172 @@
+"""Wrong worlds of a task: drawn from the seed before anything flies, kept where physics lets the task be done.
+
+A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
+80 % of its torque, or where the wind is more than half of the push.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra.scalars.philox import uniforms
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.assess.joints import effort_limits
+from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
+from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+
+Array = npt.NDArray[np.float64]
+
+CHANNEL = 30
+"""Channel of the generator, apart from those of flights and of wrong plants."""
+
+NUMBERS = 10
+"""Uniform numbers of a world."""
+
+MOST_DISCARDED = 0.3
+"""Share of the drawn worlds that may be discarded."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Worlds:
+    """Worlds that were kept.
+
+    Attributes:
+        values: path -> (count,). drawn: how many had to be drawn for them.
+    """
+
+    values: Mapping[str, Array]
+    drawn: int
+
+    @property
+    def discarded(self) -> float:
+        """Share of the drawn worlds that was discarded."""
+        return 1.0 - len(next(iter(self.values.values()))) / self.drawn
+
+    def plain(self) -> dict[str, int]:
+        """Numbers of worlds."""
+        count = len(next(iter(self.values.values())))
+        return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
+
+
+def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
+    """The first ``count`` worlds that are kept; they do not depend on how many more are asked for.
+
+    Args:
+        task: with its bounds.
+        scenario: of the task, with the force wind; its truth is what is made wrong.
+        count: worlds.
+        seed: key.
+
+    Raises:
+        ValueError: more than 30 % of the worlds are discarded: the task asks for more than the vehicle can do.
+    """
+    drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
+    share = uniforms(seed, np.arange(drawn), CHANNEL, np.zeros(1, dtype=int), NUMBERS).reshape(drawn, NUMBERS)
+    every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _even(task.friction, share[:, 1]),
+             "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}  # fmt: skip
+    found = np.flatnonzero(kept(task, scenario, every))[:count]
+    last = int(found[-1]) + 1 if found.size else drawn
+    # of a handful of worlds chance alone may discard a third
+    if found.size < count or last - count > max(MOST_DISCARDED * last, 8.0):
+        most = f"{100.0 * MOST_DISCARDED:g} %"
+        gone = f"{last - found.size} of {last} worlds are discarded"
+        raise ValueError(f"task {task.name}: {gone}: must be at most {most}")
+    rows = {name: column[found] for name, column in every.items()}
+    return Worlds(values=_numbers(task, scenario, rows, share[found]), drawn=last)
+
+
+def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
+    """Which worlds physics lets be done.
+
+    Args:
+        task: what is done.
+        scenario: of the task.
+        drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
+    """
+    joints = tuple(float(q) for q in scenario.reference.at(0.0).joints)
+    found = np.ones(len(drawn["wind"]), dtype=bool)
+    push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
+    limits = effort_limits(scenario.plant.vehicle)
+    if task.push:
+        found &= drawn["wind"] <= HALF * task.push
+        found &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
+    if task.sideways:
+        pushing, sliding = yaw_torques(scenario, joints, push)
+        room = yaw_room(scenario, joints)
+        found &= pushing + drawn["friction"] * sliding <= HALF * room
+    if task.object:
+        mass = number_at(scenario, f"world.objects.{task.object}.mass")
+        weight = np.array([0.0, 0.0, -float(scenario.plant.gravity) * mass])
+        still = pushing_efforts(scenario, joints, 0.0 * weight)
+        more = pushing_efforts(scenario, joints, weight) - still
+        efforts = still[:, None] + more[:, None] * drawn["mass"]
+        found &= np.all(np.abs(efforts) <= WARNS * limits[:, None], axis=0)
+    return found
+
+
+def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+    """Numbers of the worlds by path."""
+    found: dict[str, Array] = {}
+    for name in task.materials:
+        found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
+        found[f"world.{name}.material.friction"] = drawn["friction"]
+    if task.object:
+        path = f"world.objects.{task.object}.mass"
+        found[path] = number_at(scenario, path) * drawn["mass"]
+    thrust = _even(THRUST, share[:, 4])
+    for i in range(len(scenario.plant.vehicle.rotors)):
+        path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
+        found[path] = number_at(scenario, path) * thrust
+    found["delays.command"] = DELAY * share[:, 5]
+    height, azimuth = 2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7]
+    across = np.sqrt(1.0 - height * height)
+    for axis, part in zip("xyz", (across * np.cos(azimuth), across * np.sin(azimuth), height), strict=True):
+        found[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
+    if task.tilts:
+        for i, part in enumerate(_tilted(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
+            found[f"reference.push.normal.{i}"] = part
+    return found | _handle_numbers(task, scenario, drawn, share)
+
+
+def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+    """Numbers of hinges, of what resists about them, and of the hand that holds a handle."""
+    found: dict[str, Array] = {}
+    if task.hinge:
+        name, *way = task.hinge
+        for i, length in enumerate(way):
+            if length:
+                path = f"world.{name}.position.{i}"
+                found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+    if task.grip:
+        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
+    for each, column in (("friction", 1), ("damping", 3), ("stiffness", 9)) if task.drags else ():
+        path = f"world.mechanisms.{task.drags}.{each}"
+        if number_at(scenario, path):
+            found[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
+    return found
+
+
+def _tilted(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:
+    """Unit vectors at an angle from a normal, in a direction about it."""
+    n = np.array(normal)
+    first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
+    first /= np.linalg.norm(first)
+    second = np.cross(n, first)
+    side = np.outer(first, np.cos(azimuth)) + np.outer(second, np.sin(azimuth))
+    return list(np.cos(angle) * n[:, None] + np.sin(angle) * side)
+
+
+def _even(bounds: tuple[float, float], share: Array) -> Array:
+    low, high = bounds
+    return low + (high - low) * share
+
+
+def _log(bounds: tuple[float, float], share: Array) -> Array:
+    low, high = (math.log(each) for each in bounds)
+    return np.exp(low + (high - low) * share)

@@ -1,0 +1,89 @@
+"""Who flies: laws with their gains, in the order of the tables."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from typing import Any
+
+from skyarm.control.catalogue import (
+    ACCELERATION,
+    HUMMINGBIRD,
+    LAWS,
+    PRESETS,
+    make_controller,
+    make_tuned,
+    preset,
+    suitable_options,
+)
+from skyarm.control.controller import Controller
+from skyarm.control.model import Model, Terms
+from skyarm.records.registry.plugins import law_of_file_name
+from skyarm.records.registry.registrations import SHIPPED, registrations
+from skyarm.studies.compare.suite import DELAY
+
+PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
+"""Every step of the ladder flies with the paper's gains: what changes is the law."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entrant:
+    """A law as it enters the comparison.
+
+    Attributes:
+        name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
+            (the centroidal law without one of its blocks).
+        law: a preset or a law. options: of the law, whatever the condition. perfect, noisy: options for either kind.
+        tuned: with the gains of :mod:`skyarm.control.catalogue`. told: of a delay that is known.
+    """
+
+    name: str
+    group: str
+    law: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    perfect: Mapping[str, Any] = field(default_factory=dict)
+    noisy: Mapping[str, Any] = field(default_factory=dict)
+    tuned: bool = False
+    told: bool = True
+
+    def controller(self, model: Model, *, noisy: bool) -> Controller:
+        """The law with its belief; a law that can use a known delay is told of it."""
+        if self.law in PRESETS:
+            return preset(self.law, model)
+        options = {**self.options, **(self.noisy if noisy else self.perfect)}
+        if noisy and self.told:
+            options |= suitable_options(self.law, {"delay": DELAY, "delay_periods": 1})
+        return make_tuned(self.law, model, **options) if self.tuned else make_controller(self.law, model, **options)
+
+    @property
+    def title(self) -> str:
+        """The law in one line."""
+        return LAWS[PRESETS[self.law].law if self.law in PRESETS else self.law].title
+
+
+def own_entrant(law: str) -> Entrant | None:
+    """A registered law of someone's own as an entrant, with its own gains; None for any other name."""
+    row = registrations("law").get(law)
+    if row is None or row.source == SHIPPED:
+        return None
+    return Entrant(name=law_of_file_name(law), group="own", law=law)
+
+
+def _entrant(row: dict[str, Any]) -> Entrant:
+    """A row of the file; an array is a tuple."""
+    options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
+    if "without" in options:
+        options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))
+    gains = PAPER_GAINS if row.pop("paper_gains", False) else {}
+    return Entrant(options={**gains, **options}, **row)
+
+
+ENTRANTS: Mapping[str, Entrant] = {
+    row["name"]: _entrant(row)
+    for row in tomllib.loads(
+        (resources.files("skyarm.studies.compare") / "library" / "entrants.toml").read_text("utf-8")
+    )["entrants"]
+}
+"""By name, in the order of the tables."""

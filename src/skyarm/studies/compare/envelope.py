@@ -1,0 +1,241 @@
+"""The envelope: trials made harder step by step along axes, until each law is lost.
+
+A law flies an axis as one batch where the axis' values are data of one scenario, value by value where they are not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.control.catalogue import is_named
+from skyarm.control.controller import ControllerError
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.scenario.controller_table import controller_by_name
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.compare.cells import Cell, Cells, Flights
+from skyarm.studies.compare.entrants import Entrant
+from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
+from skyarm.studies.compare.envelope_report import (
+    axis_record,
+    envelope_picture,
+    envelope_report,
+    points_of,
+    sentence,
+    violations,
+)
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.compare.run_suite import Progress, Refused, Suite, fly_suite
+from skyarm.studies.compare.suite import Case, Condition
+from skyarm.view.pages import Report
+
+Array = npt.NDArray[Any]
+
+ENVELOPE = "envelope-suite"
+
+LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_robust")
+"""What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
+
+TUNED_LAWS = (
+    *("decoupled_pd_tuned", "hybrid_computed_torque_tuned", "l1_adaptive"),
+    *("centroidal_tip", "centroidal_tip_robust"),
+)
+"""The same on another vehicle than the paper's, which the paper's gains are not for."""
+
+ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip", "centroidal_tip_robust")
+"""Of laws in tables; others follow."""
+
+QUICK = 10.0
+"""s, of a trial where the envelope is to be quick."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisFlights(Flights):
+    """Flights of a law along an axis, a lane a value; all meet the same noise.
+
+    Attributes:
+        points: values that fly, SI. vehicle: name or file. duration: s, of every flight.
+    """
+
+    points: tuple[float, ...]
+    vehicle: str = PAPER
+    duration: float = DURATION
+
+    further_metrics = (OVERSHOOT, OUTSIDE)
+    same_noise = True
+
+    @property
+    def axis(self) -> Axis:
+        """The trial that is made harder."""
+        return AXES[self.case.name]
+
+    @property
+    def setting(self) -> Setting:
+        """The vehicle in hover."""
+        return setting_of(self.vehicle, self.duration, self.plant)
+
+    @property
+    def label(self) -> str:
+        """Name of its file, of a single value with the value."""
+        return super().label + (f"_{self.points[0]:g}" if len(self.points) == 1 else "")
+
+    def scenario(self) -> Scenario:
+        """The trial at the easiest value of the axis, or where values are no data at the one that flies."""
+        value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
+        built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
+        return built.with_words(controller=controller_by_name(built, self.entrant.law))
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers of every value, by path."""
+        if self.axis.plants:
+            count = self.episodes(scenario) // len(self.points)
+            drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
+            return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
+        rows = [self.axis.numbers(self.setting, value) for value in self.points] if self.axis.numbers else [{}]
+        return {path: np.array([row[path] for row in rows]) for path in rows[0]}
+
+    def episodes(self, scenario: Scenario) -> int:
+        """One for each value; of an axis of plants as many as a law meets, value after value."""
+        if not self.axis.plants:
+            return len(self.points)
+        return len(self.points) * (min(PLANTS, self.one_by_one) if self.alone(scenario) else PLANTS)
+
+    def trials(self, count: int) -> Array:
+        """The value of each episode, SI."""
+        return np.repeat(self.points, count // len(self.points))
+
+
+def axis_flights(
+    law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
+) -> list[AxisFlights]:
+    """Cells of a law along an axis: one where its values fly in a batch, else one for each value.
+
+    Args:
+        law: preset or law.
+        axis: with the values that fly.
+        setting: vehicle and duration.
+        seed: of the noise.
+        plant: that flies.
+
+    Raises:
+        ControllerError: the law does not fit the vehicle.
+    """
+    points, inside = axis.of(setting), Window(axis.start, setting.duration)
+    condition = "noisy" if axis.noisy else "perfect"
+    whole = AxisFlights(
+        entrant=Entrant(name=law, group="own", law=law),
+        case=Case(
+            name=axis.name, title=axis.title, scenario=setting.vehicle, windows=Windows(steady=inside, gust=inside)
+        ),
+        condition=Condition(name=condition, title=condition, noisy=axis.noisy, episodes=1, cases=(axis.name,)),
+        plant=plant,
+        seed=seed,
+        points=points,
+        vehicle=setting.vehicle,
+        duration=setting.duration,
+    )
+    if (axis.plants or axis.numbers is not None) and not whole.alone(whole.scenario()):
+        return [whole]
+    return [dataclasses.replace(whole, points=(value,)) for value in points]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Envelope(Suite):
+    """The suite of trials along axes.
+
+    Attributes:
+        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: that flies.
+        quick: the first and the last value of each axis only, in flights of 10 s.
+    """
+
+    laws: tuple[str, ...] = LAWS
+    axes: tuple[str, ...] = tuple(AXES)
+    vehicle: str = PAPER
+    seed: int = 0
+    plant: str = "rigid_body"
+    quick: bool = False
+
+    name, file = ENVELOPE, "envelope"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """All but laws and axes."""
+        return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
+
+    @property
+    def setting(self) -> Setting:
+        """The vehicle in hover."""
+        return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
+
+    @property
+    def flown(self) -> tuple[str, ...]:
+        """Axes that the vehicle can fly."""
+        servos = bool(self.setting.truth.drives)
+        return tuple(name for name in self.axes if not (servos and AXES[name].torques))
+
+    def axis(self, name: str) -> Axis:
+        """An axis with the values that fly."""
+        axis = AXES[name]
+        return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
+
+    def planned(self) -> tuple[list[AxisFlights], dict[str, str]]:
+        """Cells, law by law, and why a law does not fly this vehicle."""
+        found: list[AxisFlights] = []
+        refused: dict[str, str] = {}
+        for law in self.laws:
+            try:
+                for name in self.flown:
+                    found += axis_flights(law, self.axis(name), self.setting, seed=self.seed, plant=self.plant)
+            except ControllerError as error:
+                refused[law] = str(error)
+                found = [each for each in found if each.entrant.name != law]
+        return found, refused
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Points of every law along every axis, each law in a sentence, and violations of the rules."""
+        axes: dict[str, Any] = {name: axis_record(self.axis(name), self.setting) for name in self.flown}
+        for flights, cell in zip(todo, cells, strict=True):
+            assert isinstance(flights, AxisFlights)
+            points = points_of(cell, flights.axis, len(flights.points))
+            axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(points)
+        laws = [law for law in self.laws if law not in refused]
+        found = {"laws": laws, "not_flown": dict(refused), "sentences": {law: sentence(law, axes) for law in laws}}
+        return {**found, "violations": violations(axes), "axes": axes}
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Every axis."""
+        return {"envelope.png": envelope_picture(found)}
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Sentences, summary, violations and a table for each axis."""
+        return envelope_report(found, (pictures or {}).get("envelope.png"))
+
+
+def fly_envelope(
+    envelope: Envelope, folder: Path, *, threads: int = 1, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Fly an envelope as :func:`skyarm.studies.compare.run_suite.fly_suite`, with those laws that its folder holds."""
+    return fly_suite(with_laws_of(folder, envelope), folder, threads=threads, progress=progress)
+
+
+def with_laws_of(folder: Path, envelope: Envelope) -> Envelope:
+    """The envelope and those laws whose cells a folder holds whole, of the same vehicle, axes and seed."""
+    try:
+        stored = json.loads((folder / "envelope.json").read_bytes())["laws"]
+        others = [law for law in stored if isinstance(law, str) and is_named(law) and law not in envelope.laws]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        others = []
+    cells, laws = Cells(folder / "cells"), list(envelope.laws)
+    for law in others:
+        mine, refused = dataclasses.replace(envelope, laws=(law,)).planned()
+        if not refused and all(cells.get(each) is not None for each in mine):
+            laws.append(law)
+    known = [law for law in ORDER if law in laws]
+    return dataclasses.replace(envelope, laws=(*known, *(law for law in laws if law not in known)))

@@ -1,0 +1,355 @@
+"""Axes of the envelope: trials made harder value by value, and the metrics by which they are judged."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy.typing as npt
+
+from skyarm.algebra import E_X, Vec3
+from skyarm.dynamics.actuators.drive import LaggedTorque
+from skyarm.records.leaves import walk
+from skyarm.reference import Constant, Product, Pulses, Ramp, Signal, Sine, Sum, Windowed
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.paths import LATE
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, JointDrive, Scenario
+from skyarm.studies.compare.envelope_setting import PAPER, Setting
+from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
+from skyarm.studies.compare.suite import DELAY, NOISE
+from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import AirSignals, Disturbance, ForceWind, MovingAir
+from skyarm.world.dryden import Dryden
+from skyarm.world.signal_vector import SignalVector
+
+TIP, OVERSHOOT = "ee_error_mean_continuous", "x_error_max_continuous"
+"""Metrics that judge an axis: the mean distance of the tip from where a level base on its reference would carry it, or
+how far the base goes beyond a step along x."""
+
+TIP_MAX, OUTSIDE = "ee_error_max_continuous", "ee_time_outside_continuous"
+"""The largest such distance, and for how long it was over 5 cm."""
+
+SETTLED, DISTURBED, STEP = 7.0, 4.0, 1.0
+"""s: from when on a motion that grows until 5 s is judged; a hover; and when the position steps."""
+
+EASE = Ramp(start=2.0, duration=3.0, height=1.0, shape="quintic")
+"""From 2 to 5 s every motion grows from rest to its amplitude."""
+
+ARM, ARM_HZ, ARM_PHASE = (0.2, 0.15), 0.5, 0.6
+"""Swing of the joints during a motion of the base: rad, one joint after the other, Hz, and rad from joint to joint."""
+
+SWING_PHASE = 0.9
+"""rad, from joint to joint where the swing of the arm is the trial."""
+
+SLOW = (0.3, 0.15)
+"""m, m/s: circle of the trials of delay, lag, payload and noise."""
+
+HULL, SCALE_LENGTH = 0.02, 3.0
+"""N/(m/s)^2: drag of the hull in turbulence, for the paper's weight; m, of turbulence along all axes."""
+
+FALLING = 3.2 - 1.0
+"""The lag of falling rotors grows to 3.2 times where that of rising ones grows to four (12.5/25 to 50/80 ms)."""
+
+LONGEST = 0.03
+"""s, of the commands."""
+
+PLANTS, WIDEST = 24, 2.0
+"""Perturbed plants of every value, the same ones for every law, further from the model as the value grows; the last
+value, times the README's spread."""
+
+WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),), "z": ((15.0, math.inf, 1.0),)}
+"""World axis -> (start, stop, share): +x, 0, +y, -x, 0, +z, each for 3 s."""
+
+Numbers = Mapping[str, float]
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """An axis is one trial at several values, the easiest first.
+
+    Attributes:
+        name: short name. title: one line. unit: of the values as they are shown.
+        values: for the paper's vehicle, SI; the largest change of the trial last.
+        build: scenario of the setting, its law that of the setting; of setting and value where ``numbers`` is None.
+        numbers: path -> number of a value, where values are data of one scenario; None where each is a scenario.
+        plants: a value is the width of a spread of plants, and many fly each.
+        share: of the values that the setting's vehicle is given.
+        shown: factor from SI to the unit.
+        noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
+        start: s, from when on errors count. metric: by which the axis is judged.
+        torques: of joints that take torques only; a vehicle whose joints are servos does not fly it.
+    """
+
+    name: str
+    title: str
+    unit: str
+    values: tuple[float, ...]
+    build: Callable[..., Scenario]
+    numbers: Callable[[Setting, float], Numbers] | None = None
+    plants: bool = False
+    share: Callable[[Setting], float] = lambda setting: 1.0
+    shown: float = 1.0
+    noisy: bool = False
+    start: float = DISTURBED
+    metric: str = TIP
+    torques: bool = False
+
+    def of(self, setting: Setting) -> tuple[float, ...]:
+        """Values for a vehicle, SI."""
+        share = self.share(setting)
+        return tuple(float(f"{value * share:.3g}") for value in self.values)
+
+    def scenario(self, setting: Setting, value: float) -> Scenario:
+        """The trial at a value, with the sensors of the axis; one that has noise of its own keeps it."""
+        built = self.build(setting, value) if self.numbers is None else self.build(setting)
+        if self.noisy and built.noise == PERFECT_SENSORS:
+            delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
+            built = built.with_words(noise=NOISE, delays=delays)
+        return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
+
+
+def eased(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
+    """A sine that grows from rest; its numbers stand under ``signal``."""
+    return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
+
+
+def along(setting: Setting, **signals: Any) -> Scenario:
+    """The setting's vehicle on signals of base and joints."""
+    return setting.hover.with_words(reference=dataclasses.replace(setting.hover.reference, **signals))
+
+
+def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
+    """Joints about their middles, one amplitude after the other, each later than the one before by ``phase``."""
+    return tuple(
+        Sum((Constant(middle), eased(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
+        for j, (middle, unit) in enumerate(zip(setting.middle, setting.swing, strict=True))
+    )
+
+
+def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
+    """All joints swing in hover at 1 Hz, rad."""
+    return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
+
+
+def moving_base(setting: Setting, **axes: Any) -> Scenario:
+    """The base along signals, the arm swinging gently."""
+    return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
+
+
+def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
+    """A horizontal circle, m and m/s."""
+    f = speed / (2.0 * math.pi * radius)
+    return moving_base(setting, x=eased(radius, f, 0.5 * math.pi), y=eased(radius, f))
+
+
+def slow_circle(setting: Setting, **changes: Any) -> Scenario:
+    """Circle on which delays, lags, payloads and noise are flown."""
+    return circle(setting, *SLOW).with_words(**changes)
+
+
+def vertical(setting: Setting) -> Scenario:
+    """A vertical sine of 0.2 m."""
+    return moving_base(setting, z=Sum((setting.hover.reference.z, eased(0.2 * setting.climb))))
+
+
+def pushed(setting: Setting, **force: Any) -> Scenario:
+    """Hover under a disturbance."""
+    return setting.hover.with_words(forces=(Disturbance(**force),))
+
+
+def turning_wind(setting: Setting) -> Scenario:
+    """Hover in a force of 2 N and an air speed of 2 m/s that turn about the vertical."""
+    force, air = (
+        SignalVector(**{axis: Sine(amplitude=size, frequency_hz=1.0, phase=phase)
+                        for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
+        for size in (2.0 * setting.weight, 2.0)
+    )  # fmt: skip
+    return pushed(setting, force=force).with_words(air=(AirSignals(velocity_W=air),))
+
+
+def turbulence(setting: Setting, mean: float) -> Scenario:
+    """Hover in turbulent air along x, m/s, its standard deviation half the mean; the hull has drag."""
+    drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
+    sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
+    gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
+    plant = dataclasses.replace(setting.hover.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
+    return setting.hover.with_words(plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
+
+
+def wind_steps(setting: Setting) -> Scenario:
+    """Hover under a force on the base that steps from axis to axis."""
+    vector = {
+        axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
+        for axis, windows in WIND_STEPS.items()
+    }
+    return pushed(setting, force=SignalVector(**vector))
+
+
+def pushes(axis: str, setting: Setting) -> Scenario:
+    """Hover under a force at the tip along a world axis, on for the first half of every second from 4 s on."""
+    pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
+    force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
+    return pushed(setting, frame=setting.truth.end_effector, force=force)
+
+
+def lagging_joints(setting: Setting) -> Scenario:
+    """Joint torques that follow their setpoints with a lag."""
+    lagged = LaggedTorque(time_constant=LONGEST)
+    drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
+    return slow_circle(setting, drives=drives)
+
+
+def wrong_plants(setting: Setting, times: float) -> Scenario:
+    """Joints swing by 0.5 rad; the plant is drawn, its commands late by what no law knows."""
+    delays = Delays(longest_command=WIDEST * Spread().delay)
+    return swinging(setting, 0.5).with_words(wind=ForceWind(), delays=delays)
+
+
+def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
+    """Numbers of the plants of a value, by path; the first ones do not depend on how many there are.
+
+    Args:
+        setting: vehicle.
+        scenario: of :func:`wrong_plants`; its truth is the middle of the spread.
+        times: width of the spread over that of the README.
+        count: plants.
+        seed: key.
+    """
+    if setting.vehicle == PAPER:
+        return draw(scenario, widened(Spread(), times), count, seed=seed)
+    spread, _ = spread_of(setting.truth, float(scenario.plant.gravity), Spread().delay)
+    return fitted_damping(scenario, spread, draw(scenario, widened(spread, times), count, seed=seed))
+
+
+def widened(spread: Spread, times: float) -> Spread:
+    """A spread so many times as wide."""
+    low, high = spread.thrust
+    shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
+    return Spread(**shares, thrust=(low * times, high * times))
+
+
+def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
+    """The same number at several places."""
+    return lambda setting, value: dict.fromkeys(paths, value * factor)
+
+
+def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
+    """The same frequency of eased sines of the reference."""
+    return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
+
+
+def rotor_lags(setting: Setting, times: float) -> Numbers:
+    """Time constants of every rotor, rising and falling, s."""
+    falling = 1.0 + FALLING * (times - 1.0) / 3.0
+    return {
+        f"plant.vehicle.rotors.{i}.time_constant_{way}": float(getattr(rotor, f"time_constant_{way}")) * factor
+        for i, rotor in enumerate(setting.truth.rotors)
+        for way, factor in (("up", times), ("down", falling))
+    }
+
+
+def by_weight(setting: Setting) -> float:
+    """Forces and payloads go with the weight."""
+    return setting.weight
+
+
+MOVING = partial(Axis, start=SETTLED)
+SLOWLY = partial(Axis, noisy=True)
+VERTICAL = partial(MOVING, title="vertical sine of 0.2 m, arm swinging", unit="Hz", build=vertical,
+                   numbers=frequencies("z.1"))  # fmt: skip
+
+ROWS = (
+    MOVING(
+        name="circle", title="circle of 1 m, arm swinging", unit="m/s", values=(0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
+        build=circle, numbers=lambda setting, speed: frequencies("x", "y")(setting, speed / (2.0 * math.pi)),
+        share=lambda setting: math.sqrt(setting.climb),
+    ),
+    VERTICAL(name="vertical", values=(0.25, 0.5, 0.75, 1.0, 1.25)),
+    VERTICAL(name="vertical_noisy", values=(0.25, 0.5, 0.75, 1.0), noisy=True),
+    MOVING(
+        name="swing", title="hover, all joints swinging by 1 rad", unit="Hz", values=(0.5, 0.75, 1.0, 1.25, 1.5, 2.0),
+        build=swinging,
+        numbers=lambda setting, f: frequencies(*(f"joints.{j}.1" for j in range(setting.truth.n)))(setting, f),
+    ),
+    MOVING(
+        name="swing_amplitude", title="hover, all joints swinging at 1 Hz", unit="rad",
+        values=(0.25, 0.5, 0.75, 1.0, 1.25), build=swinging,
+        numbers=lambda setting, size: {
+            f"reference.joints.{j}.1.signal.amplitude": size * unit for j, unit in enumerate(setting.swing)
+        },
+    ),
+    MOVING(
+        name="wrong_plants", unit="times", values=(0.5, 1.0, 1.5, WIDEST), build=wrong_plants, plants=True,
+        title=f"hover, joints swinging by 0.5 rad at 1 Hz, {PLANTS} wrong plants, width of their spread",
+    ),
+    Axis(
+        name="step", title="step of the position along x", unit="m", values=(0.5, 1.0, 2.0, 3.0), start=STEP,
+        # within one control period of the paper's rates
+        build=lambda setting: along(setting, x=Ramp(start=STEP, duration=0.005, height=1.0)),
+        numbers=same("reference.x.height"), share=lambda setting: setting.climb, metric=OVERSHOOT,
+    ),
+    Axis(
+        name="turning_wind", title="hover in 2 N of wind that turns, time of a turn", unit="s",
+        values=(40.0, 20.0, 10.0, 5.0), build=turning_wind,
+        numbers=lambda setting, period: {
+            f"environment.{what}.{axis}.frequency_hz": 1.0 / period
+            for what in ("forces.0.force", "air.0.velocity") for axis in "xy"
+        },
+    ),
+    Axis(name="turbulence", title="hover in turbulent air, mean speed", unit="m/s", values=(1.5, 3.0, 4.5, 6.0),
+         build=turbulence),
+    Axis(
+        name="wind_steps", title="hover, a force on the base that steps from axis to axis", unit="N",
+        values=(1.0, 2.0, 3.0, 4.0, 5.0), build=wind_steps, share=by_weight, noisy=True,
+        numbers=same(*(f"environment.forces.0.force.{axis}.signal" for axis in "xyz")),
+    ),
+    *(
+        Axis(
+            name=f"push_{axis}", title=f"hover, the tip pushed along {axis} during half of every second", unit="N",
+            values=(0.5, 1.0, 2.0, 3.0), build=partial(pushes, axis), share=by_weight, noisy=True,
+            numbers=same(f"environment.forces.0.force.{axis}.signal"),
+        )
+        for axis in "xyz"
+    ),
+    SLOWLY(
+        name="command_delay", title="slow circle, commands late, unknown to the law", unit="ms", shown=1e3,
+        values=(0.0, 0.005, 0.01, 0.015, 0.02, LONGEST), numbers=same(LATE),
+        build=partial(slow_circle, delays=Delays(measurement=DELAY, longest_command=LONGEST)),
+    ),
+    SLOWLY(
+        name="measurement_delay", title="slow circle, measurements old, the law is told", unit="ms", shown=1e3,
+        values=(0.0, 0.005, 0.01, 0.02, 0.03),
+        build=lambda setting, age: slow_circle(setting, noise=NOISE, delays=Delays(measurement=age)),
+    ),
+    SLOWLY(
+        name="motor_lag", title="slow circle, lag of the rotors against what is believed", unit="times",
+        values=(1.0, 1.5, 2.0, 3.0, 4.0), build=slow_circle, numbers=rotor_lags,
+    ),
+    SLOWLY(
+        name="joint_lag", title="slow circle, joint torques that lag", unit="ms", shown=1e3, torques=True,
+        values=(0.005, 0.01, 0.02, 0.04), build=lagging_joints,
+        numbers=lambda setting, lag: {
+            f"plant.drives.{link.joint.name}.time_constant": lag for link in setting.truth.links
+        },
+    ),
+    SLOWLY(
+        name="payload", title="slow circle, an unknown mass at the tip", unit="kg", values=(0.0, 0.05, 0.1, 0.2),
+        build=slow_circle, numbers=same("plant.payload.mass"), share=by_weight,
+    ),
+    SLOWLY(
+        name="noise", title="slow circle, noise against that of the bench", unit="times", values=(0.5, 1.0, 2.0, 4.0),
+        build=slow_circle,
+        numbers=lambda setting, times: {
+            f"sensors.{name}": getattr(NOISE, name) * times
+            for name in ("position", "velocity", "attitude", "rate", "joints", "joint_rates")
+        },
+    ),
+)  # fmt: skip
+"""Motions of base and arm; a step, and forces on a hover; delays, lags, a load and noise on a slow circle."""
+
+AXES: Mapping[str, Axis] = {axis.name: axis for axis in ROWS}

@@ -1,0 +1,341 @@
+"""Judgement and report of the envelope: where each law is good, where it is lost, and what is violated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.records.files import versions
+from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
+from skyarm.studies.compare.envelope_setting import Setting
+from skyarm.view.figures.comparison_figures import envelope_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.pages import DASH, Report, Section, Table, image, number
+
+FLAGSHIP = "centroidal_tip"
+"""The law that the two rules are about."""
+
+PAPER_LAWS = ("paper_ct", "hybrid_computed_torque_tuned", "hybrid_computed_torque")
+"""What it is measured against: the first of the paper's laws that flies."""
+
+WORSE = 1.1
+"""Times the error of the paper's law from which on the flagship violates the second rule."""
+
+LEVELS = (0.010, 0.100)
+"""m: how far along an axis the error stays within these says where a law is good and where it still serves."""
+
+MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
+"""Key of a point -> metric, m, s and rad."""
+
+NEAR = 0.020
+"""m: a plant whose tip stays within this all through its window counts as held; the README's success."""
+
+OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
+"""The same of an axis of wrong plants."""
+
+JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
+"""What the numbers of an axis are, in words."""
+
+
+def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[dict[str, Any]]:
+    """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost.
+
+    Of an axis of plants one for each of so many ``values``.
+    """
+    found = _lanes(cell, axis)
+    if not axis.plants:
+        return found
+    count = len(found) // (values or 1)
+    return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
+
+
+def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
+    found = []
+    for k, status in enumerate(cell.status):
+        numbers = {
+            name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
+        }
+        lost = not cell.flown[k] or numbers["judged"] is None
+        found.append({**numbers, "status": str(status), "lost": bool(lost)})
+    return found
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def point_of_plants(flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """One point from those of a value's plants.
+
+    It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
+    is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
+    """
+    kept = [each for each in flights if not each["lost"]]
+    found: dict[str, Any] = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside")}
+    found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
+    gone = [each["status"] for each in flights if each["lost"]]
+    held = sum(each["tip_max"] <= NEAR for each in kept)
+    counts = {"of": len(flights), "held": held, "lost": len(gone)}
+    each = [{"judged": one["judged"], "lost": one["lost"]} for one in flights]
+    return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
+
+
+def _over(flights: Sequence[Mapping[str, Any]], key: str, how: Any) -> float | None:
+    numbers = [each[key] for each in flights if each[key] is not None]
+    found = float(how(numbers)) if numbers else math.nan
+    return found if math.isfinite(found) else None
+
+
+def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
+    """An axis without its flights; values in the unit that is shown."""
+    return {
+        "title": axis.title,
+        "unit": axis.unit,
+        "values": [float(f"{value * axis.shown:.6g}") for value in axis.of(setting)],
+        "judged": OF_PLANTS if axis.plants else JUDGED[axis.metric],
+        "noisy": axis.noisy,
+        "window_s": [axis.start, setting.duration],
+        "laws": {},
+    }
+
+
+def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
+    """How many of the first values the law flies with an error within a level, m."""
+    count = 0
+    for point in points:
+        if point["lost"] or point["judged"] > level:
+            break
+        count += 1
+    return count
+
+
+def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Numbers of the values at which the law is lost."""
+    return [k for k, point in enumerate(points) if point["lost"]]
+
+
+def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
+    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law.
+
+    Every plant of an axis of plants is a trial; those of a value that violate one rule are told together.
+    """
+    found = []
+    for name, axis in axes.items():
+        laws = axis["laws"]
+        for k in range(len(laws.get(flagship, ()))):
+            at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
+            found += [{**at, **each} for each in _violations_at({law: laws[law][k] for law in laws}, flagship)]
+    return found
+
+
+def _violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, Any]]:
+    """Violations of one value: at most one of each rule."""
+    trials = {law: point["plants"]["each"] if "plants" in point else [point] for law, point in points.items()}
+    paper = next((law for law in PAPER_LAWS if law in points), None)
+    kept: dict[str, None] = {}
+    lost, worse = [], []
+    for k, own in enumerate(trials[flagship]):
+        others = {law: flown[k] for law, flown in trials.items() if law != flagship and k < len(flown)}
+        if own["lost"]:
+            survive = [law for law, other in others.items() if not other["lost"]]
+            kept |= dict.fromkeys(survive)
+            lost += [k] if survive else []
+        elif paper in others and not others[paper]["lost"] and own["judged"] > WORSE * others[paper]["judged"]:
+            worse.append((own["judged"] / others[paper]["judged"], k))
+    found: list[dict[str, Any]] = []
+    if lost:
+        found.append({"rule": "lost", "kept_by": list(kept), "own": None, "other": None})
+    if worse:
+        _, k = max(worse)
+        own, other = (trials[law][k]["judged"] for law in (flagship, paper) if law)
+        found.append({"rule": "worse", "kept_by": [paper], "own": own, "other": other})
+    if "plants" in points[flagship]:
+        counts = {"lost": len(lost), "worse": len(worse)}
+        return [{**each, "plants": counts[each["rule"]]} for each in found]
+    return found
+
+
+def sentence(law: str, axes: Mapping[str, Any]) -> str:
+    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost.
+
+    Good is what is within the first level that the law reaches anywhere.
+    """
+    flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
+
+    def counts(level: float) -> dict[str, int]:
+        return {name: within(axis["laws"][law], level) for name, axis in flown.items()}
+
+    level = next((level for level in LEVELS if any(counts(level).values())), LEVELS[-1])
+    ends, whole, never = [], [], []
+    for name, count in counts(level).items():
+        values, words = axes[name]["values"], name.replace("_", " ")
+        if count == len(values):
+            whole.append(words)
+        elif count:
+            towards = "up to" if values[-1] >= values[0] else "down to"
+            ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
+        else:
+            never.append(words)
+    parts = [f"within {1e3 * level:g} mm: {', '.join([*ends, *(f'all of {words}' for words in whole)]) or 'nowhere'}"]
+    parts += [f"never on {', '.join(never)}"] if never and (ends or whole) else []
+    lost = [_losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
+    return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."
+
+
+def _losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:
+    """From the first lost value on, or at single ones."""
+    if not gone:
+        return ""
+    values = axis["values"]
+    if len(gone) > 1 and list(gone) == list(range(gone[0], len(values))):
+        where = f"from {values[gone[0]]:g}"
+    else:
+        where = "at " + " and ".join(f"{values[k]:g}" for k in gone)
+    return f"{name.replace('_', ' ')} {where} {axis['unit']}"
+
+
+DPI = 160
+LOST = "lost"
+CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"
+
+RULES = (
+    "No trial in which the flagship is lost and another law is not; none in which its error is more than "
+    f"{100.0 * (WORSE - 1.0):.0f} % larger than that of the paper's law."
+)
+
+MEANING = (
+    "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
+    "steps the base's overshoot. A law is lost where its flight ended early, tilted by over 80 degrees or "
+    "was, in the mean over its last 5 s, over 0.5 m off."
+)
+
+HOW = (
+    "Trials of {seconds}; motions grow from rest between 2 and 5 s. Perfect state, or where an axis is noisy "
+    "1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad, and measurements 5 ms old, of which laws that can are told. "
+    "Another vehicle than the paper's is given forces and payloads by its weight, accelerations by its thrust margin "
+    "where that is smaller, and swings of the arm by its joints' limits."
+)
+
+NO_FLAGSHIP, NO_VIOLATION = f"Not known: {FLAGSHIP} did not fly.", "None."
+
+VIOLATION_HEAD = ("trial", "rule", ">flagship, mm", ">other, mm")
+
+
+def envelope_picture(found: Mapping[str, Any]) -> bytes:
+    """PNG of every axis."""
+    return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
+
+
+def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> Report:
+    """Sentences, summary, a table for each axis, and violations."""
+    axes, laws = found["axes"], found["laws"]
+    rows = violation_rows(found["violations"])
+    none = [NO_VIOLATION if FLAGSHIP in laws else NO_FLAGSHIP] if not rows else []
+    seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
+    counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
+               ((laws, "law", "laws"), (axes, "axis", "axes"))]  # fmt: skip
+    violated = [Table(head=VIOLATION_HEAD, rows=rows)] if rows else []
+    return Report(
+        title=f"The envelope of {found['vehicle']}",
+        facts=f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
+        sections=[
+            summary_section(found, picture),
+            *(
+                Section(
+                    title=axis_title(name, axis),
+                    remark=HOW.format(seconds=seconds) if name == next(iter(axes)) else "",
+                    tables=[Table(head=axis_head(axis), rows=axis_rows(axis))],
+                )
+                for name, axis in axes.items()
+            ),
+            Section(title="Violations", notes=[RULES, *none], tables=violated),
+        ],
+    )
+
+
+def summary_section(found: Mapping[str, Any], picture: bytes | None = None) -> Section:
+    """Each law in a sentence, and how far it is good along every axis."""
+    axes, laws = found["axes"], found["laws"]
+    words = [f"{law} keeps the tip {sentence}" for law, sentence in found["sentences"].items()]
+    words += [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    return Section(
+        name="In a sentence",
+        notes=[MEANING, *words],
+        pictures=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
+        tables=[Table(head=summary_head(laws), rows=summary_rows(axes, laws))],
+    )
+
+
+def cell_text(point: Mapping[str, Any], judged: str) -> str:
+    """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost.
+
+    Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
+    """
+    if "plants" in point:
+        plants = point["plants"]
+        parts = [f"{plants['held']} of {plants['of']}"]
+        parts += [f"{plants['lost']} lost"] if plants["lost"] else []
+        if plants["lost"] < plants["of"]:
+            parts.append(f"{number(point['tip_mean'], 1e3)} / {number(point['tip_max'], 1e3)}")
+        return "; ".join(parts)
+    if point["lost"]:
+        return LOST
+    if judged == JUDGED[TIP]:
+        return f"{number(point['judged'], 1e3)} / {number(point['tip_max'], 1e3)}"
+    return f"{number(point['judged'], 1e3)}; {number(point['outside'])} s"
+
+
+def axis_head(axis: Mapping[str, Any]) -> list[str]:
+    """Names of the columns of an axis."""
+    return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
+
+
+def axis_rows(axis: Mapping[str, Any]) -> list[list[str]]:
+    """A row for each law."""
+    return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
+
+
+def axis_title(name: str, axis: Mapping[str, Any]) -> str:
+    """Name, what is flown, and with which sensors."""
+    return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
+
+
+def reach_text(axis: Mapping[str, Any], points: Sequence[Mapping[str, Any]]) -> str:
+    """Values up to which a law stays within each level, and where it is lost if anywhere."""
+    values, gone = axis["values"], lost_at(points)
+    counts = [within(points, level) for level in LEVELS]
+    good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
+    return f"{good}, lost at {', '.join(f'{values[k]:g}' for k in gone)}" if gone else good
+
+
+def summary_rows(axes: Mapping[str, Any], laws: Sequence[str]) -> list[list[str]]:
+    """A row for each axis: what it is, its range, and of each law how far it is good and where it is lost."""
+    rows = []
+    for name, axis in axes.items():
+        values, unit = axis["values"], axis["unit"]
+        span = f"{values[0]:g} to {values[-1]:g} {unit}"
+        cells = [reach_text(axis, axis["laws"][law]) if law in axis["laws"] else DASH for law in laws]
+        rows.append([f"{name.replace('_', ' ')}, {span}", *cells])
+    return rows
+
+
+def summary_head(laws: Sequence[str]) -> list[str]:
+    """Names of its columns."""
+    levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
+    return [f"within {levels} mm up to", *(f">{law}" for law in laws)]
+
+
+def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """A row for each violation: trial, rule, the flagship's error, the other law's."""
+    rows = []
+    for each in found:
+        count = f" ({each['plants']} of the plants)" if "plants" in each else ""
+        trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}{count}"
+        lost = f"lost; not lost: {', '.join(each['kept_by'])}"
+        rule = lost if each["rule"] == LOST else f"worse than {each['kept_by'][0]}"
+        rows.append([trial, rule, number(each["own"], 1e3), number(each["other"], 1e3)])
+    return rows

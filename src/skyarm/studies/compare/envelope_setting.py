@@ -1,0 +1,136 @@
+"""The vehicle that an envelope is flown on: its hover, and how much of each trial's amplitude it is given.
+
+Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
+
+* forces, payloads and the drag of the hull in proportion to its weight;
+* accelerations of the base by its hover thrust margin, (largest thrust / weight - 1) g against that of the paper's
+  vehicle, never more than the paper's: amplitudes and steps times that share, speeds on the circle times its root;
+* joints swing about the middle of their range or about zero, where zero lies within it, and by at most 0.7 of the way
+  to the nearer limit where the paper's arm swings by 1 (rad, or m); a passive joint is left where it hangs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.workspace import reach
+from skyarm.records.files import shown
+from skyarm.reference import Constant, Trajectory
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+
+PAPER = "hummingbird_arm2_rotors"
+"""The vehicle that the amplitudes are stated for, as RotorS simulates it; laws believe the paper's Table 1."""
+
+HEIGHT = 1.5
+"""m, of the base; more where an arm reaches further down than 1 m."""
+
+CLEARANCE = 0.5
+"""m, between the tip of a hanging arm and the ground at least."""
+
+ROOM = 0.7
+"""Share of the way to a joint's nearer limit that a swing of 1 (rad, or m) takes at most."""
+
+DURATION = 20.0
+"""s, of a trial."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A vehicle in hover, ready for a trial.
+
+    Attributes:
+        vehicle: name or file. hover: scenario that every trial is made from.
+        weight: over that of the paper's vehicle. climb: share of the paper's accelerations, at most 1.
+        middle: of each joint's swing, rad or m. swing: of each joint, rad or m where the paper's arm swings by 1.
+        duration: of a trial, s.
+    """
+
+    vehicle: str
+    hover: Scenario
+    weight: float
+    climb: float
+    middle: tuple[float, ...]
+    swing: tuple[float, ...]
+    duration: float = DURATION
+
+    @property
+    def truth(self) -> Vehicle:
+        """The vehicle that is simulated."""
+        return self.hover.plant.vehicle
+
+
+@lru_cache(maxsize=8)
+def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
+    """The setting of a vehicle by name or file.
+
+    Raises:
+        VehicleError: no such vehicle.
+        ScenarioError: a vehicle without an arm, without a tip or that cannot hover.
+    """
+    truth = load_vehicle(vehicle)
+    _require_arm(vehicle, truth)
+    middle, swing = zip(*(_joint_room(link.joint) for link in truth.links), strict=True)
+    hover = _hover(vehicle, truth, duration, plant)
+    held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
+    return Setting(
+        vehicle=vehicle,
+        hover=hover.with_words(reference=held),
+        weight=_weight(truth) / _weight(load_vehicle(PAPER)),
+        climb=min(1.0, _spare(truth) / _spare(load_vehicle(PAPER))),
+        middle=middle,
+        swing=swing,
+        duration=duration,
+    )
+
+
+def _require_arm(name: str, truth: Vehicle) -> None:
+    if not truth.n or not truth.end_effector:
+        raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector")
+    if not _spare(truth) > 0.0:
+        raise ScenarioError(f"--vehicle = {shown(name)}: must be able to hover; 'skyarm check' says why it is not")
+
+
+def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
+    """A hover of the vehicle; the paper's with the belief and the gravities of the paper's cases."""
+    if vehicle == PAPER:
+        found = load_scenario("case3", plant=plant, duration=duration)
+        return dataclasses.replace(found, name="hover", title="hover")
+    document: dict[str, Any] = {
+        "name": "hover",
+        "duration": duration,
+        "plant": {"vehicle": vehicle, "kind": plant},
+        "controller": {"law": "centroidal"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, HEIGHT]}, "joints": [0.0] * truth.n},
+    }
+    return scenario_from(document)
+
+
+def _height(truth: Vehicle) -> float:
+    return max(HEIGHT, math.ceil(10.0 * (float(reach(truth)) + CLEARANCE)) / 10.0)
+
+
+def _weight(vehicle: Vehicle) -> float:
+    return float(vehicle.mass)
+
+
+def _spare(vehicle: Vehicle) -> float:
+    """Largest thrust over weight, less one; of rotors without a highest speed as of three times the weight."""
+    most = float(highest_thrust(vehicle)) / (9.81 * _weight(vehicle))
+    return (most if math.isfinite(most) else 3.0) - 1.0
+
+
+def _joint_room(joint: Any) -> tuple[float, float]:
+    """Middle and unit amplitude of a joint's swing."""
+    low, high = float(joint.lower), float(joint.upper)
+    middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
+    room = min(middle - low, high - middle)
+    still = joint.effort_limit == 0
+    return middle, 0.0 if still else min(1.0, ROOM * room)

@@ -1,0 +1,123 @@
+"""Laws side by side on a user's scenario, flown as its file describes it, on any plant."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.control.catalogue import require_different
+from skyarm.records.files import versions
+from skyarm.records.registry import names
+from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.draws import draws_needed
+from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
+from skyarm.studies.compare.entrants import Entrant
+from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.suite import Case, Condition
+from skyarm.studies.compare.summary import pairs, table
+from skyarm.view.pages import DASH, Report, Section, Table, number
+
+OWN = "own"
+"""The scenario's own law, which flies first."""
+
+LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
+"""What flies after it, where nobody chooses."""
+
+AS_GIVEN = "given"
+"""Name of the only condition: the file says sensors, delays, air and forces."""
+
+COLUMNS: Sequence[tuple[str, str, float]] = (
+    ("base, mm", BASE, 1e3),
+    ("joints, mrad", JOINT, 1e3),
+    ("tip, mm", TOOL, 1e3),
+    ("rotor jitter, rad/s", "rotor_jitter", 1.0),
+    ("largest tilt, deg", "tilt_max", 57.29577951308232),
+)
+"""Head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenFlights(Flights):
+    """Flights of a scenario as ``skyarm run FILE --controller LAW`` flies it, one for each number of its noise."""
+
+    def scenario(self) -> Scenario:
+        """The scenario that every episode starts from."""
+        law = None if self.entrant.name == OWN else self.entrant.law
+        found = load_scenario(self.case.scenario, plant=self.plant, controller=law)
+        return dataclasses.replace(found, seed=self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnScenario(Suite):
+    """The suite of laws on one scenario.
+
+    Attributes:
+        scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
+        plant: that flies. seeds: flights of each law, where the scenario has noise or chance in it; else one.
+        seed: of the noise.
+    """
+
+    scenario: str
+    laws: Sequence[str] = LAWS
+    plant: str = "rigid_body"
+    seeds: int = 8
+    seed: int = 0
+
+    file = "results"
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Of the scenario."""
+        return self.planned()[0][0].case.name
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Seed and plant."""
+        return {"seed": self.seed, "plant": self.plant}
+
+    def planned(self) -> tuple[list[GivenFlights], Refused]:
+        """A cell for each law.
+
+        Raises:
+            ScenarioError: no such scenario, or a law that is none.
+            ControllerError: two names of one law.
+        """
+        named = [law for law in self.laws if law != OWN]
+        require_different(named, "--laws")
+        own = load_scenario(self.scenario, plant=self.plant)
+        case = Case(name=own.name, title=own.title, scenario=self.scenario)
+        by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
+        title = "the scenario as its file describes it"
+        episodes = self.seeds if by_chance else 1
+        condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
+        options: dict[str, Any] = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
+        entrants = [Entrant(name=name, group="own", law=name) for name in (OWN, *named)]
+        return [GivenFlights(entrant=each, **options) for each in entrants], {}
+
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """Summaries, and differences from the first law."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        return {"summaries": table(named), "paired": pairs(named)}
+
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """One table: a row per law, means over the flights that came to their end."""
+        (case, laws), *_ = found["summaries"][AS_GIVEN].items()
+        columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
+        rows = []
+        for law, each in laws.items():
+            spreads = [(each["metrics"].get(metric), factor) for _, metric, factor in columns]
+            cells = [DASH if spread is None else number(spread["mean"], factor) for spread, factor in spreads]
+            rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
+        head = ["law", ">completed", *(f">{title}" for title, _, _ in columns)]
+        return Report(
+            title=f"{title_of(list(laws))}, {case} on {found['plant']}",
+            facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",
+            sections=[
+                Section(name="Means over the flights that came to their end", tables=[Table(head=head, rows=rows)])
+            ],
+        )

@@ -1,0 +1,171 @@
+"""Perturbed plants, drawn once and flown by every law; the spread for any vehicle by its mass, arm and thrust."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm import dynamics
+from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars.philox import uniforms
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANNEL_WIND = range(16, 22)
+"""Channels of the generator, apart from those of a flight's own noise."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Spread:
+    """How wrong a plant may be; every number is uniform within its bounds and drawn for each body apart.
+
+    Attributes:
+        mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
+            and mass moments, one factor a body, so that the tensor stays one of a body.
+        thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (battery, air density).
+        damping: of every joint, N m s/rad. payload: point mass at the tip, kg.
+        wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
+            force, whose air speed and gust stay.
+        delay: of the commands, s.
+    """
+
+    mass: float = 0.2
+    com: float = 0.01
+    inertia: float = 0.3
+    thrust: tuple[float, float] = (-0.10, 0.05)
+    damping: float = 0.02
+    payload: float = 0.1
+    wind: float = 3.0
+    delay: float = 0.010
+
+
+def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[str, Array]:
+    """Values of ``count`` plants by dotted path; the same for every law, whatever else flies.
+
+    Args:
+        scenario: its truth is the middle of the spread.
+        spread: bounds.
+        count: plants, numbered from 0; the first ones do not depend on it.
+        seed: key.
+    """
+    truth = scenario.plant.vehicle
+    bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
+
+    def signed(channel: int, numbers: int) -> Array:
+        return 2.0 * uniforms(seed, np.arange(count), channel, np.zeros(1, dtype=int), numbers).reshape(count, -1) - 1.0
+
+    mass, com = signed(CHANNEL_MASS, len(bodies)), signed(CHANNEL_COM, 3 * len(bodies))
+    inertia, world = signed(CHANNEL_INERTIA, len(bodies)), signed(CHANNEL_WORLD, 4)
+    found: dict[str, Array] = {}
+
+    def scale(path: str, factor: Array) -> None:
+        found[path] = number_at(scenario, path) * factor
+
+    for i, body in enumerate(bodies):
+        at = f"plant.vehicle.{body}"
+        scale(f"{at}.mass", 1.0 + spread.mass * mass[:, i])
+        for k, axis in enumerate("xyz"):
+            found[f"{at}.com.{axis}"] = number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
+        for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
+            scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
+    low, high = spread.thrust
+    thrust = 1.0 + low + 0.5 * (high - low) * (1.0 + signed(CHANNEL_ROTORS, 1)[:, 0])
+    for i in range(len(truth.rotors)):
+        scale(f"plant.vehicle.rotors.{i}.thrust_coefficient", thrust)
+    for i in range(truth.n):
+        found[f"plant.vehicle.links.{i}.joint.damping"] = 0.5 * spread.damping * (1.0 + world[:, 0])
+    found["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
+    if spread.delay:
+        found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
+    force = 0.5 * spread.wind * (1.0 + world[:, 3])
+    for axis, part in zip("xyz", _directions(signed(CHANNEL_WIND, 2)).T, strict=True):
+        found[f"environment.wind.force_W.{axis}"] = force * part
+    return found
+
+
+def _directions(square: Array) -> Array:
+    """Points of the unit sphere from points of the square [-1, 1]^2, uniform by area.
+
+    Source: Archimedes: height and azimuth of a uniform point are uniform and independent.
+    """
+    height, azimuth = square[:, 0], math.pi * square[:, 1]
+    across = np.sqrt(1.0 - height * height)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), height], axis=1)
+
+
+MASS, ARM = 0.806, 0.3
+"""kg and m: the vehicle for which the README's spread was written; Barakou et al. 2026, Table 1."""
+
+FRICTION = 40.0
+"""1/s: most joint damping over the joint's inertia at rest; what the README's spread is for the paper's forearm."""
+
+RESERVE = 0.9
+"""Of the weakest rotors' thrust: what load and wind together may ask for in a hover."""
+
+
+def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
+    """The README's spread for a vehicle, and the share of payload and wind that it can bear.
+
+    Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
+    wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a
+    hover would not reach for both.
+    """
+    usual = Spread()
+    mass, length = float(vehicle.mass) / MASS, arm_length(vehicle) / ARM
+    weakest = 1.0 + usual.thrust[0]
+    load, wind = usual.payload * mass, usual.wind * mass
+    needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)
+    eased = min(1.0, max(0.0, (RESERVE * weakest * thrust_margin(vehicle, gravity) - 1.0) / needed))
+    spread = Spread(
+        com=usual.com * length,
+        payload=load * eased if vehicle.end_effector else 0.0,
+        wind=wind * eased,
+        damping=usual.damping * mass * length * length if vehicle.n else 0.0,
+        delay=delay,
+    )
+    return spread, eased
+
+
+def arm_length(vehicle: Vehicle) -> float:
+    """m: from base to tip along the stretched arm; without one, the widest distance of a rotor from the base."""
+    links = [math.sqrt(float(link.joint.position.dot(link.joint.position))) for link in vehicle.links]
+    tip = next((frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None)
+    if tip is not None and links:
+        return sum(links) + _length(tip.position)
+    return max((_length(rotor.position) for rotor in vehicle.rotors), default=ARM)
+
+
+def _length(v: Vec3) -> float:
+    return math.sqrt(float(v.dot(v)))
+
+
+def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
+    """Largest thrust over that of a hover, of the rotor with the least."""
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    shares = [(float(r.max_speed) / max(float(w), 1e-9)) ** 2 for w, r in zip(trim.speeds, vehicle.rotors, strict=True)]
+    return min(shares, default=math.inf)
+
+
+def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array]) -> dict[str, Array]:
+    """Drawn values with the damping of every joint from none to what its inertia bears, or to twice its own.
+
+    Args:
+        scenario: its truth is the middle of the spread.
+        spread: that they were drawn from.
+        values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
+    """
+    truth = scenario.plant.vehicle
+    M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
+    found = dict(values)
+    for i in range(truth.n):
+        path = f"plant.vehicle.links.{i}.joint.damping"
+        most = max(min(spread.damping, FRICTION * float(M[6 + i][6 + i])), 2.0 * number_at(scenario, path))
+        found[path] = values[path] * (most / spread.damping)
+    return found

@@ -1,0 +1,197 @@
+"""Suites of flights: trials by laws under conditions, flown into a folder, judged, and written as one report.
+
+A suite says what flies and how it is judged; the rest is here. Each cell is a file of its own from the moment it has
+flown, so that a suite that was killed continues; ``flights.parquet`` holds every flight of all cells in a row.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.records.files import require_writable, write_atomically
+from skyarm.records.registry.plugins import identities
+from skyarm.simulate.workers import Submit, workers
+from skyarm.studies.compare.cells import Cell, Cells, Flights, Flown, fly, fly_episode
+from skyarm.view.pages import Report
+
+Progress = Callable[[int, int, str], None]
+"""Called with (cells done, cells in all, what was done last)."""
+
+DPI = 160
+PAGE = "report.html"
+SMALL, LEAST = 128, 4
+"""Episodes of a batch up to which a process is faster than threads; pieces of work for which processes are started."""
+
+Refused = Mapping[str, str]
+"""Law, or law and trial -> why it does not fly."""
+
+
+class Suite(ABC):
+    """What flies, and how it is judged.
+
+    Attributes:
+        name: of the suite. file: name of its results, without the suffix.
+    """
+
+    name: str
+    file: str
+
+    @property
+    @abstractmethod
+    def asked(self) -> dict[str, Any]:
+        """Plain options that fix the report, for its results and to tell two reports apart."""
+
+    @abstractmethod
+    def planned(self) -> tuple[Sequence[Flights], Refused]:
+        """The flights of every cell, and why a law does not fly."""
+
+    @abstractmethod
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+        """The results as plain data."""
+
+    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+        """Path in the folder -> PNG of the page; files of further flights are named in the results."""
+        return {}
+
+    @abstractmethod
+    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+        """The results for people."""
+
+
+def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> dict[str, Any]:
+    """Fly the missing cells of a suite, write the folder's files, and return the content of its JSON file.
+
+    Raises:
+        ValueError: no law flies any trial.
+        NoMachineCodeError: before any flight; most laws fly in batches.
+        OSError: a file cannot be written.
+    """
+    require_machine_code()
+    todo, refused = suite.planned()
+    if not todo:
+        raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
+    prepare(folder)
+    cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
+    found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.asked}
+    if identities():
+        found["plugins"] = identities()
+    found |= suite.judge(todo, cells, refused)
+    pictures = suite.pictures(found, todo, folder)
+    write_suite(suite, found, pictures, folder)
+    write_flights(todo, cells, folder)
+    return found
+
+
+def prepare(folder: Path) -> None:
+    """Make the folders of a suite.
+
+    Raises:
+        OSError: one of them cannot be written.
+    """
+    require_writable(folder)
+    require_writable(folder / "cells")
+
+
+def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:
+    """Cells in order; those that the folder holds are not flown again.
+
+    Args:
+        todo: flights of each cell.
+        folder: of the cells.
+        threads: of large batches; processes for small ones and for episodes one by one. No number depends on it.
+        progress: called after every cell.
+
+    Raises:
+        OSError: a process ended unexpectedly, or a cell cannot be written.
+    """
+    store, found = Cells(folder), dict[int, Cell]()
+
+    def note(k: int, cell: Cell) -> None:
+        found[k] = cell
+        if progress is not None:
+            progress(len(found), len(todo), todo[k].label.replace("__", " "))
+
+    def keep(k: int, cell: Cell) -> None:
+        store.put(todo[k], cell)
+        note(k, cell)
+
+    left = []
+    for k, flights in enumerate(todo):
+        cell = store.get(flights)
+        if cell is None:
+            left.append(k)
+        else:
+            note(k, cell)
+    pieces = {k: _pieces(todo[k]) for k in left} if threads > 1 else {}
+    shared = [k for k, each in pieces.items() if each]
+    if sum(len(pieces[k]) for k in shared) < LEAST:
+        shared = []
+    for k in left:
+        if k not in shared:
+            keep(k, fly(todo[k], threads))
+    if shared:
+        with workers(threads) as submit:
+            _fly_in_processes({k: todo[k] for k in shared}, pieces, submit, keep)
+    return [found[k] for k in range(len(todo))]
+
+
+def _pieces(flights: Flights) -> list[int | None]:
+    """Work of a cell that processes share: its episodes, a whole small batch (None), or nothing of a large one."""
+    scenario = flights.scenario()
+    count = flights.episodes(scenario)
+    return list(range(count)) if flights.alone(scenario) else [None] if count <= SMALL else []
+
+
+def _fly_in_processes(
+    todo: Mapping[int, Flights],
+    pieces: Mapping[int, list[int | None]],
+    submit: Submit,
+    keep: Callable[[int, Cell], None],
+) -> None:
+    flying = {submit(_fly_piece, todo[k], each): (k, each) for k in todo for each in pieces[k]}
+    flown: dict[int, dict[int | None, Any]] = {k: {} for k in todo}
+    for future in as_completed(flying):
+        k, each = flying[future]
+        flown[k][each] = future.result()
+        if len(flown[k]) == len(pieces[k]):
+            done = flown.pop(k)
+            keep(k, done[None] if None in done else Cell.of([done[episode] for episode in pieces[k]]))
+
+
+def _fly_piece(flights: Flights, episode: int | None) -> Cell | Flown:
+    return fly(flights) if episode is None else fly_episode(flights, episode)
+
+
+def write_suite(suite: Suite, found: Mapping[str, Any], pictures: dict[str, bytes], folder: Path) -> None:
+    """Write results and report of a suite."""
+    report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
+    texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
+    for name, content in (pictures | {name: text.encode() for name, text in texts.items()}).items():
+        write_atomically(folder / name, content)
+
+
+def write_flights(todo: Sequence[Flights], cells: Sequence[Cell], folder: Path) -> None:
+    """Write every flight of all cells as a row of ``flights.parquet``, where pyarrow is installed."""
+    if find_spec("pyarrow") is None:
+        return
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    tables = []
+    for flights, cell in zip(todo, cells, strict=True):
+        count = len(cell.status)
+        names = dict(zip(("condition", "case", "law"), flights.name, strict=True))
+        fixed = {name: pa.array([word] * count).dictionary_encode() for name, word in names.items()}
+        numbers = {"trial": flights.trials(count), **cell.metrics}
+        tables.append(pa.table({**fixed, "status": pa.array(cell.status), **numbers}))
+    stream = io.BytesIO()
+    pq.write_table(pa.concat_tables(tables, promote_options="default"), stream)
+    write_atomically(folder / "flights.parquet", stream.getvalue())

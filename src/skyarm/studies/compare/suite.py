@@ -1,0 +1,180 @@
+"""What is flown: the paper's five cases and harder ones, under conditions from perfect to wrong in everything."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from skyarm.algebra import Vec3
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.studies.compare.perturbed_plants import Spread
+from skyarm.world import ForceWind
+
+NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
+"""White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
+
+DELAY = 0.005
+"""s: age of a measurement in the noisy conditions, one control period. Laws with an option for it are given it."""
+
+GROUND = False
+"""The suite measures tracking; a flight that sinks below z = 0 goes on and shows its error."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Case:
+    """A scenario of the suite.
+
+    Attributes:
+        name: short name. title: one line. scenario: shipped scenario it starts from.
+        wind: angle of its wind from the x axis about the vertical, rad.
+        payload: point mass that the model of the controller lacks, kg.
+        windows: of the metrics.
+    """
+
+    name: str
+    title: str
+    scenario: str
+    wind: float = 0.0
+    payload: float = 0.0
+    windows: Windows = Windows()
+
+    def build(self) -> Scenario:
+        """The scenario with perfect sensors; its controller is replaced by an entrant's."""
+        found = load_scenario(self.scenario)
+        blowing = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
+        world = found.plant
+        if self.payload:
+            world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
+        return found.with_words(name=self.name, wind=turned(blowing, self.wind), plant=world, ground=GROUND)
+
+
+def turned(wind: ForceWind, angle: float) -> ForceWind:
+    """The wind turned about the vertical; its gust stays where it was."""
+    if not angle:
+        return wind
+    c, s = math.cos(angle), math.sin(angle)
+
+    def turn(v: Vec3) -> Vec3:
+        return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+
+    return dataclasses.replace(wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W))
+
+
+CASES: Mapping[str, Case] = {
+    case.name: case
+    for case in (
+        Case(name="case1", title="hover, ramps of the arm", scenario="case1"),
+        Case(name="case2", title="hover, arm swinging", scenario="case2"),
+        Case(
+            name="case2_gust",
+            title="the same, gust of 3 s along x",
+            scenario="case2_gust",
+            windows=Windows(gust=Window(7.5, 20.0)),
+        ),
+        Case(name="case3", title="circle, arm swinging", scenario="case3"),
+        Case(name="case3_wind", title="the same, wind along x (2 N, 2 m/s)", scenario="case3_wind"),
+        Case(name="case3_wind_45", title="the same from 45 deg", scenario="case3_wind", wind=0.25 * math.pi),
+        Case(name="case3_wind_side", title="the same from the side", scenario="case3_wind", wind=0.5 * math.pi),
+        Case(name="case3_wind_payload", title="wind along x, 50 g at the tip", scenario="case3_wind", payload=0.05),
+    )
+}
+
+PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Condition:
+    """What is between a case and a flight.
+
+    Attributes:
+        name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
+        episodes: flights of each case. cases: names.
+        spread: how wrong the plants are; None flies the truth as it is.
+        change: further change of the scenario.
+    """
+
+    name: str
+    title: str
+    noisy: bool
+    episodes: int
+    cases: tuple[str, ...]
+    spread: Spread | None = None
+    change: Callable[[Scenario], Scenario] | None = None
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario under this condition, its controller apart."""
+        # a spread has a delay of its own, from none at all
+        delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
+        if self.spread and self.spread.delay:
+            delays = Delays(longest_command=self.spread.delay)
+        scenario = scenario.with_words(delays=delays, noise=NOISE if self.noisy else scenario.noise)
+        return self.change(scenario) if self.change else scenario
+
+
+def everything_wrong(scenario: Scenario) -> Scenario:
+    """Arm 20 % heavier (masses and inertias), 50 g at the tip, rotors 10 % weaker."""
+    vehicle = scenario.plant.vehicle
+    links = tuple(
+        dataclasses.replace(
+            link,
+            body=dataclasses.replace(link.body, mass=link.body.mass * 1.2, inertia=link.body.inertia * 1.2),
+        )
+        for link in vehicle.links
+    )
+    rotors = tuple(
+        dataclasses.replace(rotor, thrust_coefficient=rotor.thrust_coefficient * 0.9) for rotor in vehicle.rotors
+    )
+    wrong = dataclasses.replace(vehicle, links=links, rotors=rotors).with_payload(0.05)
+    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=wrong))
+
+
+def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
+    """The columns of the suite.
+
+    Args:
+        plants: perturbed plants.
+        seeds: noisy flights of the truth.
+    """
+    every = tuple(CASES)
+    found = (
+        Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
+        Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
+        Condition(
+            name="wrong",
+            title="everything wrong: arm +20 %, 50 g, thrust -10 %, noise, delay",
+            noisy=True,
+            episodes=seeds,
+            cases=("case2_gust", "case3_wind"),
+            change=everything_wrong,
+        ),
+        Condition(
+            name="plants",
+            title="perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of",
+            noisy=False,
+            episodes=plants,
+            cases=PAPER_CASES,
+            spread=Spread(),
+        ),
+        Condition(
+            name="plants_noisy",
+            title="perturbed plants, noise, delay 0 to 10 ms",
+            noisy=True,
+            episodes=plants,
+            cases=PAPER_CASES,
+            spread=Spread(),
+        ),
+        Condition(
+            name="plants_late",
+            title="the same with delay 0 to 15 ms",
+            noisy=True,
+            episodes=plants,
+            cases=("case3_wind",),
+            spread=Spread(delay=0.015),
+        ),
+    )
+    return {each.name: each for each in found}

@@ -1,0 +1,91 @@
+"""What a cell says: means, tails, successes, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from skyarm.studies.compare.cells import Cell
+from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
+
+SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
+"""A success flew to its end with the tip within 20 mm of its reference all through the last 5 s."""
+
+
+def summary(cell: Cell) -> dict[str, Any]:
+    """Episodes, successes with Wilson's interval, and of each metric mean, its bootstrap interval, 95th percentile.
+
+    Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
+    size: of two flights that swing either way the mean is no small peak.
+    """
+    whole = cell.completed
+    good = successes(cell)
+    count = int(whole.size)
+    return {
+        "episodes": count,
+        "completed": int(whole.sum()),
+        "success": int(good.sum()),
+        "success_rate": float(good.mean()) if count else None,
+        "success_interval": list(wilson(int(good.sum()), count)),
+        "endings": {str(name): int((cell.status == name).sum()) for name in np.unique(cell.status)},
+        "metrics": {name: _spread(sized(name, values[whole])) for name, values in cell.metrics.items()},
+    }
+
+
+def sized(name: str, values: Any) -> Any:
+    """Values of a metric, peaks along an axis without their sign."""
+    return np.abs(values) if "peak" in name else values
+
+
+def successes(cell: Cell) -> Any:
+    """Which episodes are a success."""
+    with np.errstate(invalid="ignore"):
+        return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
+
+
+def _spread(values: Any) -> dict[str, Any] | None:
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if not finite.size:
+        return None
+    low, high = bootstrap_mean(finite) if finite.size > 1 else (float(finite[0]),) * 2
+    return {
+        "mean": float(finite.mean()),
+        "mean_interval": [low, high],
+        "p95": quantiles(finite, [0.95])[0],
+        "max": float(finite.max()),
+    }
+
+
+def paired(first: Cell, second: Cell, metric: str) -> dict[str, float] | None:
+    """Difference of a metric between two entrants on the same episodes, over those that both flew to the end."""
+    both = first.completed & second.completed
+    difference = (np.asarray(first.metrics[metric]) - np.asarray(second.metrics[metric]))[both]
+    difference = difference[np.isfinite(difference)]
+    if not difference.size:
+        return None
+    low, high = bootstrap_mean(difference)
+    return {"mean": float(difference.mean()), "low": low, "high": high, "first_smaller": float((difference < 0).mean())}
+
+
+def table(cells: Mapping[tuple[str, str, str], Cell]) -> dict[str, Any]:
+    """Summaries by condition, case, entrant."""
+    found: dict[str, Any] = {}
+    for (condition, case, entrant), cell in cells.items():
+        found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
+    return found
+
+
+def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> dict[str, Any]:
+    """Paired differences of every entrant from the first, by condition, case, entrant, where both flew the same."""
+    firsts: dict[tuple[str, str], tuple[str, Cell]] = {}
+    found: dict[str, Any] = {}
+    for (condition, case, entrant), cell in cells.items():
+        against, other = firsts.setdefault((condition, case), (entrant, cell))
+        if against != entrant and cell.completed.size == other.completed.size > 1:
+            difference = paired(cell, other, metric)
+            entry: dict[str, Any] | None = None if difference is None else {"from": against, **difference}
+            found.setdefault(condition, {}).setdefault(case, {})[entrant] = entry
+    return found

@@ -1,0 +1,215 @@
+"""Candidates flown: all flights of a study in batches, one lane each; the loss of their cells."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.studies.identify.study import Cell, Constant, IdentificationStudy, Settings, Target
+
+Array = npt.NDArray[np.float64]
+
+WORST = 1e6
+"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
+
+
+def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
+    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
+    measured, half = _columns(cells)
+    apart = np.maximum(np.abs(ours - measured) - half, 0.0)
+    return np.where(np.isfinite(ours), apart, np.inf)
+
+
+def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
+    """Whether each cell is within a share of what was measured, its rounding forgiven; (lanes, cells)."""
+    measured, _ = _columns(cells)
+    # 1e-9: a number on the very edge is within
+    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
+    return found
+
+
+def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
+    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
+
+    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
+    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
+    first; another sign and a missing number are as far as can be.
+    """
+    measured, half = _columns(cells)
+    nearest = np.clip(measured, ours - half, ours + half)
+    with np.errstate(all="ignore"):
+        u = np.log(nearest / measured) / width
+    u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
+    found: Array = u**2 / (1.0 + (u / knee) ** 2)
+    return found
+
+
+def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
+    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
+    """Counts of one lane: how many cells, and how many within each share."""
+    lane = np.asarray(ours, dtype=float).reshape(1, -1)
+    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}
+
+
+AT_ONCE = 8192
+"""Lanes of one call."""
+
+
+class Flown:
+    """A flight whose numbers at some paths differ from candidate to candidate.
+
+    Args:
+        scenario: with its other numbers. paths: of these. metrics: wanted.
+        stiffest: scenario that bounds the integration step.
+        effort: of the compiler; 0 is worth it for few candidates.
+
+    Attributes:
+        base: path -> number of the scenario.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        paths: Sequence[str],
+        metrics: Sequence[str],
+        stiffest: Scenario,
+        effort: int,
+    ) -> None:
+        self._metrics, self._known = tuple(metrics), dict[bytes, Array]()
+        self.base = {path: number_at(scenario, path) for path in paths}
+        self._batch = Batch(scenario, paths, metrics=metrics, single=True, stiffest=stiffest, effort=effort)
+
+    def values(self, columns: Array, threads: int) -> Array:
+        """(lanes, metrics) of (lanes, paths); a candidate that ended early has none."""
+        rows = np.ascontiguousarray(columns, dtype=float)
+        keys = [row.tobytes() for row in rows]
+        fresh = {key: i for i, key in enumerate(keys) if key not in self._known}
+        places = list(fresh.values())
+        for first in range(0, len(places), AT_ONCE):
+            some = rows[places[first : first + AT_ONCE]]
+            lanes = dict(zip(self._batch.paths, some.T, strict=True))
+            # every lane draws the same noise
+            flown = self._batch.fly(lanes, episodes=np.zeros(len(some), dtype=int), threads=threads)
+            found = np.stack([flown.metrics[name] for name in self._metrics], axis=1).astype(float)
+            found[~flown.completed] = np.nan
+            self._known |= {row.tobytes(): values for row, values in zip(some, found, strict=True)}
+        return np.array([self._known[key] for key in keys]).reshape(len(keys), len(self._metrics))
+
+
+class Candidates:
+    """Settings flown in batches.
+
+    Args:
+        study: whose flights and cells. threads: results do not depend on it.
+    """
+
+    def __init__(self, study: IdentificationStudy, threads: int = 1) -> None:
+        self.study, self._threads = study, threads
+        self._flights: dict[tuple[Any, ...], Flown] = {}
+        self._bounds: dict[tuple[Any, ...], tuple[Scenario, Scenario, float]] = {}
+        self._family = tuple(dict.fromkeys([*study.free, *(name for each in study.predictions for name in each.free)]))
+        self._rivals = tuple(dict.fromkeys(name for rival in study.rivals for name in rival.adds))
+
+    def cells(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+        """(lanes, cells): what each candidate makes of each cell.
+
+        Args:
+            cells: of the study.
+            fixed: settings that all candidates share.
+            varied: parameter -> (lanes,); one lane if left out.
+        """
+        columns = dict(varied or {})
+        count = len(next(iter(columns.values()))) if columns else 1
+        found = np.full((count, len(cells)), np.nan)
+        for flight in dict.fromkeys(cell.flight for cell in cells):
+            places = [i for i, cell in enumerate(cells) if cell.flight == flight]
+            values = self._flight(flight, fixed, columns, count)
+            metrics = self._metrics(flight)
+            for i in places:
+                found[:, i] = values[:, metrics.index(cells[i].metric)]
+        return found
+
+    def loss(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+        """(lanes,): summed loss of each candidate."""
+        study = self.study
+        summed: Array = losses(self.cells(cells, fixed, varied), cells, study.width, study.knee).sum(axis=1)
+        return summed
+
+    def _metrics(self, flight: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(cell.metric for cell in self.study.cells if cell.flight == flight))
+
+    def _flight(self, flight: str, fixed: Settings, columns: Mapping[str, Array], count: int) -> Array:
+        """(lanes, metrics) of a flight, whose machine code serves every setting of the study's own family."""
+        numbers = self.study.numbers(flight, {**fixed, **columns})
+        table = self.study.tables(flight, fixed)
+        names = self._family
+        if not set(numbers) <= self._paths(flight, names):  # a rival's may be faster, and has code of its own
+            names = tuple(dict.fromkeys([*names, *(name for name in (*fixed, *columns) if name in self._rivals)]))
+        paths = tuple(sorted({*self._paths(flight, names), *numbers}))
+        effort = 2 if names == self._family else 0
+        planned, stiffest, fastest = self._bounded(flight, table, fixed, [*names, *fixed, *columns])
+        # all that the machine code is made of: who asks first, as after a stop, makes no other one
+        key = (flight, json.dumps(table, sort_keys=True), fastest, effort, *paths)
+        if key not in self._flights:
+            self._flights[key] = Flown(planned, paths, self._metrics(flight), stiffest, effort)
+        flown = self._flights[key]
+        rows = np.empty((count, len(paths)))
+        for i, path in enumerate(paths):
+            rows[:, i] = numbers.get(path, flown.base[path])
+        return flown.values(rows, self._threads)
+
+    def _bounded(
+        self, flight: str, table: Any, fixed: Settings, names: Sequence[str]
+    ) -> tuple[Scenario, Scenario, float]:
+        """The scenario of a flight, the stiffest that some parameters can make of it, and how fast that is, 1/s.
+
+        Whatever numbers the settings have, they are within the parameters' ranges; their options count.
+        """
+        options = {name: value for name, value in fixed.items() if isinstance(value, str)}
+        own = tuple(dict.fromkeys(name for name in names if name not in options))
+        key = (flight, *sorted(options.items()), *own)
+        if key not in self._bounds:
+            planned = scenario_from(table, self.study.flight(flight).folder)
+            ends = [*self._ends(flight, {}, own), *self._ends(flight, options, own)]
+            self._bounds[key] = (planned, *_stiffest(planned, ends))
+        return self._bounds[key]
+
+    def _paths(self, flight: str, names: Sequence[str]) -> set[str]:
+        """Paths of a flight that some parameters, and every choice, set."""
+        targets: list[Target | Constant] = [t for name in names for t in self.study.parameter(name).targets]
+        targets += [target for choice in self.study.choices for option in choice.options for target in option.sets]
+        return {str(target.path) for target in targets if target.flights.fit(flight)}
+
+    def _ends(self, flight: str, fixed: Settings, names: Sequence[str]) -> list[dict[str, Any]]:
+        """Numbers of a flight with each varied parameter at its ends, and all of them at the upper one."""
+        tops = {name: self.study.parameter(name).high for name in names}
+        bottoms = {name: self.study.parameter(name).low for name in names}
+        singles = [{**fixed, name: value} for each in (tops, bottoms) for name, value in each.items()]
+        return [self.study.numbers(flight, settings) for settings in (*singles, {**fixed, **tops})]
+
+
+def _stiffest(planned: Scenario, ends: Sequence[Mapping[str, Any]]) -> tuple[Scenario, float]:
+    """The scenario with the stiffest joint friction within the parameters' ranges, and how fast it is, 1/s."""
+    worst, fastest = planned, joint_rate(planned.plant.vehicle)
+    for numbers in ends:
+        try:
+            changed = with_numbers(planned, {p: v for p, v in numbers.items() if p.startswith("plant.")})
+            rate = joint_rate(changed.plant.vehicle)
+        except ValueError:
+            continue  # extremes of several need not come together
+        if rate > fastest:
+            worst, fastest = changed, rate
+    return worst, fastest

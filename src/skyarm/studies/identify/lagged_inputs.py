@@ -1,0 +1,222 @@
+"""Models of a logged flight: forces that its motion needed, and forces that lagged commands make.
+
+Needed forces follow from the model's inverse dynamics. Rotors and joint drives make means over control periods of
+logged commands, for many delays and lags at once. A log is cut into stretches that are followed side by side, each from
+some time before its begin: of a rotor's past, exp(-t / time constant) is left. The time that a log takes grows with a
+stretch's length, not with its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import ZERO3
+from skyarm.dynamics.actuators.rotor import push, rotor_forces
+from skyarm.dynamics.array_front import inverse_dynamics
+from skyarm.log.flight_log import Log
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+Array = npt.NDArray[np.float64]
+
+SHORTEST = 1.0
+"""s of a flight of which anything is asked."""
+
+UNEVEN = 0.01
+"""Of a period: what instants may be off an even clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class Needed:
+    """Means over the N - 1 control periods of a log.
+
+    Attributes:
+        period: s. wrench: (N - 1, 6) force and torque at the base origin, base axes, N and N m.
+        efforts: (N - 1, n) of the joints, without friction. joint_rates: (N - 1, n).
+    """
+
+    period: float
+    wrench: Array
+    efforts: Array
+    joint_rates: Array
+
+
+def control_period(log: Log) -> float:
+    """Time between two instants of a log, s.
+
+    Raises:
+        ValueError: it is too short, or its instants are not evenly spaced.
+    """
+    steps = np.diff(log.time)
+    if not len(steps) or log.time[-1] - log.time[0] < SHORTEST * (1.0 - 1e-9):
+        span = log.time[-1] - log.time[0] if log.time.size else 0.0
+        raise ValueError(f"time: {span:g} s are too short; at least {SHORTEST:g} s of flight are needed")
+    period = float(np.median(steps))
+    if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
+        raise ValueError("time: must be evenly spaced, one row a control period")
+    return period
+
+
+def needed(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
+    """Forces by the model, from differences of the logged velocities.
+
+    Args:
+        vehicle: the model, without friction.
+        log: with the rates as they were measured, or true ones.
+        gravity: m/s^2.
+
+    Raises:
+        ValueError: another number of joints, or a log whose clock is not even or that holds numbers that are none.
+    """
+    if log.joints.shape[1] != vehicle.n:
+        raise ValueError(f"joints: the log has {log.joints.shape[1]}, vehicle '{vehicle.name}' {vehicle.n}")
+    period = control_period(log)
+    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"):
+        if not np.isfinite(getattr(log, name)).all():
+            raise ValueError(f"{name}: must be finite throughout the flight")
+    quaternion = _middle(log.quaternion)
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    if length.min() < 0.5:
+        raise ValueError("quaternion: must be of unit length and without jumps")
+    rates = np.concatenate([log.velocity, log.rate, log.joint_rates], axis=1)
+    quaternion = quaternion / length
+    found = inverse_dynamics(
+        vehicle,
+        _middle(log.position),
+        quaternion,
+        _middle(log.joints),
+        _middle(rates),
+        np.diff(rates, axis=0) / period,
+        gravity=gravity,
+    )
+    force = to_base(quaternion, found[:, :3])
+    wrench = np.concatenate([force, found[:, 3:6]], axis=1)
+    return Needed(period, wrench, found[:, 6:], _middle(log.joint_rates))
+
+
+def _middle(rows: Array) -> Array:
+    """(N - 1, ...) between two rows."""
+    return 0.5 * (rows[1:] + rows[:-1])
+
+
+def to_base(quaternion: Array, vectors: Array) -> Array:
+    """Vectors (N, 3) of world axes in base axes; quaternion (N, 4) wxyz, base to world."""
+    w, axis = quaternion[:, :1], -quaternion[:, 1:]
+    turned = 2.0 * np.cross(axis, vectors)
+    found: Array = vectors + w * turned + np.cross(axis, turned)
+    return found
+
+
+STRETCH = 0.25
+"""s, of a stretch."""
+
+FORGOTTEN = 5.0
+"""Time constants that are followed before a stretch: of what was before, 0.7 % is left."""
+
+USUAL = 0.02
+"""s: unit of the time constants of rotors that are believed to have none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Commands in stretches, oldest first.
+
+    Attributes:
+        commands: (steps + 2, stretches, columns) commands of the periods of each stretch, shifted by nothing.
+        before: periods of a stretch that are not counted. periods: of the log. longest: periods of delay that fit.
+    """
+
+    commands: Array
+    before: int
+    periods: int
+    longest: int
+
+    @classmethod
+    def of(cls, commands: Array, period: float, longest: float, slowest: float) -> Followed:
+        """Cut commands (N, columns), one a control instant, into stretches.
+
+        Args:
+            commands: as sent; before the first, that one is taken to have been sent for ever.
+            period: s, of the control.
+            longest: s, delay that will be asked for.
+            slowest: s, time constant that will be.
+        """
+        periods = len(commands) - 1
+        late, before = int(longest / period) + 2, round(FORGOTTEN * slowest / period)
+        size = max(1, min(round(STRETCH / period), periods))
+        starts = np.arange(0, periods, size)
+        places = starts[None, :] - before - late + np.arange(late + before + size)[:, None]
+        return cls(commands[np.clip(places, 0, periods)], before, periods, late)
+
+    def counted(self, means: Array) -> Array:
+        """(candidates, periods, columns) of means (steps, candidates, stretches, columns)."""
+        kept = means[self.before :]
+        joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
+        return joined[:, : self.periods]
+
+    def means(self, period: float, delay: Array, up: Array, down: Array, *, squared: bool) -> Array:
+        """Means over every period of what follows the commands with a dead time and a first-order lag.
+
+        The approach to a held command is monotonic: one time constant holds for it, and its mean is exact.
+
+        Args:
+            period: s, of the control.
+            delay: (candidates,) s of dead time, from 0 to the longest.
+            up: (candidates, columns) time constants, s, toward a larger value.
+            down: the same toward a smaller one.
+            squared: the mean of the square, as of a rotor's speed.
+
+        Returns:
+            (candidates, periods, columns).
+        """
+        whole = np.floor(delay / period + 1e-9).astype(int)
+        late = np.maximum(delay - whole * period, 0.0)[:, None, None]
+        spans = late, period - late
+        ups, downs = up[:, None, :], down[:, None, :]
+        decays = [[np.exp(-span / np.maximum(tau, 1e-6)) for tau in (ups, downs)] for span in spans]
+        value = self.commands[self.longest - 1 - whole]  # (candidates, stretches, columns)
+        steps, even = len(self.commands) - self.longest, up is down
+        found = np.empty((steps, *value.shape))
+        for k in range(steps):
+            total: Any = 0.0
+            for back, span, (rising, falling) in zip((1, 0), spans, decays, strict=True):
+                target = self.commands[self.longest + k - whole - back]
+                off = value - target
+                tau, decay = ups, rising
+                if not even:
+                    above = off > 0.0
+                    tau, decay = np.where(above, downs, ups), np.where(above, falling, rising)
+                away = off * tau * (1.0 - decay)
+                if squared:
+                    total = total + target * (target * span + 2.0 * away) + 0.5 * off * away * (1.0 + decay)
+                else:
+                    total = total + target * span + away
+                value = target + off * decay
+            found[k] = total / period
+        return self.counted(found)
+
+
+def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
+    """Time constants of each rotor up and down, s, as believed; a usual one where none is believed."""
+    pairs = np.array([[float(r.time_constant_up), float(r.time_constant_down)] for r in rotors])
+    pairs = np.where(pairs > 0.0, pairs, USUAL)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def pushes_of(rotors: Sequence[Rotor], squares: Array) -> Array:
+    """Thrust over thrust coefficient of mean squared speeds (..., rotors); a table is read at the root of the mean."""
+    columns = [squares[..., i] if r.table is None else push(r, np.sqrt(squares[..., i])) for i, r in enumerate(rotors)]
+    return np.stack(columns, axis=-1)
+
+
+def wrench_of_pushes(rotors: Sequence[Rotor]) -> Array:
+    """(6, rotors): force, then torque at the base origin, base axes, of a push of 1 (rad/s)^2 of each rotor."""
+    found = []
+    for i in range(len(rotors)):
+        force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)
+        found.append([float(each) for each in (*force.force, *force.torque)])
+    return np.array(found).T

@@ -1,0 +1,390 @@
+"""Delays of a vehicle's loops, found in the log of a flight: of commands, with the lags of rotors and joint drives.
+
+Motion gives by inverse dynamics the forces that acted; commands, a dead time and a first-order lag give those that
+should have. The dead time and the time constants by which both agree best are found by least squares
+(:mod:`whitened_fit`), each with an interval. The strength of each row (roll, pitch, yaw, thrust) and the joints'
+viscous friction are found with them: they need not be modelled rightly.
+
+What is found is the time from a command to the *logged* rates. Where a log holds rates as an on-board computer received
+them, their age is in it: of delays around a loop only the sum is seen by what passes through it. A log of skyarm holds
+the true state, so that its delay is that of the commands alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import setpoints_of
+from skyarm.records.files.toml import toml_key
+from skyarm.studies.identify.lagged_inputs import (
+    Followed,
+    Needed,
+    believed_lags,
+    needed,
+    pushes_of,
+    wrench_of_pushes,
+)
+from skyarm.studies.identify.whitened_fit import Fit, blocks_of, fit
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimated:
+    """A number with the interval that holds it in 95 of 100 flights; SI."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
+        """Within half a width, and not below what it can be."""
+        return cls(value=value, low=max(least, value - half), high=value + half)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lag:
+    """How late a group of actuators acts.
+
+    Attributes:
+        name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
+        delay: s, dead time. up, down: s, time constants of rotors; of a joint drive both are its own.
+        factor: (up, down) over what is believed; NaN where nothing is.
+        explained: share of the motion, 0 to 1, that the commands explain once noise and slow disturbances are off.
+        reason: why the flight does not tell; empty where it does. apart: whether delay and lag are told apart.
+    """
+
+    name: str
+    together: Estimated
+    delay: Estimated
+    up: Estimated
+    down: Estimated
+    factor: tuple[float, float]
+    explained: float
+    reason: str = ""
+    apart: bool = True
+
+    @property
+    def known(self) -> bool:
+        """Whether the flight tells."""
+        return not self.reason
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopLags:
+    """What a log tells of its loops.
+
+    Attributes:
+        period: s, of the control. seconds: of the log.
+        rotors: None of a vehicle without any. joints: of those whose drives take a torque.
+        left_out: joint -> why it was not asked.
+    """
+
+    period: float
+    seconds: float
+    rotors: Lag | None
+    joints: tuple[Lag, ...]
+    left_out: dict[str, str]
+
+
+PHYSICS_STEP = 0.001
+"""s, of the usual physics, of which a command's delay is a whole number."""
+
+
+def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
+    """TOML to paste: delays of plant and law, the rotors' time constants, the joints' drives; empty if none is known.
+
+    Args:
+        found: in a log.
+        measured: s, age of the measurement that the law is told of beside, where the log's rates are true.
+    """
+    lines: list[str] = []
+    rotors = found.rotors
+    if rotors is not None and rotors.known:
+        periods = round((measured + rotors.delay.value) / found.period)
+        lines += [
+            "# scenario: what the plant has, in whole physics steps",
+            "[delays]",
+            f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
+            "",
+            "# what a law may be told, as an option of its law: centroidal, and others",
+            f"# controller.delay = {periods * found.period:.6g}",
+            f"# controller.delay_periods = {periods}",
+            "",
+            "# vehicle file, each of [[rotors]]",
+            f"# time_constant_up = {rotors.up.value:.4f}  {_from(rotors.up)}",
+            f"# time_constant_down = {rotors.down.value:.4f}  {_from(rotors.down)}",
+            "",
+        ]
+    for joint in found.joints:
+        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
+        lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
+        if joint.known and lagging:
+            beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
+            lines += [
+                f"[plant.drives.{toml_key(joint.name)}]",
+                'kind = "lagged_torque"',
+                f"time_constant = {joint.up.value:.4f}  {_from(joint.up)}; {beside}",
+                "",
+            ]
+    return "\n".join(lines)
+
+
+def _from(found: Estimated) -> str:
+    return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
+
+
+Array = npt.NDArray[np.float64]
+
+LONGEST = 0.08
+"""s, longest delay that is looked for."""
+
+LOWEST_FACTOR, HIGHEST_FACTOR = 0.1, 8.0
+"""Time constants that are looked for, over what is believed."""
+
+SLOWER = 4.0
+"""Times what is believed, of motors whose past is wholly followed."""
+
+LEAST_LAG, MOST_LAG = 5e-4, 0.2
+"""s, time constants of a joint drive that are looked for."""
+
+INSTANT, SHARE = 0.1, 0.03
+"""Of a control period and of the time itself: what sampling and a model that is never quite right leave, whatever the
+noise; no half of an interval is smaller than both together."""
+
+CLEAR, WIDEST = 0.02, 0.01
+"""Least share of the motion that commands must explain, and the widest half of an interval of delay and lag together,
+s: else the flight does not tell."""
+
+APART = 0.004
+"""Half of an interval of the delay alone, s, beyond which it cannot be told from the lag."""
+
+STIRRING = 1e-5
+"""Of the size of commands, least change from one control period to the next."""
+
+DELAY_STEP, FACTOR_STEP, GAIN_STEP = 2.5e-4, 0.03, 0.02
+"""Of differences: s, and of logarithms."""
+
+
+def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
+    """Find delays and lags in the log of a flight.
+
+    Args:
+        log: of one flight, a row a control period.
+        vehicle: as it is believed: masses, rotors, and the lags that what is found is compared with.
+        gravity: m/s^2.
+
+    Raises:
+        ValueError: in one line: the log does not fit the vehicle or is too short, or SciPy is missing.
+    """
+    rotors = len(vehicle.rotors)
+    if log.rotor_commands.shape[1] != rotors:
+        count = log.rotor_commands.shape[1]
+        raise ValueError(f"rotor_commands: the log has {count}, vehicle '{vehicle.name}' {rotors} rotors")
+    for name in ("rotor_commands", "efforts"):
+        if not np.isfinite(getattr(log, name)).all():
+            raise ValueError(f"{name}: must be finite throughout the flight")
+    motion = needed(vehicle, log, gravity)
+    told = setpoints_of(log.info)
+    names = [link.joint.name for link in vehicle.links]
+    left_out = {name: f"its drive takes a setpoint, {told[name] or 'of its own'}" for name in names if name in told}
+    return LoopLags(
+        period=motion.period,
+        seconds=float(log.time[-1] - log.time[0]),
+        rotors=rotor_lag(vehicle, log, motion) if rotors else None,
+        joints=tuple(joint_lag(name, log, motion, i) for i, name in enumerate(names) if name not in told),
+        left_out=left_out,
+    )
+
+
+def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
+    """Delay of the rotors' commands, and their time constants."""
+    up, down = believed_lags(vehicle.rotors)
+    limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
+    commands = np.clip(log.rotor_commands, 0.0, limits)
+    if not _stirring(commands):
+        return _untold("rotors", "the commands hardly change")
+    slowest = SLOWER * float(max(up.max(), down.max()))
+    followed, matrix = Followed.of(commands, motion.period, LONGEST, slowest), wrench_of_pushes(vehicle.rotors)
+    rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
+
+    def predicted(numbers: Array) -> Array:
+        factors = np.exp(numbers[:, 1:3])
+        squares = followed.means(
+            motion.period, numbers[:, 0], factors[:, :1] * up, factors[:, 1:2] * down, squared=True
+        )
+        return np.asarray(pushes_of(vehicle.rotors, squares) @ matrix[rows].T)
+
+    found = _fitted(
+        predicted,
+        motion.wrench[:, rows],
+        motion.period,
+        starts=[[d, x, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.5, 1.0, 2.0, 4.0])],
+        low=[0.0, math.log(LOWEST_FACTOR), math.log(LOWEST_FACTOR)],
+        high=[LONGEST, math.log(HIGHEST_FACTOR), math.log(HIGHEST_FACTOR)],
+        steps=[DELAY_STEP, FACTOR_STEP, FACTOR_STEP],
+    )
+    has = [float(getattr(vehicle.rotors[0], f"time_constant_{way}")) > 0.0 for way in ("up", "down")]
+    factors = np.exp(found.values[1:3])
+    taus = factors * (up.mean(), down.mean())
+    # the rate in between is what a small swing meets
+    middle = 2.0 / (1.0 / taus[0] + 1.0 / taus[1])
+    weights = [1.0, *(0.5 * middle**2 / taus)]
+    total = float(found.values[0] + middle)
+    floor = INSTANT * motion.period + SHARE * total
+    return _judged(
+        Lag(
+            name="rotors",
+            together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
+            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
+            up=_constant(taus[0], _half(found, [0.0, 1.0]), floor),
+            down=_constant(taus[1], _half(found, [0.0, 0.0, 1.0]), floor),
+            factor=(factors[0] if has[0] else math.nan, factors[1] if has[1] else math.nan),
+            explained=found.explained,
+        ),
+        found,
+    )
+
+
+def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
+    """Delay of a joint's commands, and the lag of its drive."""
+    commands = log.efforts[:, joint : joint + 1]
+    if not _stirring(commands):
+        return _untold(name, "the commands hardly change")
+    followed = Followed.of(commands, motion.period, LONGEST, 0.5 * MOST_LAG)
+    rate = motion.joint_rates[:, joint : joint + 1]
+
+    def predicted(numbers: Array) -> Array:
+        tau = np.exp(numbers[:, 1:2])
+        return followed.means(motion.period, numbers[:, 0], tau, tau, squared=False)
+
+    scale = float(np.std(motion.efforts[:, joint])) / max(float(np.std(rate)), 1e-9)
+    found = _fitted(
+        predicted,
+        motion.efforts[:, joint : joint + 1],
+        motion.period,
+        starts=[[d, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.001, 0.01, 0.03, 0.08])],
+        low=[0.0, math.log(LEAST_LAG)],
+        high=[LONGEST, math.log(MOST_LAG)],
+        steps=[DELAY_STEP, FACTOR_STEP],
+        friction=scale * rate,
+    )
+    tau = math.exp(found.values[1])
+    total = float(found.values[0] + tau)
+    floor = INSTANT * motion.period + SHARE * total
+    constant = _constant(tau, _half(found, [0.0, 1.0]), floor)
+    return _judged(
+        Lag(
+            name=name,
+            together=Estimated.of(total, math.hypot(_half(found, [1.0, tau]), floor)),
+            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
+            up=constant,
+            down=constant,
+            factor=(math.nan, math.nan),
+            explained=found.explained,
+        ),
+        found,
+    )
+
+
+def _fitted(
+    predicted: Callable[[Array], Array],
+    measured: Array,
+    period: float,
+    *,
+    starts: Any,
+    low: list[float],
+    high: list[float],
+    steps: list[float],
+    friction: Array | None = None,
+) -> Fit:
+    """Fit dead time and lags, the strength of each row, and a viscous friction where there is one.
+
+    Args:
+        predicted: (candidates, own parameters) -> (candidates, N, rows).
+        measured: (N, rows).
+        period: s.
+        starts: of the own parameters.
+        low: their lowest values.
+        high: their highest.
+        steps: of their differences.
+        friction: (N, 1) what a friction of 1 takes.
+    """
+    own, rows = len(low), measured.shape[1]
+    more = 0 if friction is None else 1
+    aim = np.cumsum(measured, axis=0) * period
+
+    def left(candidates: Array) -> Array:
+        # candidates that differ in strength alone share a prediction
+        dynamic, place = np.unique(candidates[:, :own], axis=0, return_inverse=True)
+        force = predicted(dynamic)[place.ravel()] * np.exp(candidates[:, None, own : own + rows])
+        if friction is not None:
+            force = force - candidates[:, None, own + rows :] * friction
+        return np.asarray(aim - np.cumsum(force, axis=1) * period)
+
+    # a constant force explains a straight line: what is left of it is what commands could explain
+    time = np.linspace(-1.0, 1.0, len(aim))[:, None]
+    moved = aim - aim.mean(axis=0) - time * (time * aim).sum(axis=0) / (time**2).sum()
+    first = np.array([[*start, *np.zeros(rows + more)] for start in starts])
+    return fit(
+        left,
+        moved,
+        first,
+        (np.array([*low, *[-1.5] * rows, *[-3.0] * more]), np.array([*high, *[1.5] * rows, *[3.0] * more])),
+        np.array([*steps, *[GAIN_STEP] * (rows + more)]),
+        blocks_of(len(measured) * period),
+        measured.std(axis=0) * period,
+    )
+
+
+def _half(found: Fit, weights: list[float]) -> float:
+    return found.half_width([*weights, *[0.0] * (len(found.values) - len(weights))])
+
+
+def _constant(value: float, half: float, floor: float) -> Estimated:
+    """A time constant, s, whose logarithm has an interval, no narrower than what sampling and model leave, s."""
+    width = math.hypot(min(half, 5.0), floor / value)
+    return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
+
+
+def _judged(lag: Lag, found: Fit) -> Lag:
+    """What was found, with the reason why it is not known where the flight does not tell."""
+    half = lag.together.high - lag.together.value
+    alone = lag.delay.high - lag.delay.value
+    reason = ""
+    if not np.isfinite(found.covariance).all() or not math.isfinite(half):
+        reason = "the commands do not show in the motion"
+    elif found.beyond.any():
+        reason = "the best of them lies at the end of what is looked for"
+    elif found.explained < CLEAR:
+        reason = f"the commands explain {found.explained:.1%} of the motion, under {CLEAR:.0%}"
+    elif half > WIDEST:
+        reason = f"delay and lag together are known to {1e3 * half:.0f} ms only, over {1e3 * WIDEST:.0f} ms"
+    return dataclasses.replace(lag, reason=reason, apart=alone <= APART)
+
+
+def _stirring(commands: Array) -> bool:
+    """Whether commands (N, columns) change from instant to instant by more than rounding and settling make of them."""
+    return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
+
+
+def _untold(name: str, reason: str) -> Lag:
+    nothing = Estimated(value=math.nan, low=math.nan, high=math.nan)
+    return Lag(
+        name=name,
+        together=nothing,
+        delay=nothing,
+        up=nothing,
+        down=nothing,
+        factor=(math.nan, math.nan),
+        explained=0.0,
+        reason=reason,
+    )

@@ -1,0 +1,179 @@
+"""Least squares of impulses whose residuals are white: parameters, intervals, and how much they explain.
+
+A residual is what a candidate's prediction leaves of an impulse, summed up over time: what the law saw as noise of the
+rates is white in it, what disturbs is slow. Each row is whitened by an autoregressive filter that is found from its own
+residuals, in turns with the parameters (generalised least squares, Clarke 1967): in a closed loop, in which commands
+follow the measured noise, only then is the fit unbiased (Ljung, System Identification, 1999, 13.4). Intervals are those
+of the sandwich of scores summed over blocks of half a second, each of the residuals that a fit without the block leaves
+(White 1980; Liang and Zeger 1986; Bell and McCaffrey 2002), by Student's t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files.packages import needs_extra
+
+Array = npt.NDArray[np.float64]
+
+ORDER, TURNS = 6, 3
+"""Of the whitening filter; turns of filter and parameters."""
+
+BLOCK, FEWEST = 0.5, 8
+"""s of a block of scores, and least number of blocks."""
+
+RIDGE = 1e-4
+"""Of the size of what is measured: residuals below are rounding, whose colour means nothing."""
+
+CONFIDENCE = 0.95
+
+Left = Callable[[Array], Array]
+"""(candidates, parameters) -> (candidates, N, rows): what predictions leave, summed up over time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """What was found.
+
+    Attributes:
+        values: (parameters,). covariance: of them. quantile: of Student's t for the interval's half width.
+        explained: share of the whitened variance that the commands explain, 0 to 1.
+        beyond: (parameters,) whether a parameter lies at the upper end of its range.
+    """
+
+    values: Array
+    covariance: Array
+    quantile: float
+    explained: float
+    beyond: npt.NDArray[np.bool_]
+
+    def half_width(self, direction: Sequence[float] | Array) -> float:
+        """Of the interval of a sum of parameters with these weights."""
+        weights = np.asarray(direction, dtype=float)
+        return self.quantile * float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
+
+
+def scipy_parts() -> tuple[Any, Any]:
+    """SciPy's least squares, and quantiles of Student's t.
+
+    Raises:
+        ValueError: it is not installed.
+    """
+    try:
+        from scipy.optimize import least_squares
+        from scipy.special import stdtrit
+    except ImportError:
+        raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
+    return least_squares, stdtrit
+
+
+def fit(
+    left: Left, nothing: Array, starts: Array, bounds: tuple[Array, Array], steps: Array, blocks: int, size: Array
+) -> Fit:
+    """Find the parameters whose predictions leave the least.
+
+    Args:
+        left: what candidates leave.
+        nothing: (N, rows) what is left where the commands explain nothing.
+        starts: (candidates, parameters) of which the best begins the search.
+        bounds: lowest and highest parameters.
+        steps: (parameters,) of the differences.
+        blocks: of the scores.
+        size: (rows,) of what is measured.
+    """
+    least_squares, student = scipy_parts()
+    rows = len(size)
+    filters, scales = [np.array([0.9])] * rows, RIDGE * size + 1e-300
+    # of a spread that every start has in common
+    first = np.stack([_white(each, filters, np.ones(rows)) for each in left(starts)])
+    scales = np.maximum(scales, first.std(axis=1).min(axis=0))
+    values = starts[np.argmin(((first / scales) ** 2).sum(axis=(1, 2)))]
+
+    def white(parameters: Array) -> Array:
+        return np.stack([_white(each, filters, scales) for each in left(parameters)])
+
+    def around(x: Array) -> tuple[Array, Array]:
+        """Residual at some parameters, and its slopes: neighbours on both sides are followed in one go."""
+        low, high = np.maximum(x - steps, bounds[0]), np.minimum(x + steps, bounds[1])
+        every = np.repeat(x[None, :], 2 * len(x) + 1, axis=0)
+        index = np.arange(len(x))
+        every[1 + index, index], every[1 + len(x) + index, index] = low, high
+        found = white(every).reshape(len(every), -1)
+        return found[0], ((found[1 + len(x) :] - found[1 : 1 + len(x)]) / (high - low)[:, None]).T
+
+    inside = 1e-9 * (bounds[1] - bounds[0])
+    last: dict[bytes, tuple[Array, Array]] = {}
+
+    def once(x: Array) -> tuple[Array, Array]:
+        """The last place is kept: slopes are computed with the residual."""
+        if x.tobytes() not in last:
+            last.clear()
+            last[x.tobytes()] = around(x)
+        return last[x.tobytes()]
+
+    search: dict[str, Any] = {"bounds": bounds, "x_scale": steps, "ftol": 1e-4, "xtol": 1e-4, "gtol": None}
+    for _ in range(TURNS):
+        last.clear()  # filters are others now
+        begin = np.clip(values, bounds[0] + inside, bounds[1] - inside)
+        values = least_squares(lambda x: once(x)[0], begin, jac=lambda x: once(x)[1], max_nfev=30, **search).x
+        rest = left(values[None, :])[0]
+        filters = [_filter(column, RIDGE * s) for column, s in zip(rest.T, size, strict=True)]
+        scales = np.maximum(_white(rest, filters, np.ones(rows)).std(axis=0), RIDGE * size + 1e-300)
+    flat, slope = around(values)
+    error = flat.reshape(-1, rows)
+    curvature = np.asarray(np.linalg.pinv(slope.T @ slope), dtype=float)
+    sums = _jackknifed(slope.reshape(*error.shape, -1), error, curvature, blocks)
+    covariance = curvature @ (sums.T @ sums) @ curvature * (blocks - 1) / blocks
+    edge = 0.01 * (bounds[1] - bounds[0])
+    unexplained = float((error**2).sum() / max((_white(nothing, filters, scales) ** 2).sum(), 1e-300))
+    return Fit(
+        values=values,
+        covariance=covariance,
+        quantile=float(student(blocks - 1, 0.5 + 0.5 * CONFIDENCE)),
+        explained=max(0.0, 1.0 - unexplained),
+        beyond=values > bounds[1] - edge,
+    )
+
+
+def _jackknifed(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
+    """(blocks, parameters) scores of every block, of residuals of the fit without it.
+
+    A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
+    with G_b = S_b^T S_b of its slopes and A the inverse of the whole, (I - G_b A)^-1 S_b^T e_b is the score of what
+    the other blocks foretell (Bell and McCaffrey 2002).
+    """
+    found = []
+    for block, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
+        s = block.reshape(-1, block.shape[-1])
+        left = np.eye(len(curvature)) - s.T @ s @ curvature
+        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
+    return np.array(found)
+
+
+def blocks_of(seconds: float) -> int:
+    """Blocks of a flight of so many seconds."""
+    return max(FEWEST, int(seconds / BLOCK))
+
+
+def _filter(left: Array, ridge: float) -> Array:
+    """Coefficients by which a residual (N,) is foretold from those before it."""
+    centred = left - left.mean()
+    past = np.stack([centred[ORDER - 1 - i : len(centred) - 1 - i] for i in range(ORDER)], axis=1)
+    square = past.T @ past + len(past) * ridge**2 * np.eye(ORDER)
+    return np.asarray(np.linalg.solve(square, past.T @ centred[ORDER:]))
+
+
+def _white(left: Array, filters: Sequence[Array], scales: Array) -> Array:
+    """(N - order, rows) what is left, less what its past foretells of it, over its size."""
+    found = left[ORDER:].copy()
+    for i, coefficients in enumerate(filters):
+        for k, c in enumerate(coefficients):
+            found[:, i] -= c * left[ORDER - 1 - k : len(left) - 1 - k, i]
+    found -= found.mean(axis=0)
+    whitened: Array = found / scales
+    return whitened

@@ -1,0 +1,250 @@
+"""Margins in hover and at instants along a flight, and Nyquist loci of the loops in hover."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves
+from skyarm.reference import Constant, Trajectory
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.loop_state import LoopState
+from skyarm.studies.stability.closed_loop import OpenLoop, closed, gains
+from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
+from skyarm.studies.stability.frozen_scenario import LAGS, disturbances, nominal, without_adaptation
+from skyarm.studies.stability.margins import EDGE, LONGEST, Margins, delay_margin
+from skyarm.studies.stability.margins import margins as margins_of_loop
+from skyarm.studies.stability.open_loop import Differentiator, carry_of
+from skyarm.world import NO_WIND
+
+SETTLING = 5.0
+"""s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Instant:
+    """Margins at one time of a flight, for each of ``LAGS``.
+
+    Attributes:
+        hover: True for the flight that only hovers. time: s.
+        by_lag: with the rotors' time constant upward and with that downward.
+        swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
+    """
+
+    hover: bool
+    time: float
+    by_lag: dict[str, Margins]
+    swings: float
+
+    @property
+    def delay(self) -> float:
+        """The smaller delay margin, s."""
+        return min(each.delay for each in self.by_lag.values())
+
+    @property
+    def radius(self) -> float:
+        """The larger spectral radius."""
+        return max(each.radius for each in self.by_lag.values())
+
+    def gain(self, field: str) -> tuple[float, float]:
+        """The narrower interval of "rotor_gain", "joint_gain", "one_rotor" or "one_joint"."""
+        lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
+        return max(lows), min(highs)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Evidence:
+    """Margins of one controller and scenario.
+
+    Attributes:
+        completed: False where the nominal flight ended early.
+        left_out: fields of the disturbances without which the loop was flown and linearised.
+    """
+
+    controller: str
+    scenario: str
+    instants: tuple[Instant, ...]
+    completed: bool
+    left_out: tuple[str, ...] = ()
+
+
+def hovering(scenario: Scenario) -> Scenario:
+    """The scenario's first reference held in calm air, long enough to settle; nothing fails."""
+    start = scenario.reference.at(0.0)
+
+    def held(value: Any) -> Constant:
+        return Constant(float(value))
+
+    still = Trajectory(
+        x=held(start.position.x),
+        y=held(start.position.y),
+        z=held(start.position.z),
+        yaw=held(start.yaw),
+        joints=tuple(held(q) for q in start.joints),
+    )
+    return scenario.with_words(
+        reference=still,
+        path_time=None,
+        pause=None,
+        duration=SETTLING,
+        wind=NO_WIND,
+        air=(),
+        faults=(),
+        initial=None,
+        ground=False,
+        changes=(),
+    )
+
+
+def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
+    """Margins of a scenario's loop, as ``skyarm margins`` prints them; what the law adapts slowly is held.
+
+    Args:
+        scenario: on any plant; the rigid-body plant is linearised.
+        instants: looked at along the scenario, beside hover.
+        progress: told how many instants are done, and of how many.
+
+    Raises:
+        ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
+    """
+    return evidence(without_adaptation(scenario), instants, progress)
+
+
+def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
+    """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
+
+    Noise, disturbances that remember, as turbulence, and changes in flight are left out, on the rigid-body plant.
+    Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that the
+    flight, which varies with time, is.
+
+    Raises:
+        ScenarioError: fewer than 0 instants.
+    """
+    if instants < 0:
+        raise ScenarioError(f"instants = {instants}: must be at least 0")
+    flights = [(True, hovering(nominal(scenario)), 1)]
+    if instants:
+        flights.append((False, nominal(scenario), instants))
+    total = sum(count for _, _, count in flights)
+
+    def told(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    found: list[Instant] = []
+    completed = True
+    told(0)
+    for hover, flight, count in flights:
+        some, whole = _along(flight, count, hover, told, len(found))
+        found += some
+        completed = completed and whole
+    return Evidence(
+        controller=scenario.controller.name,
+        scenario=scenario.name,
+        instants=tuple(found),
+        completed=completed,
+        left_out=disturbances(scenario),
+    )
+
+
+def _along(
+    flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
+) -> tuple[list[Instant], bool]:
+    """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
+    found: list[Instant] = []
+    for frozen in frozen_instants(flight, count):
+        by_lag = {lag: margins_of_loop(frozen.opened(lag)) for lag in LAGS}
+        swings = delay_margin(frozen.opened("between"))
+        found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
+        told(before + len(found))
+    return found, len(found) == count
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frozen:
+    """A flight at one instant.
+
+    Attributes:
+        time: s. differentiator: of the flight. carry: its loop state. row: leaves of what the instant is fed.
+    """
+
+    time: float
+    differentiator: Differentiator
+    carry: LoopState
+    row: list[float]
+
+    def opened(self, lag: str) -> OpenLoop:
+        """The linearised open loop, with the rotors' time constant upward, downward or between."""
+        return self.differentiator.at(self.carry, self.row, lag)
+
+
+def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
+    """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
+    flight = flight.with_words(kind="rigid_body")
+    engine = Engine(EpisodeCode(flight, commands=False, effort=0))
+    inputs, differentiator = engine.inputs, Differentiator(flight)
+    for k in range(1, count + 1):
+        # the instant is fed a row, so that the last one is that of the last period
+        until = min(round(k * flight.steps / count), flight.steps - 1)
+        while engine.tick < until:
+            if not engine.fly(until):
+                return
+        now = carry_of(engine.first, leaves(engine.now))
+        yield Frozen(
+            time=float(inputs.times[until]),
+            differentiator=differentiator,
+            carry=now,
+            row=leaves(inputs.row_at(until, now)),
+        )
+
+
+Complex = npt.NDArray[np.complex128]
+
+POINTS = 500
+"""Further frequencies, so that a curve looks like one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Locus:
+    """One loop of those that are cut.
+
+    Attributes:
+        margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
+    """
+
+    margin: LoopMargin
+    L: Complex
+
+
+def hover_loci(scenario: Scenario) -> list[Locus]:
+    """The weakest loop of each kind in hover, with the rotors' time constant downward; none where it is lost."""
+    found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
+    return [] if found is None else loci(found.opened("down"))
+
+
+def loci(loop: OpenLoop) -> list[Locus]:
+    """The weakest loop of each kind; none of an unstable one.
+
+    With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
+    -T / (1 + T).
+    """
+    as_it_is = closed(loop)
+    z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
+    if np.abs(z).max(initial=0.0) > EDGE:
+        return []
+    cut = cut_loops(loop, as_it_is, z, measured=True, stable=True)
+    weakest: dict[tuple[str, str], Locus] = {}
+    for name, port in cut.ports.items():
+        even = np.geomspace(port.frequencies[0], port.frequencies[-1], POINTS)
+        every = port.at(np.union1d(port.frequencies, even))
+        for i, margin in enumerate(port.alone(name, LONGEST, stable=True)):
+            T = every[:, i, i]
+            key = (name, margin.group)
+            if key not in weakest or margin.disk < weakest[key].margin.disk:
+                weakest[key] = Locus(margin, -T / (1.0 + T))
+    return list(weakest.values())

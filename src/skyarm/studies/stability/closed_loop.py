@@ -1,0 +1,181 @@
+"""The sampled loop at an instant: cut open at the commands, and closed over its delays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.stability.loop_channels import Channel
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OpenLoop:
+    """Jacobians at an instant; x state (attitude as a rotation vector), u command, m memory, y measurement.
+
+    Attributes:
+        period: s. rotors: how many entries of u are rotor speeds; they come first.
+        lates: s within a period after which the rotors hear of a new command, ascending from 0; the joints hear of it
+            so much later, or earlier in the period, as their delay differs.
+        x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
+        y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
+        measurement_delay: control periods. command_delay: s, of all commands. rotors_delay, joints_delay: s on top of
+            it, of the rotors' and of the joints' part.
+        states: how many entries of x are the vehicle's own; those after them are memories of its joint drives. 0: all.
+        channels: where it is cut for the margins of single loops; none: each number of a command and a measurement.
+    """
+
+    period: float
+    rotors: int
+    lates: Array
+    x_x: Array
+    x_old: Array
+    x_new: Array
+    y_x: Array
+    y_old: Array
+    m_m: Array
+    m_y: Array
+    u_m: Array
+    u_y: Array
+    measurement_delay: int = 0
+    command_delay: float = 0.0
+    rotors_delay: float = 0.0
+    joints_delay: float = 0.0
+    states: int = 0
+    channels: tuple[Channel, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closed:
+    """A loop closed over some dead time, for any gains of its actuators: the matrix is ``fixed + enters @ (k sent)``.
+
+    Attributes:
+        fixed: (n, n) what no command passes. enters: (n, commands) where commands enter the next period.
+        sent: (commands, n) the law's commands. seen: (measurements, n) what the law is shown.
+        shown: (n, measurements) what the law's memory makes of what it is shown.
+        answered: (commands, measurements) what its commands make of it at once.
+    """
+
+    fixed: Array
+    enters: Array
+    sent: Array
+    seen: Array
+    shown: Array
+    answered: Array
+
+    def matrix(self, gains: Array) -> Array:
+        """Matrix of one period with a gain k for each command (commands,)."""
+        return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
+
+
+def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
+    """One period: [state, memory, measurements on their way, commands on their way] to the next.
+
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
+    joints' alike.
+    """
+    age_of_rotors, late = _split(loop, loop.command_delay + loop.rotors_delay + extra_delay)
+    age_of_joints, _ = _split(loop, loop.command_delay + loop.joints_delay + extra_delay)
+    whole = max(age_of_rotors, age_of_joints)
+    nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
+    r = loop.measurement_delay
+    ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
+    places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
+    size = int(ends[-1])
+    one = np.eye(size)
+    now = np.zeros((ny, size))
+    now[:, x] = loop.y_x
+    # columns of the commands that act, in what each part of the vehicle has heard of so far
+    parts = [
+        (np.arange(loop.rotors), whole - age_of_rotors),
+        (np.arange(loop.rotors, nu), whole - age_of_joints),
+    ]
+    for columns, heard in parts:
+        now[:, queue[heard].start + columns] = loop.y_old[:, columns]
+    seen = one[readings[0]] if r else now
+    sent = loop.u_y @ seen
+    sent[:, m] += loop.u_m
+    A, enters = np.zeros((size, size)), np.zeros((size, nu))
+    A[x, x] = loop.x_x[late]
+    for columns, heard in parts:
+        A[x, queue[heard].start + columns] = loop.x_old[late][:, columns]
+        # the command that follows is the next on its way, or where none is what is sent now
+        if heard < whole:
+            A[x, queue[heard + 1].start + columns] = loop.x_new[late][:, columns]
+        else:
+            enters[x, columns] = loop.x_new[late][:, columns]
+    A[m] = loop.m_y @ seen
+    A[m, m] += loop.m_m
+    for i, place in enumerate(readings):
+        A[place] = np.eye(size)[readings[i + 1]] if i + 1 < r else now
+    for place, after in pairwise(queue):
+        A[place] = one[after]
+    enters[queue[-1]] = np.eye(nu)
+    shown = np.zeros((size, ny))
+    shown[m] = loop.m_y
+    kept = _in_loop(A, enters, sent, loop.states or nx)
+    return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept], seen[:, kept], shown[kept], loop.u_y)
+
+
+def gains(
+    loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0, alone: tuple[int, float] | None = None
+) -> Array:
+    """Factor on what the actuators make of each command, not on what the law believes it sent (commands,).
+
+    ``alone`` is the place of one command, from 0 with the rotors first, and a further factor on it.
+    """
+    found = np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
+    if alone is not None:
+        found[alone[0]] *= alone[1]
+    return found
+
+
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **changes: Any) -> Array:
+    """Matrix of one period, with a delay as :func:`closed` and gains as :func:`gains` say."""
+    return closed(loop, extra_delay).matrix(gains(loop, **changes))
+
+
+def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
+    """Whole periods of a delay, and which of ``lates`` the rest is."""
+    step = loop.period / len(loop.lates)
+    count = round(delay / step)
+    if abs(delay - count * step) > 1e-6 * step + 1e-12:
+        raise ValueError(f"delay = {delay!r}: must be a whole number of {step:g} s")
+    return divmod(count, len(loop.lates))
+
+
+def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
+    """Entries that the state acts on and that act on the state: clocks and bookkeeping are no loop."""
+    links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
+    first = np.zeros(len(A), dtype=bool)
+    first[:states] = True
+    return _reached(links, first) & _reached(links.T, first)
+
+
+def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """What is acted on from ``first``, in any number of periods."""
+    found = first
+    while True:
+        more = found | (links[:, found].any(axis=1))
+        if (more == found).all():
+            return found
+        found = more
+
+
+def radius(loop: OpenLoop, **changes: Any) -> float:
+    """Spectral radius of the closed loop, changed as :func:`closed_loop` says; inf where it is not finite."""
+    return spectral_radius(closed_loop(loop, **changes))
+
+
+def spectral_radius(A: Array) -> float:
+    """Largest magnitude of an eigenvalue; inf where the matrix is not finite."""
+    if not np.isfinite(A).all():
+        return math.inf
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))

@@ -1,0 +1,340 @@
+"""Disk margins of a sampled loop, cut at its channels: frequency responses, and the margins that are read from them.
+
+A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one that changes with frequency, of
+magnitude below a: the disk margin a is the largest for which the loop stays stable. With S the sensitivity it is 1 over
+the largest |S - 1/2| of all frequencies; with several channels, each under a d of its own, the structured singular
+value stands in place of the magnitude, here its upper bound, so that the margin of several is never overstated. 2 is
+the largest: any positive gain and any phase below 90 degrees are tolerated.
+
+Sources: Seiler, Packard, Gahinet 2020, An Introduction to Disk Margins, IEEE Control Systems Magazine 40 (5), eq. (11)
+with skew 0, theorem 1, and the section on multiple-loop margins. Doyle 1982, Analysis of feedback systems with
+structured uncertainties, IEE Proc. D 129 (6). Safonov
+1982, Stability margins of diagonally perturbed multivariable feedback systems, same issue.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
+from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+MOST = 2.0
+"""Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that |S - 1/2| reaches a half."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopMargin:
+    """Of one channel, or of several under factors of their own.
+
+    Attributes:
+        name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
+        channels: how many are changed at once.
+        disk: a, from 0 (unstable) to 2. frequency: rad/s at which the loop is most delicate.
+        delay: s of dead time in this one channel that the loop bears; inf beyond what is looked at, and of several.
+    """
+
+    name: str
+    group: str
+    port: str
+    channels: int = 1
+    disk: float
+    frequency: float
+    delay: float = math.inf
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        """Factors between which the gain may lie, with no change of phase."""
+        return (2.0 - self.disk) / (2.0 + self.disk), (
+            (2.0 + self.disk) / (2.0 - self.disk) if self.disk < MOST else math.inf
+        )
+
+    @property
+    def phase(self) -> float:
+        """Radians by which the phase may move either way, with no change of gain."""
+        return 2.0 * math.atan(0.5 * self.disk)
+
+
+def disk_of(size: float) -> float:
+    """The disk margin where |S - 1/2|, or its structured singular value, is ``size`` at its largest."""
+    return min(MOST, 1.0 / size) if size > 0.0 else MOST
+
+
+def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
+    """Least dead time, s, in one channel at which the loop reaches the edge of stability; inf beyond ``longest``.
+
+    Args:
+        T: response (frequencies,) from what is added to a channel to the channel itself.
+        frequencies: rad/s, ascending.
+        longest: s.
+    """
+    # what is fed back is T / (1 + T), of magnitude 1 where the real part of T is -1/2
+    side = T.real + 0.5
+    here = np.flatnonzero(side[:-1] * side[1:] < 0.0)
+    share = side[here] / (side[here] - side[here + 1])
+    w = frequencies[here] + share * (frequencies[here + 1] - frequencies[here])
+    # at -1/2 + j y its phase is pi - 2 atan(2 y), from 0 to 2 pi
+    y = T.imag[here] + share * (T.imag[here + 1] - T.imag[here])
+    least = float(((math.pi - 2.0 * np.arctan(2.0 * y)) / w).min(initial=math.inf))
+    return least if least <= longest else math.inf
+
+
+LOWEST = 0.02
+"""rad/s, where a grid of frequencies begins; no loop of a vehicle closes slower than a minute."""
+
+DECADE = 32
+"""Frequencies of the grid in a decade, beside those around each resonance."""
+
+AROUND = (-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0)
+"""Frequencies around a resonance, in half its width at half its height."""
+
+WIDE = 0.5
+"""Half the width of a resonance over its frequency above which the even grid, 7 per cent wide, shows all of it."""
+
+DEAD = 1e-2
+"""Largest magnitude of an eigenvalue that leaves no resonance: below, it dies out within three periods."""
+
+AT_ONCE = 96
+"""Frequencies whose systems are solved together: some ten megabytes."""
+
+
+def frequency_grid(z: Complex, period: float) -> Array:
+    """Frequencies of a loop, rad/s, ascending up to that of Nyquist, dense around the resonances of its eigenvalues.
+
+    Args:
+        z: eigenvalues per control period.
+        period: s.
+    """
+    highest = np.pi / period
+    even = np.geomspace(LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1))
+    s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
+    s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
+    around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(AROUND)
+    found = np.unique(np.concatenate([even, around.ravel()]))
+    return np.asarray(found[(found >= LOWEST) & (found <= highest)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s, z = exp(i w period)."""
+
+    A: Array
+    B: Array
+    C: Array
+    period: float
+
+    def at(self, frequencies: Array) -> Complex:
+        """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
+        z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)[:, None, None]
+        found = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
+        return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *found])
+
+
+def _parts(z: Complex) -> list[Complex]:
+    return [z[k : k + AT_ONCE] for k in range(0, len(z), AT_ONCE)]
+
+
+ROUNDS = 30
+"""Of the power iteration that finds Perron's vectors."""
+
+STEPS = 60
+"""Of the descent of one frequency's bound; it ends where a step gains less than ``ENOUGH``."""
+
+ENOUGH = 2e-4
+"""Share of the bound."""
+
+CLOSE = 2e-3
+"""A largest bound that exceeds the largest which a descent has reached by this share is good enough."""
+
+SMALLEST = 1e-12
+"""Share of its largest entry that is added to a matrix: Perron's vectors are positive where nothing is zero."""
+
+
+def upper_bound(M: Complex) -> Array:
+    """Bound of mu of each matrix (count, n, n); the largest of them is as low as a descent gets it, to ``CLOSE``.
+
+    Others are bounds, too, though looser ones than they could be.
+    """
+    if M.shape[1] == 1:
+        return np.asarray(np.abs(M[:, 0, 0]))
+    scaled = _perron_scaled(M)
+    found = np.linalg.norm(scaled, ord=2, axis=(1, 2))
+    lowest = 0.0
+    while len(found) and found.max() > lowest * (1.0 + CLOSE):
+        worst = int(np.argmax(found))
+        found[worst] = min(found[worst], _descended(scaled[worst]))
+        lowest = max(lowest, float(found[worst]))
+    return np.asarray(found)
+
+
+def _perron_scaled(M: Complex) -> Complex:
+    """D M D^-1 with D the root of the left over the right Perron vector of |M|."""
+    size = np.abs(M)
+    size = size + SMALLEST * size.max(axis=(1, 2), keepdims=True, initial=1e-300)
+    right, left = np.ones(M.shape[:2]), np.ones(M.shape[:2])
+    for _ in range(ROUNDS):
+        right = np.einsum("fij,fj->fi", size, right)
+        left = np.einsum("fij,fi->fj", size, left)
+        right, left = (v / v.max(axis=1, keepdims=True) for v in (right, left))
+    d = np.sqrt(left / right)
+    return np.asarray(d[:, :, None] * M / d[:, None, :])
+
+
+def _descended(M: Complex) -> float:
+    """The largest singular value, made smaller by diagonal scalings along its gradient with halved steps."""
+    value, slope = _slope(M)
+    step = 0.5
+    for _ in range(STEPS):
+        if step < 1e-3 or not np.linalg.norm(slope) > 0.0:
+            break
+        d = np.exp(-step * slope / np.linalg.norm(slope))
+        moved = d[:, None] * M / d[None, :]
+        lower, its_slope = _slope(moved)
+        if lower < value * (1.0 - ENOUGH):
+            M, value, slope, step = moved, lower, its_slope, 1.5 * step
+        else:
+            step *= 0.5
+    return value
+
+
+def _slope(M: Complex) -> tuple[float, Array]:
+    """The largest singular value and its slope by the logarithms of D: value (|u_i|^2 - |v_i|^2)."""
+    U, sizes, Vh = np.linalg.svd(M)
+    return float(sizes[0]), np.asarray(sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2))
+
+
+BETWEEN = 8
+"""Frequencies that are looked at on either side of the most delicate one of the grid."""
+
+ALL = {COMMANDS: "all commands", MEASUREMENTS: "all measurements"}
+"""Names of what is cut at once at a port."""
+
+
+@dataclass(eq=False)
+class CutLoops:
+    """Responses of a closed loop from what is added to each channel to each channel.
+
+    Attributes:
+        ports: of each port its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and what
+            gives them at other frequencies.
+        stable: an unstable loop has no margins.
+    """
+
+    ports: dict[str, _Port]
+    stable: bool
+
+    def loops(self, longest: float) -> tuple[LoopMargin, ...]:
+        """Disk and delay margin of every channel alone; delays up to ``longest``, s."""
+        return tuple(each for name, port in self.ports.items() for each in port.alone(name, longest, self.stable))
+
+    def together(self) -> tuple[LoopMargin, ...]:
+        """Disk margin of every group of two and more channels, and of all commands and of all measurements."""
+        found: list[LoopMargin] = []
+        for name, port in self.ports.items():
+            groups = {group: port.places(group) for group in dict.fromkeys(c.group for c in port.channels)}
+            # pushes are rotors once more
+            groups[ALL[name]] = [i for i, c in enumerate(port.channels) if c.group != "pushes"]
+            for group, places in groups.items():
+                if len(places) > 1:
+                    disk, w = port.disk_of_several(places) if self.stable else (0.0, math.nan)
+                    found.append(
+                        LoopMargin(name=group, group=group, port=name, channels=len(places), disk=disk, frequency=w)
+                    )
+        return tuple(found)
+
+
+@dataclass(slots=True, eq=False)
+class _Port:
+    """Channels of one port with their responses."""
+
+    channels: tuple[Channel, ...]
+    frequencies: Array
+    T: Complex
+    response: Response
+
+    def at(self, frequencies: Array) -> Complex:
+        """Responses at other frequencies, rad/s."""
+        return self.response.at(frequencies)
+
+    def places(self, group: str) -> list[int]:
+        """Numbers of a group's channels."""
+        return [i for i, channel in enumerate(self.channels) if channel.group == group]
+
+    def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
+        """Margins of each channel."""
+        sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
+        found = []
+        for i, channel in enumerate(self.channels):
+            k = int(np.argmax(sizes[:, i])) if len(sizes) else 0
+            found.append(
+                LoopMargin(
+                    name=channel.name,
+                    group=channel.group,
+                    port=port,
+                    disk=disk_of(sizes[k, i]) if stable else 0.0,
+                    frequency=float(self.frequencies[k]) if stable else math.nan,
+                    delay=delay_of(self.T[:, i, i], self.frequencies, longest) if stable else 0.0,
+                )
+            )
+        return found
+
+    def disk_of_several(self, places: Sequence[int]) -> tuple[float, float]:
+        """Disk margin of channels under factors of their own, and the frequency where they bear least."""
+        part = self.T[:, places][:, :, places] + 0.5 * np.eye(len(places))
+        sizes = upper_bound(part)
+        k = int(np.argmax(sizes))
+        return disk_of(float(sizes[k])), float(self.frequencies[k])
+
+
+def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, stable: bool) -> CutLoops:
+    """Responses of a loop between its channels.
+
+    Args:
+        loop: linearised.
+        as_it_is: the same closed.
+        z: its eigenvalues.
+        measured: cut it at the measurement, too.
+        stable: of an unstable one nothing is computed.
+    """
+    sizes = (loop.rotors, loop.u_m.shape[0] - loop.rotors, len(loop.y_x))
+    channels = loop.channels or numbered_channels(*sizes)
+    A = as_it_is.matrix(gains(loop))
+    # what is added to the measurement moves the law's memory, and its commands at once
+    into = {
+        COMMANDS: as_it_is.enters,
+        MEASUREMENTS: as_it_is.shown + as_it_is.enters @ as_it_is.answered,
+    }
+    out = {COMMANDS: as_it_is.sent, MEASUREMENTS: as_it_is.seen}
+    grid = frequency_grid(z, loop.period) if stable else np.zeros(0)
+    ports = {}
+    for port in (COMMANDS, MEASUREMENTS) if measured else (COMMANDS,):
+        B = np.column_stack([np.zeros((len(A), 0)), *(into[port] @ c.enters for c in channels if c.port == port)])
+        C = np.array([c.reads @ out[port] for c in channels if c.port == port]).reshape(-1, len(A))
+        # what nothing is made of is no loop
+        kept = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
+        mine = [c for c in channels if c.port == port]
+        found = Response(A, B[:, kept], C[kept], loop.period)
+        ports[port] = _Port(tuple(mine[i] for i in kept), *_sharpened(found, grid), found)
+    return CutLoops(ports, stable)
+
+
+def _sharpened(found: Response, grid: Array) -> tuple[Array, Complex]:
+    """A grid with more frequencies around the most delicate one of each channel, and the responses there."""
+    T = found.at(grid)
+    if not T.size:
+        return grid, T
+    more = []
+    for k in sorted({int(k) for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)}):
+        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
+    added = np.setdiff1d(np.concatenate(more), grid)
+    order = np.argsort(np.concatenate([grid, added]))
+    return np.concatenate([grid, added])[order], np.concatenate([T, found.at(added)])[order]

@@ -1,0 +1,161 @@
+"""The scenario that is linearised: no noise, no disturbances that remember, one time constant of each rotor."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from skyarm.compile import leaves, trace
+from skyarm.control.controller import innermost, part_of, with_innermost
+from skyarm.control.vectored_layer import turns_rotors
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.dynamics.state import State
+from skyarm.plant.compiled import example_state
+from skyarm.records.coerce import concrete
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
+from skyarm.simulate.loop_state import LoopState
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.world import Component, MovingAir, Wind
+
+LAGS = ("up", "down")
+"""Which time constant of the rotors holds in both directions: the two between which every motion lies."""
+
+SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
+"""Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
+
+
+def nominal(scenario: Scenario) -> Scenario:
+    """The scenario without noise, :func:`disturbances` and changes in flight, which have no place in a linearisation.
+
+    Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
+    Rotors that tilt stay at rest under a law that does not turn them.
+
+    Raises:
+        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or air or a force
+            whose memory moves with the plant or follows its state.
+    """
+    scenario = _without_tilts(scenario)
+    calm: Wind = scenario.wind
+    if isinstance(calm, MovingAir):
+        calm = dataclasses.replace(calm, turbulence=None)
+    drives = tuple(
+        JointDrive(joint=each.joint, drive=dataclasses.replace(each.drive, resolution=0))
+        if isinstance(each.drive, PositionServo)
+        else each
+        for each in scenario.joint_drives
+    )
+    (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
+    return scenario.with_words(noise=PERFECT_SENSORS, wind=calm, air=air, forces=forces, changes=(), drives=drives)
+
+
+def disturbances(scenario: Scenario) -> tuple[str, ...]:
+    """Fields of the disturbances that :func:`nominal` leaves out: turbulence, and air and forces with a memory.
+
+    Air and forces without a memory, as ground effect, are kept.
+    """
+    turbulence = ["environment.wind.turbulence"] if getattr(scenario.wind, "turbulence", None) is not None else []
+    return (*turbulence, *_split(scenario, "air")[1], *_split(scenario, "forces")[1])
+
+
+def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
+    """Air or forces without a memory, and the fields of the others, whose memory follows nothing of the vehicle.
+
+    Raises:
+        ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
+    """
+    kept, left_out = list[Any](), list[str]()
+    for i, part in enumerate(getattr(scenario, field)):
+        name = f"environment.{field}[{i}]"
+        memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
+        if not leaves(memory):
+            kept.append(part)
+        else:
+            _require_none(part.coupled or _follows_state(part, memory, scenario), name, part)
+            left_out.append(f"{name} = {type(part).__name__}")
+    return tuple(kept), left_out
+
+
+def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
+    """Whether a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
+    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
+    state = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
+
+    def advance(memory: Any, time: Any, state: State, draws: Any) -> Any:
+        return part.advance(memory, time[0], period, state, draws)
+
+    program = trace(advance, memory, (0.0,), state, (0.5,) * part.uniforms)
+    needed = {node.index for node in program.nodes}
+    start = len(leaves(memory)) + 1
+    return any(node.index in needed for node in program.inputs[start : start + len(leaves(state))])
+
+
+def _without_tilts(scenario: Scenario) -> Scenario:
+    """The scenario with rotors fixed at rest."""
+    vehicle = scenario.plant.vehicle
+    if not vehicle.tilts:
+        return scenario
+    if turns_rotors(scenario.controller):
+        raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
+    fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
+    first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
+    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=fixed), initial=first)
+
+
+def without_adaptation(scenario: Scenario) -> Scenario:
+    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing.
+
+    Of a law under layers, its own constants are looked at.
+    """
+    par: Any = scenario.controller.par
+    own, adaptation = innermost(par), part_of(par, "adaptation")
+    if adaptation is None:
+        return scenario
+    held = dataclasses.replace(own.parts, adaptation=dataclasses.replace(adaptation, load=None, friction=None))
+    still = with_innermost(par, dataclasses.replace(own, parts=held))
+    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
+
+
+def with_lag(scenario: Scenario, share: Any) -> Scenario:
+    """The scenario with rotors of one time constant, in plant and belief: up (share 0), down (1) or between.
+
+    Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
+    one half it grows or dies out as the swing of the vehicle itself does.
+    """
+
+    def even(vehicle: Vehicle) -> Vehicle:
+        return dataclasses.replace(vehicle, rotors=tuple(evened(rotor) for rotor in vehicle.rotors))
+
+    def evened(rotor: Rotor) -> Rotor:
+        up, down = rotor.time_constant_up, rotor.time_constant_down
+        if concrete(up, down) and up == down == 0.0:
+            return rotor
+        lag = up * down / (down + share * (up - down))
+        return dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag)
+
+    par = scenario.controller.par
+    model = dataclasses.replace(par.model, vehicle=even(par.model.vehicle))
+    controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
+    world = dataclasses.replace(scenario.plant, vehicle=even(scenario.plant.vehicle))
+    return scenario.with_words(controller=controller, plant=world)
+
+
+def require_no_memory(scenario: Scenario, first: LoopState) -> None:
+    """Refuse a nominal loop with more memories than those of the law and of joint drives.
+
+    Raises:
+        ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full
+            state; names the first of them by its field.
+    """
+    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the battery comes last
+    for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
+        _require_none(leaves(memory), f"payloads[{i}]", payload)
+    for named in scenario.sensors:
+        _require_none(True, f"sensors.{named.name}", named.sensor)
+    _require_none(leaves(first.estimate), "estimator", scenario.estimator)
+    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.noise)
+
+
+def _require_none(held: Any, field: str, part: Any) -> None:
+    if held:
+        what = f"{field} = {type(part).__name__}"
+        raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's and drives'")

@@ -1,0 +1,180 @@
+"""How much dead time a made controller bears in hover, beside the delay that it believes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from skyarm.algebra import E_Z, Mat3, Sym3
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.controller import Controller, ControllerError, innermost, part_of
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.plant.interface import Truth
+from skyarm.reference import hover
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
+from skyarm.studies.stability.along import SETTLING, frozen_instants, hovering
+from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
+from skyarm.studies.stability.margins import delay_margin
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.vehicle_records import Vehicle
+
+ENOUGH = 1.5
+"""Margin over the believed delay below which it is warned of; the belief may be wrong by as much as it is large."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HoverDelay:
+    """What a loop bears of delay in hover.
+
+    Attributes:
+        margin: s of further dead time with the worse of the rotors' two time constants; inf beyond 0.1 s, 0 where the
+            loop is unstable as it is.
+        swings: s of further dead time from which on flights really swing.
+        believed: s of delay that the law is told of, or the scenario has.
+        period: s, of the control: a computer that sends its command in the next period is late by so much.
+        finds_lag: the law finds in flight how late its loop acts and gives up bandwidth for it; the margin is that of
+            before.
+    """
+
+    margin: float
+    swings: float
+    believed: float
+    period: float = 0.0
+    finds_lag: bool = False
+
+    @property
+    def needed(self) -> float:
+        """Least margin that is not warned of, s: ``ENOUGH`` times the believed delay, and one control period."""
+        return max(ENOUGH * self.believed, self.period)
+
+    @property
+    def enough(self) -> bool:
+        """Whether the margin is as large as it should be; an unstable loop's never is."""
+        return self.margin > 0.0 and self.margin >= self.needed
+
+    def sentence(self, law: str) -> str:
+        """What a law bears, from when on flights swing, and what is believed."""
+        if not self.margin > 0.0:
+            return f"the loop of {law} is unstable in hover as it is"
+        if math.isinf(self.margin):
+            borne = "more than 100 ms"
+        else:
+            swings = "" if math.isinf(self.swings) else f" (flights swing from {1e3 * self.swings:.3g} ms on)"
+            borne = f"{1e3 * self.margin:.3g} ms{swings}"
+        found = f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
+        return found + ("; this is before the law finds a lag, for which it gives up bandwidth" * self.finds_lag)
+
+    @property
+    def shortfall(self) -> str:
+        """What the margin is below of, in words; empty where it is enough or where there is none."""
+        if self.enough or not self.margin > 0.0:
+            return ""
+        if self.needed > ENOUGH * self.believed:
+            return f"below one control period, {1e3 * self.period:.3g} ms"
+        return f"below {ENOUGH:g} times the believed delay"
+
+    @property
+    def before(self) -> str:
+        """Words behind a shortfall of a law that will find a lag; else empty."""
+        return ", before it finds a lag" if self.finds_lag else ""
+
+
+def hover_delay(scenario: Scenario) -> HoverDelay:
+    """The delay margin of a scenario's loop in a settled hover; zero where the hover is lost.
+
+    Raises:
+        ScenarioError: the loop has a memory that its linearisation does not know.
+    """
+    still = without_adaptation(scenario)
+    found = next(frozen_instants(hovering(nominal(still)), 1), None)
+    believed = believed_delay(scenario)
+    period = 1.0 / scenario.rates.control
+    adapts = finds_lag(scenario.controller)
+    if found is None:
+        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period, finds_lag=adapts)
+    margin = min(delay_margin(found.opened(lag)) for lag in LAGS)
+    swings = delay_margin(found.opened("between"))
+    return HoverDelay(margin=margin, swings=swings, believed=believed, period=period, finds_lag=adapts)
+
+
+def finds_lag(controller: Controller) -> bool:
+    """Whether a law, under layers or not, answers a lag that it finds in flight."""
+    return part_of(controller.par, "lag") is not None
+
+
+def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
+    """The delay margin of a scenario's hover, or in words why there is none."""
+    try:
+        return hover_delay(scenario)
+    except (ScenarioError, ControllerError, AllocationError, NoMachineCodeError) as error:
+        return str(error)
+
+
+FASTEST = 1000
+"""Hz, least rate of the physics of a hover."""
+
+
+def hover_of(controller: Controller, rate: int = 200) -> Scenario:
+    """A hover of the vehicle that a controller believes in, with the delay that it is told, to ask for its margin.
+
+    Args:
+        controller: of any law.
+        rate: Hz, of the control.
+
+    Raises:
+        ValueError: no such rate, or a planar model that no body moves like.
+    """
+    model, own = controller.par.model, innermost(controller.par)
+    joints = tuple(min(max(0.0, float(j.lower)), float(j.upper)) for j in (link.joint for link in model.vehicle.links))
+    physics = rate * max(1, math.ceil(FASTEST / rate))
+    held = getattr(own, "reference_period", None)
+    reference = rate if held is None else round(1.0 / float(held))
+    return Scenario(
+        name=model.vehicle.name,
+        rates=Rates(physics=physics, control=rate, reference=reference),
+        plant=Truth(vehicle=_embodied(model.vehicle), gravity=model.gravity),
+        controller=controller,
+        reference=hover((0.0, 0.0, HEIGHT), joints=joints),
+        duration=SETTLING,
+        delays=Delays(measurement=float(getattr(own, "delay_periods", 0)) / rate),
+    )
+
+
+def _embodied(vehicle: Vehicle) -> Vehicle:
+    """A vehicle whose planar links are real bodies and which moves as a planar model does; else the model itself.
+
+    Moments a (1 - n n^T), moved from the base to a link that turns about n alone, change no kinetic energy: the link's
+    part is a (w^2 - (n w)^2), w the base's angular velocity, at any angle of its joints.
+    """
+    about = vehicle.links[0].joint.axis if vehicle.n else E_Z
+    alike = all(
+        link.joint.kind == "revolute" and link.joint.axis == about and link.joint.rotation == Mat3.identity()
+        for link in vehicle.links
+    )
+    if not vehicle.planar or vehicle.followers or vehicle.base.planar or not alike:
+        return vehicle
+    across = Sym3.isotropic(1.0) - Sym3.of_matrix(Mat3.columns(*(about * each for each in about)))
+    base, links = vehicle.base, []
+    for link in vehicle.links:
+        body = link.body
+        if body.planar:
+            moved = across * float(about.dot(body.inertia.full().apply(about)))
+            body = dataclasses.replace(body, inertia=body.inertia + moved, planar=False)
+            base = dataclasses.replace(base, inertia=base.inertia - moved)
+        links.append(dataclasses.replace(link, body=body))
+    try:
+        return dataclasses.replace(vehicle, base=base, links=tuple(links))
+    except VehicleError:  # what is left to the base is no body's inertia
+        return vehicle
+
+
+HEIGHT = 10.0
+"""m, far from the ground."""
+
+
+def believed_delay(scenario: Scenario) -> float:
+    """Delay of the loop, s, that is known before flight: what the law is told of, and what the scenario states."""
+    told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
+    stated = float(scenario.delays.measurement) + float(scenario.delays.command)
+    return max(told, stated) if math.isfinite(told) else stated

@@ -1,0 +1,136 @@
+"""Eigenvalues and margins of a sampled loop: how much delay, how much gain and how much of both it bears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.stability.closed_loop import Closed, OpenLoop, closed, gains, radius, spectral_radius
+from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
+
+Array = npt.NDArray[np.float64]
+
+__all__ = ["Margins", "delay_margin", "margins", "radius"]
+
+EDGE = 1.0 + 1e-7
+"""Spectral radius above which a loop counts as unstable: the differences are good to 1e-9."""
+
+LONGEST = 0.1
+"""s, largest extra delay that is looked at."""
+
+WIDEST, STRIDE = 100.0, 1.25
+"""Largest change of a gain that is looked at, and the factor between two looks."""
+
+HALVINGS = 20
+"""Of the interval that holds a gain margin: to 1e-6 of it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Margins:
+    """Of one linearised loop.
+
+    Attributes:
+        z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
+        radius: largest |z|; the loop is stable below 1.
+        delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
+        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
+            which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group.
+        one_rotor, one_joint: the same of one actuator alone, the others as they are: the largest lower and the smallest
+            upper factor of any of them.
+        loops: disk margins of each channel alone: rotors, their common pushes, joint drives, what is measured.
+        together: disk margins of each group of channels under factors of their own, of all commands and of all that is
+            measured.
+    """
+
+    z: npt.NDArray[np.complex128]
+    s: npt.NDArray[np.complex128]
+    radius: float
+    delay: float
+    rotor_gain: tuple[float, float]
+    joint_gain: tuple[float, float]
+    one_rotor: tuple[float, float]
+    one_joint: tuple[float, float]
+    loops: tuple[LoopMargin, ...] = ()
+    together: tuple[LoopMargin, ...] = ()
+
+
+def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
+    """Eigenvalues and margins of a loop.
+
+    Args:
+        loop: the linearised loop.
+        measured: cut it at the measurement too; left out, that costs no time.
+    """
+    as_it_is = closed(loop)
+    A = as_it_is.matrix(gains(loop))
+    finite = bool(np.isfinite(A).all())
+    z = np.linalg.eigvals(A).astype(complex) if finite else np.array([math.inf], dtype=complex)
+    z = z[np.argsort(-np.abs(z), kind="stable")]
+    with np.errstate(divide="ignore"):
+        s = np.log(z) / loop.period
+    size = float(np.abs(z).max(initial=0.0))
+    stable = size <= EDGE
+    cut = cut_loops(loop, as_it_is, z, measured=measured, stable=stable)
+    rotors, joints = range(loop.rotors), range(loop.rotors, loop.u_m.shape[0])
+    return Margins(
+        z=z,
+        s=s,
+        radius=size,
+        delay=delay_margin(loop),
+        rotor_gain=_gain(as_it_is, stable, [rotors]),
+        joint_gain=_gain(as_it_is, stable, [joints]),
+        one_rotor=_gain(as_it_is, stable, [[i] for i in rotors]),
+        one_joint=_gain(as_it_is, stable, [[i] for i in joints]),
+        loops=cut.loops(LONGEST),
+        together=cut.together(),
+    )
+
+
+def _gain(as_it_is: Closed, stable: bool, groups: Sequence[Sequence[int]]) -> tuple[float, float]:
+    """The narrowest interval of a factor that some commands have in common, of several groups of commands."""
+    if not stable:
+        return 1.0, 1.0
+    low, high = 1.0 / WIDEST, WIDEST
+    for places in filter(len, groups):
+        factors = np.ones(len(as_it_is.sent))
+
+        def is_unstable(gain: float, factors: Array = factors, places: Sequence[int] = places) -> bool:
+            factors[list(places)] = gain
+            return spectral_radius(as_it_is.matrix(factors)) > EDGE
+
+        low, high = gain_edge(is_unstable, 1.0 / STRIDE, low), gain_edge(is_unstable, STRIDE, high)
+    return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
+
+
+def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float) -> float:
+    """First gain from 1 on, in strides, at which a loop is unstable; ``limit`` if there is none before it."""
+    nearer = min if limit > 1.0 else max
+    good, gain = 1.0, nearer(stride, limit)
+    while not is_unstable(gain):
+        if gain == limit:
+            return limit
+        good, gain = gain, nearer(gain * stride, limit)
+    for _ in range(HALVINGS):
+        middle = math.sqrt(good * gain)
+        good, gain = (good, middle) if is_unstable(middle) else (middle, gain)
+    return good
+
+
+def delay_margin(loop: OpenLoop) -> float:
+    """Extra dead time, s, at which the spectral radius passes 1, between two steps of ``lates`` on a line."""
+    step = loop.period / len(loop.lates)
+    before = radius(loop)
+    if before > EDGE:
+        return 0.0
+    for k in range(1, math.floor(LONGEST / step + 0.5) + 1):
+        after = radius(loop, extra_delay=k * step)
+        if after > EDGE:
+            # the last stable radius may be 1 itself, where an eigenvalue only touches the circle
+            share = (1.0 - min(before, 1.0)) / (after - min(before, 1.0))
+            return (k - 1 + share) * step
+        before = after
+    return math.inf

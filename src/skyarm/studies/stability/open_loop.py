@@ -1,0 +1,345 @@
+"""One control period of a scenario, cut open at the commands and differentiated at an instant of a flight.
+
+Differentiated is the machine code of one control period itself, by central differences of fourth order: four steps in
+each direction, all lanes of one call. The attitude moves by rotation vectors, in and out; everything else is a number.
+The rotors' lag is faster upward than downward, so that a hovering loop has two linearisations, with either time
+constant for both directions, in plant and model; between both lies the one that a small swing meets.
+
+Joint drives take part with their memories. A battery sags under its load as it does; its charge, which takes minutes to
+move, is held as it is.
+
+Source: B. Fornberg 1988, Table 1 (first derivative, fourth order).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import data
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.lower import repeat
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.control.law_checks import checked_law
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.surroundings import Surroundings
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
+from skyarm.simulate.command_line import mean_efforts, switches
+from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.plant_steps import rigid_body_plant
+from skyarm.simulate.stages import Stages
+from skyarm.studies.stability.closed_loop import OpenLoop
+from skyarm.studies.stability.frozen_scenario import LAGS, SHARES, nominal, require_no_memory, with_lag
+from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
+
+Array = npt.NDArray[np.float64]
+
+STEP_SIZE = 1e-4
+"""Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
+
+STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+"""(step, weight) of the first derivative, fourth order."""
+
+
+def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
+    """Every point of the stencils, (leaves, directions * 4), and the step of each direction (directions,).
+
+    Args:
+        base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
+        attitude: the same as ``base[3:7]``.
+    """
+    count = len(base)
+    widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
+    turns = slice(3, 6)
+    widths[turns] = STEP_SIZE
+    found = np.repeat(base[:, None], 4 * (count - 1), axis=1)
+    for direction, width in enumerate(widths):
+        for j, (steps, _) in enumerate(STENCIL):
+            column = 4 * direction + j
+            if 3 <= direction < 6:
+                v = [0.0, 0.0, 0.0]
+                v[direction - 3] = 0.5 * steps * width
+                found[3:7, column] = list(_turned(attitude, v))
+            else:
+                found[direction if direction < 3 else direction + 1, column] += steps * width
+    return found, widths
+
+
+def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
+    """Jacobians of next state, measurement, memory and command by every direction.
+
+    Args:
+        result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
+        still: outputs at the point itself (outputs,).
+        widths: step of each direction (directions,).
+        outs: how many outputs each of the four has; those of the state come first.
+    """
+    directions = len(widths)
+    state = _tangent(result[: outs[0]], still[: outs[0]])
+    values = np.vstack([state, result[outs[0] :] - still[outs[0] :, None]])
+    weights = np.array([weight for _, weight in STENCIL])
+    slopes = values.reshape(len(values), directions, len(STENCIL)) @ weights / widths
+    ends = np.cumsum([outs[0] - 1, *outs[1:]])
+    return np.split(slopes, ends[:-1].tolist())
+
+
+def _turned(q: Quaternion, half: Sequence[float]) -> Quaternion:
+    """q times the rotation of twice the vector ``half``, first order with unit length to 1e-16."""
+    x, y, z = half
+    w = float(np.sqrt(1.0 - x * x - y * y - z * z))
+    turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
+    return turned
+
+
+def _tangent(states: Array, still: Array) -> Array:
+    """Differences of states (leaves, lanes) from one; the attitude's as twice the vector part of q0^-1 q."""
+    w, x, y, z = still[3:7]
+    a, b, c, d = states[3:7]
+    turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
+    return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OpenPoint:
+    """What the open period takes; the battery's memory is a number that stays, not one that is stepped beside."""
+
+    state: State
+    drives: tuple[Any, ...]
+    old: Command
+    new: Command
+    memory: Any
+    seen: Measurement
+    power: Any
+
+
+def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
+    """Where the open period is differentiated, as far as the carry tells.
+
+    Args:
+        carry: of the flight.
+        ages: whole periods that rotors and joints are late; left out: the queue is as long as both.
+        batteries: how many of the last components are batteries.
+    """
+    last = len(carry.queue) - 1
+    old, following = carry.queue[0], carry.queue[min(1, last)]
+    if ages is not None:
+        old, following = (
+            Command(
+                rotor_speeds=carry.queue[min(last - ages[0] + k, last)].rotor_speeds,
+                efforts=carry.queue[min(last - ages[1] + k, last)].efforts,
+            )
+            for k in (0, 1)
+        )
+    # an open period asks for no time and no specific force
+    waiting = carry.sensors[0].waiting
+    seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
+    return OpenPoint(
+        state=carry.state,
+        drives=carry.drives,
+        old=old,
+        new=following,
+        memory=carry.memory,
+        seen=seen,
+        power=carry.components[len(carry.components) - batteries :] if batteries else (),
+    )
+
+
+def sizes_of(point: OpenPoint) -> list[int]:
+    """How many numbers a point has of state with drives, old and new command, memory, measurement and battery."""
+    parts = (point.old, point.new, point.memory, point.seen, point.power)
+    return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
+
+
+__all__ = ["LAGS", "Differentiator", "OpenLoop", "carry_of", "nominal", "open_loop"]
+
+
+class Differentiator:
+    """One control period of a scenario, cut open, as machine code that is stepped beside a point.
+
+    Args:
+        scenario: on the rigid-body plant; noise and turbulence are left out.
+        paths: numbers that :meth:`at` may be given others of, as those of a batch; the code is made once for all.
+    """
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
+        self.scenario, self._paths = nominal(scenario), tuple(paths)
+        self._numbers = tuple(number_at(self.scenario, path) for path in self._paths)
+        inputs = episode_inputs(self.scenario)
+        first = first_loop_state(self.scenario)
+        require_no_memory(self.scenario, first)
+        self._components = first.components
+        plant = rigid_body_plant(self.scenario, first)
+        self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
+        ratio = scenario.rates.physics // scenario.rates.control
+        self.lates = np.arange(ratio) / scenario.rates.physics
+        self._ages: tuple[int, int] | None = None
+        """Whole periods that rotors and joints are late; None where they hear of a command together."""
+        self._joints_lates = self.lates
+        """s within a period after which the joints hear of a command, beside :attr:`lates` of the rotors."""
+        if scenario.delays.apart:
+            steps = [round(delay * scenario.rates.physics) for delay in _delays(scenario)]
+            self._ages = steps[0] // ratio, steps[1] // ratio
+            self._joints_lates = (np.arange(ratio) + steps[1] - steps[0]) % ratio / scenario.rates.physics
+        self._point = open_point(first, self._ages, len(scenario.power))
+        row = inputs.row_at(0, first)
+
+        def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
+            return point, self._outputs(point, given, fed)
+
+        given = ((0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0), self._numbers)
+        loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
+        # few periods are stepped: what compiles five times as fast is quicker in all
+        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
+        self._row = len(leaves(row))
+
+    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
+        """Next state, measurement now, next memory, command; given when rotors (and joints) hear, lag, numbers."""
+        (*lates, lag), numbers = given
+        own = self.scenario
+        if self._paths:
+            own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
+        scenario = with_lag(own, lag)
+        stages = Stages(scenario)
+        power = tuple(
+            each.advance(kept, row.time, self._period, point.state, ())
+            for each, kept in zip(scenario.power, point.power, strict=True)
+        )
+        memories = (*self._components[: len(self._components) - len(power)], *power)
+        air = stages.surroundings(memories, point.drives, row.time)
+        force, _ = accelerate(
+            scenario.plant, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
+        )
+        count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
+        proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
+        now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
+        memory, command = checked_law(scenario.controller)(
+            point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
+        )
+        # a drive hears the mean of both commands once in a period, as it does in flight
+        heard = mean_efforts(point.old, point.new, lates[-1], self._period)
+        state, given_drives = point.state, zip(scenario.all_drives, point.drives, heard, strict=False)
+        drives = tuple(
+            drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
+            for i, (drive, memory, u) in enumerate(given_drives)
+        )
+        air = stages.with_drives(air, drives)
+        after, left = point.state, self._period
+        pieces = [(lates[0], point.old)] if self._ages is None else switches(point.old, point.new, lates[0], lates[1])
+        for seconds, acting in pieces:
+            after, left = self._advanced(scenario, after, acting, air, seconds), left - seconds
+        after = self._advanced(scenario, after, point.new, air, left)
+        return tuple(data(leaf) for leaf in leaves((after, drives, now, memory, command)))
+
+    def _advanced(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
+        # as many steps as a whole period has: a part of it is integrated at least as well
+        count = self._substeps(self._period)
+        step = STEP[scenario.integrator]
+        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count), state)
+
+    def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
+        """The linearised open loop where the flight is at ``carry``.
+
+        Args:
+            carry: of the nominal flight.
+            row: leaves of what the instant is fed.
+            lag: one of ``SHARES``.
+            numbers: of the paths; the scenario's own if left out.
+        """
+        given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
+        point = open_point(carry, self._ages, len(self.scenario.power))
+        sizes = sizes_of(point)
+        base = self._completed(carry, point, sizes, row, given)
+        moved, widths = stencil_points(base, point.state.quaternion)
+        lates = range(len(self.lates))
+        results = [self._outputs_of(moved, row, late, given) for late in lates]
+        still = [self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates]
+        outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
+        parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
+        columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
+        x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
+        first = parts[0]
+        return OpenLoop(
+            period=self._period,
+            rotors=len(point.state.rotor_speeds),
+            lates=self.lates,
+            x_x=np.array([part[0][:, x] for part in parts]),
+            x_old=np.array([part[0][:, old] for part in parts]),
+            x_new=np.array([part[0][:, new] for part in parts]),
+            y_x=first[1][:, x],
+            y_old=first[1][:, old],
+            m_m=first[2][:, m],
+            m_y=first[2][:, y],
+            u_m=first[3][:, m],
+            u_y=first[3][:, y],
+            measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
+            command_delay=float(self.scenario.delays.command),
+            rotors_delay=float(self.scenario.delays.rotors),
+            joints_delay=float(self.scenario.delays.joints),
+            states=len(leaves(point.state)) - 1,
+            channels=self._channels(point, base),
+        )
+
+    def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
+        """Where the loop is cut, at the command and the measurement of the instant."""
+        at: OpenPoint = rebuild(point, iter(base.tolist()))
+        speeds = [float(speed) for speed in at.new.rotor_speeds]
+        return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
+
+    def _completed(
+        self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
+    ) -> Array:
+        """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
+        base = np.array([float(leaf) for leaf in leaves(point)])
+        ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
+        if not carry.sensors[0].waiting:
+            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
+            base[sum(sizes[:4]) : sum(sizes[:5])] = made[ends[0] : ends[1]]
+        ages = self._ages or (len(carry.queue) - 1,) * 2
+        at_once = np.repeat(np.array(ages) == 0, [len(point.new.rotor_speeds), len(point.new.efforts)])
+        if at_once.any():
+            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
+            following = base[sizes[0] + sizes[1] : sum(sizes[:3])]
+            following[at_once] = made[ends[2] : ends[3]][at_once]
+        return base
+
+    def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
+        """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number.
+
+        ``numbers`` are the lag's share and those of the paths.
+        """
+        lanes = points.shape[1]
+        when = [self.lates[late]] if self._ages is None else [self.lates[late], self._joints_lates[late]]
+        given = np.repeat(np.array([*when, *numbers])[:, None], lanes, axis=1)
+        _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
+        return np.asarray(log[0], dtype=float)
+
+
+def _delays(scenario: Scenario) -> tuple[float, float]:
+    """Delays of the rotors' and of the joints' part of a command, s."""
+    delays = scenario.delays
+    return float(delays.command) + float(delays.rotors), float(delays.command) + float(delays.joints)
+
+
+def open_loop(scenario: Scenario, carry: LoopState, row: Sequence[float], lag: str = "up") -> OpenLoop:
+    """The linearised open loop of a scenario at a carry of its flight; see :class:`Differentiator`."""
+    return Differentiator(scenario).at(carry, row, lag)
+
+
+def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
+    """A carry from its numbers."""
+    found: LoopState = rebuild(template, iter([float(value) for value in values]))
+    return found

@@ -1,0 +1,124 @@
+"""The loop in hover for many sets of a scenario's numbers, as gains are: code is made once, numbers are data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import rebuild
+from skyarm.compile.llvm.kernel import host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch_leg import Leg, LegOptions
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.studies.stability.along import Instant, hovering
+from skyarm.studies.stability.closed_loop import OpenLoop
+from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
+from skyarm.studies.stability.margins import delay_margin, margins
+from skyarm.studies.stability.open_loop import Differentiator
+
+Array = npt.NDArray[np.float64]
+
+SPEED = 1e3
+"""m/s or rad/s: a hover that moves faster has diverged."""
+
+
+class SettledHover:
+    """Margins of a scenario's loop in a settled hover, for other numbers each time.
+
+    What a law adapts slowly is held, as in all margins.
+
+    Args:
+        scenario: whose hover is flown first, with the same numbers.
+        paths: of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
+
+    Raises:
+        ScenarioError: the loop has a memory that its linearisation does not know.
+    """
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
+        flight = hovering(nominal(without_adaptation(scenario)))
+        flight = flight.with_words(kind="rigid_body")
+        self.paths = tuple(paths)
+        self._differentiator = Differentiator(flight, self.paths)
+        options = LegOptions(
+            paths=self.paths,
+            stiffest=None,
+            wanted=(),
+            masks={},
+            lanes=Lanes(host_width(), contract=False),
+            every=0,
+            changing=False,
+            effort=0,
+        )
+        self._leg = Leg(flight, stretches(flight)[0].overrides, range(flight.steps), options)
+        inputs = episode_inputs(flight)
+        self._row = inputs.rows(flight.steps - 1, flight.steps)[0].tolist()
+        self._time = float(self._row[0])
+
+    def margins(self, values: Mapping[str, Array], *, measured: bool = False, threads: int = 1) -> list[Instant | None]:
+        """Margins of each set of numbers; None where its hover diverged.
+
+        Args:
+            values: path -> (sets,); every path.
+            measured: cut the loop at the measurement too, which takes as long again.
+            threads: that fly; the result does not depend on it.
+        """
+        found: list[Instant | None] = []
+        for settled, numbers in zip(self.settle(values, threads), self._sets(values), strict=True):
+            if settled is None:
+                found.append(None)
+                continue
+            by_lag = {lag: margins(self.opened(settled, numbers, lag), measured=measured) for lag in LAGS}
+            swings = delay_margin(self.opened(settled, numbers, "between"))
+            found.append(Instant(hover=True, time=self._time, by_lag=by_lag, swings=swings))
+        return found
+
+    def delays(self, values: Mapping[str, Array], threads: int = 1) -> Array:
+        """Delay margin of each set of numbers, s, with the worse time constant of the rotors; 0 where none settled.
+
+        A third of the time of :meth:`margins`.
+        """
+        found = []
+        for settled, numbers in zip(self.settle(values, threads), self._sets(values), strict=True):
+            each = [0.0] if settled is None else [delay_margin(self.opened(settled, numbers, lag)) for lag in LAGS]
+            found.append(min(each))
+        return np.array(found)
+
+    def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
+        """Fly the hovers of all sets; the loop state each ends in, None where it diverged or ended early."""
+        columns = [np.asarray(values[path], dtype=float) for path in self.paths]
+        count = len(columns[0])
+        parameters = self._leg.parameters(columns, count)
+        keys = {"seed": 0, "episodes": np.arange(count)}
+        carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
+        with np.errstate(all="ignore"):
+            carry, _ = self._leg.fly(carry, parameters, keys, threads)
+        first: Any = self._leg.first
+        settled = [rebuild(first, iter(column.tolist()))[0] for column in carry.T]
+        return [each if _is_hover(each) else None for each in settled]
+
+    def opened(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
+        """The open loop where a hover has settled, with these numbers of the paths."""
+        return self._differentiator.at(settled, self._row, lag, numbers)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._leg.close()
+
+    def _sets(self, values: Mapping[str, Array]) -> list[list[float]]:
+        columns = [np.asarray(values[path], dtype=float).tolist() for path in self.paths]
+        return [list(numbers) for numbers in zip(*columns, strict=True)]
+
+
+def _is_hover(settled: Any) -> bool:
+    """Whether a loop state is one of a flight that went on and stands still."""
+    if not settled.alive > 0.5:
+        return False
+    state = settled.state
+    moving = np.array([*state.velocity, *state.rate, *state.joint_rates], dtype=float)
+    return bool(np.isfinite(moving).all() and np.abs(moving).max() < SPEED)

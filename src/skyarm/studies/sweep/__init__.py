@@ -1,0 +1,7 @@
+"""Sweeps: many episodes of one scenario with other numbers, their rows on disk, and statistics of them."""
+
+from skyarm.studies.sweep.runner import Summary, run_sweep
+from skyarm.studies.sweep.study import Study, StudyError
+from skyarm.studies.sweep.study_file import list_studies, load_study, study_from
+
+__all__ = ["Study", "StudyError", "Summary", "list_studies", "load_study", "run_sweep", "study_from"]

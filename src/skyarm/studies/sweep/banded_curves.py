@@ -1,0 +1,261 @@
+"""Curves of metrics over a varied number or an expression of several: middle, and a band over all else that varies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import did_you_mean, number, shown
+from skyarm.scenario.numbers import words_of
+from skyarm.studies.sweep.expressions import is_own_name, read_expression
+from skyarm.studies.sweep.maps import LISTED
+from skyarm.studies.sweep.stats import Rows
+from skyarm.studies.sweep.study import StudyError
+
+Array = npt.NDArray[np.float64]
+
+BAND = (0.05, 0.95)
+
+CENTERS = ("median", "mean")
+
+PER_CELL = 25
+"""Episodes that a cell of drawn numbers should hold: its median is then good to a fifth of the spread."""
+
+FEWEST_CELLS, MOST_CELLS = 4, 30
+
+FEWEST_OF_BAND = 5
+"""Episodes that must have flown to their end for a cell to have a band."""
+
+MOST_CLASSES = 6
+"""Values of ``by`` up to which each has curves of its own; more are put into THIRDS."""
+
+THIRDS = 3
+
+FIRST = ("ee_error_mean", "position_error_mean", "joint_error_mean", "pitch_rms", "tau1_rms", "iae_position")
+"""Metrics of the page of a study, after those that limit its successes."""
+
+MOST = 6
+"""Metrics of that page."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """A number of each episode.
+
+    Attributes:
+        words: its name for people. unit: SI, "" if unknown.
+        values: (episodes,). logarithmic: it was drawn so.
+    """
+
+    words: str
+    values: Array
+    unit: str = ""
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandedCurve:
+    """One metric of one controller over a variable.
+
+    Attributes:
+        controller: that flew. by: class of the other variable in words, "" without one.
+        x: (K,) value of the variable, of each cell the median.
+        middle, low, high: (K,) median or mean, and the ends of the band, of episodes that flew to their end; NaN where
+            none did, or too few for a band.
+        episodes, lost: (K,) how many there are, and how many of them ended before their time.
+    """
+
+    controller: str
+    by: str
+    x: Array
+    middle: Array
+    low: Array
+    high: Array
+    episodes: npt.NDArray[np.int64]
+    lost: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandedCurves:
+    """Curves of one metric.
+
+    Attributes:
+        metric: its name. over: the variable. by: the other one, None without.
+        center: "median" or "mean". band: shares of the band's ends.
+        curves: one for each controller and class.
+    """
+
+    metric: str
+    over: Variable
+    by: Variable | None
+    center: str
+    band: tuple[float, float]
+    curves: tuple[BandedCurve, ...]
+
+
+def banded_curves(
+    rows: Rows,
+    metric: str,
+    over: str,
+    *,
+    by: str | None = None,
+    center: str = "median",
+    band: tuple[float, float] = BAND,
+) -> BandedCurves:
+    """Curves of a metric over a varied number, over all that varies beside it and the noise.
+
+    Args:
+        rows: of a study.
+        metric: one of its metrics.
+        over: a varied number, an expression of some, or ``name = expression``.
+        by: the same; a curve for each of its values, or for its thirds where there are many.
+        center: "median" or "mean", of each cell.
+        band: shares of episodes that the band's ends leave below them.
+
+    Raises:
+        StudyError: one line: a metric or number that is not there.
+        ExpressionError: an expression that cannot be read or has no value.
+    """
+    if metric not in rows.metrics:
+        there = f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
+        raise StudyError(f"metric = {shown(metric)}: must be one of these rows; {there}")
+    if center not in CENTERS:
+        raise StudyError(f"center = {shown(center)}: must be one of {', '.join(CENTERS)}")
+    low, high = (number(share, f"band[{i}]", low=0.0) for i, share in enumerate(band))
+    if not low < high <= 1.0:
+        raise StudyError(f"band = [{low:g}, {high:g}]: must be two shares from 0 to 1, the first below the second")
+    across = variable(rows, over, "over")
+    other = None if by is None else variable(rows, by, "by")
+    classes = {"": np.ones(rows.episodes, dtype=bool)} if other is None else _classes(other)
+    curves = tuple(
+        _curve(rows, metric, controller, name, inside, across.values, center, (low, high))
+        for controller in rows.controllers
+        for name, inside in classes.items()
+    )
+    return BandedCurves(
+        metric=metric,
+        over=across,
+        by=other,
+        center=center,
+        band=(low, high),
+        curves=curves,
+    )
+
+
+def drawn_metrics(rows: Rows) -> list[str]:
+    """The metrics of a study's page: those that limit successes, then the usual ones, then any others."""
+    wanted = dict.fromkeys((*rows.limits, *FIRST, *rows.metrics))
+    return [name for name in wanted if name in rows.metrics][:MOST]
+
+
+def varying(rows: Rows) -> list[str]:
+    """Numbers that differ among the episodes; paths that follow from those by expressions are left out."""
+    drawn = rows.manifest.study["vary"] or {}
+    wanted = [path for path in rows.parameters if path in drawn or is_own_name(path)]
+    return [path for path in wanted if np.ptp(_column(rows, path)) > 0.0]
+
+
+def metric_curves(rows: Rows, metric: str) -> list[BandedCurves]:
+    """Curves of a metric over each number that varies; where nothing is drawn the band holds all episodes."""
+    band = (0.0, 1.0) if rows.deterministic else BAND
+    return [banded_curves(rows, metric, path, band=band) for path in varying(rows)]
+
+
+def variable(rows: Rows, text: str, field: str) -> Variable:
+    """A varied number by its name, or an expression of some; ``name = expression`` names it.
+
+    Raises:
+        StudyError, ExpressionError: one line.
+    """
+    name, equals, after = text.partition("=")
+    if text in rows.parameters:
+        kind = next(iter((rows.manifest.study["vary"] or {}).get(text, ())), "")
+        unit = rows.manifest.units.get(text, "")
+        return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=kind == "log_uniform")
+    if not rows.parameters:
+        raise StudyError(f"{field} = {shown(text)}: must be a varied number, and none varies in these rows")
+    read = read_expression(after if equals else text, rows.parameters, field)
+    values = read.value({each: _column(rows, each) for each in read.names})
+    spread = np.broadcast_to(values, (rows.episodes,))
+    return Variable(words=name.strip() if equals and name.strip() else " ".join(text.split()), values=spread)
+
+
+def _column(rows: Rows, path: str) -> Array:
+    """A varied number of each episode: the same for every controller."""
+    return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
+
+
+def _cells(values: Array) -> npt.NDArray[np.int64]:
+    """The cell of each value: one for each where they are few, else cells of equally many, in their order."""
+    different, place = np.unique(values, return_inverse=True)
+    if different.size <= LISTED and values.size >= 2 * different.size:
+        return np.asarray(place, dtype=np.int64)
+    cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))
+    rank = np.empty(values.size, dtype=np.int64)
+    rank[np.argsort(values, kind="stable")] = np.arange(values.size)
+    return rank * cells // values.size
+
+
+def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
+    """Words -> episodes: each value where they are few, else thirds of the episodes."""
+    different = np.unique(by.values)
+    if different.size <= MOST_CLASSES:
+        return {word: by.values == value for word, value in zip(_told_apart(different, 4), different, strict=True)}
+    ends = np.quantile(by.values, (1 / 3, 2 / 3))
+    third = np.searchsorted(ends, by.values, side="right")
+    edges = [float(different[0]), *map(float, ends), float(different[-1])]
+    distinct = np.unique(edges)
+    words = dict(zip(distinct.tolist(), _told_apart(distinct, 3), strict=True))
+    # of a number that has one value in many episodes a third may be empty
+    filled = [i for i in range(THIRDS) if (third == i).any()]
+    return {f"{words[edges[i]]} to {words[edges[i + 1]]}": third == i for i in filled}
+
+
+def _told_apart(values: Array, digits: int) -> list[str]:
+    """Increasing numbers in words, with as many digits as tell them apart."""
+    for more in range(digits, 17):
+        found = [f"{value:.{more}g}" for value in values]
+        if len(set(found)) == len(found):
+            return found
+    return list(map(repr, values.tolist()))
+
+
+def _curve(
+    rows: Rows,
+    metric: str,
+    controller: str,
+    name: str,
+    inside: npt.NDArray[np.bool_],
+    over: Array,
+    center: str,
+    band: tuple[float, float],
+) -> BandedCurve:
+    over = over[inside]
+    column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
+    flew = np.asarray(rows.of(controller, "status") == "completed")[inside]
+    cells = _cells(over)
+    table: list[Sequence[float]] = []
+    for cell in np.unique(cells):
+        here = cells == cell
+        kept = column[here & flew & np.isfinite(column)]
+        found: tuple[float, ...] = (np.nan,) * 3
+        if kept.size:
+            middle = np.median(kept) if center == "median" else kept.mean()
+            enough = kept.size >= FEWEST_OF_BAND or band == (0.0, 1.0)
+            ends = np.quantile(kept, band) if enough else (np.nan, np.nan)
+            found = (float(middle), *map(float, ends))
+        table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
+    x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
+    return BandedCurve(
+        controller=controller,
+        by=name,
+        x=x,
+        middle=middle,
+        low=low,
+        high=high,
+        episodes=episodes.astype(np.int64),
+        lost=lost.astype(np.int64),
+    )

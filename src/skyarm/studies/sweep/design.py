@@ -1,0 +1,83 @@
+"""Values of the varied numbers in given episodes: a pure function of study and episode number."""
+
+from __future__ import annotations
+
+from math import prod
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra.scalars.philox import uniform, uniforms
+from skyarm.studies.sweep.expressions import with_derived
+from skyarm.studies.sweep.sobol import BITS, sobol
+from skyarm.studies.sweep.study import Study
+
+Array = npt.NDArray[np.float64]
+
+FIRST_CHANNEL = 2**16
+"""Channel of the noise generator for the first varied number; those below belong to the episodes' own noise."""
+
+SHIFT_CHANNEL = 2**17
+"""Channel of the first dimension's digital shift."""
+
+BLOCK = 2**16
+"""Episodes that are drawn at once where only their extremes are kept."""
+
+
+def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
+    """Path -> (episodes,), derived ones last: the same for an episode in whatever company it is drawn.
+
+    Args:
+        study: with its design.
+        episodes: numbers of the episodes.
+    """
+    numbers = np.asarray(episodes, dtype=np.int64)
+    cells = prod(len(d.values) for d in study.axes.values())
+    found: dict[str, Array] = {}
+    # the last axis runs fastest, as in nested loops
+    stride = cells
+    for index, (path, distribution) in enumerate(study.vary.items()):
+        if path in study.axes:
+            points = np.array(study.axes[path].values)
+            stride //= len(points)
+            found[path] = points[numbers % cells // stride % len(points)]
+        else:
+            found[path] = distribution.quantile(_unit(study, numbers, index))
+    return with_derived(found, study.derived)
+
+
+def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
+    """Numbers in (0, 1) for one dimension."""
+    if study.design != "sobol":
+        return uniform(study.seed, episodes, FIRST_CHANNEL + index, 0)
+    # a digital shift keeps the points' evenness and lets the seed choose among many such sets
+    shift = int(float(uniforms(study.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS)
+    shifted = sobol(episodes, index) ^ np.uint64(shift)
+    return np.asarray((shifted.astype(np.float64) + 0.5) * 2.0**-BITS)
+
+
+def extremes(study: Study) -> dict[str, tuple[float, float]]:
+    """Path -> smallest and largest value that an episode of the study takes."""
+    return {path: (low, high) for path, (low, high, _, _) in _ends(study).items()}
+
+
+def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
+    """Derived path -> the episodes in which it is smallest and largest."""
+    ends = _ends(study) if study.derived else {}
+    return {path: ends[path][2:] for path in study.derived}
+
+
+def _ends(study: Study) -> dict[str, tuple[float, float, int, int]]:
+    """Path -> smallest and largest value, and their first episodes."""
+    found: dict[str, tuple[float, float, int, int]] = {}
+    for start in range(0, study.episodes, BLOCK):
+        block = range(start, min(start + BLOCK, study.episodes))
+        for path, column in values(study, block).items():
+            low, high, first, last = found.get(path, (np.inf, -np.inf, 0, 0))
+            i, j = int(column.argmin()), int(column.argmax())
+            if column[i] < low:
+                low, first = float(column[i]), block[i]
+            if column[j] > high:
+                high, last = float(column[j]), block[j]
+            found[path] = low, high, first, last
+    return found

@@ -1,0 +1,147 @@
+"""Distributions of a varied number, each as its quantile function: one uniform number in, one value out.
+
+Random and Sobol designs differ only in where the uniform numbers come from. ``grid`` and ``list`` are finite: a grid
+design takes their Cartesian product, any other design picks among their values with equal chances.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import Fields, number, shown
+
+Array = npt.NDArray[np.float64]
+
+MOST_VALUES = 100_000
+"""Points of one grid or list."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """Every value of [low, high] alike."""
+
+    low: float
+    high: float
+
+    def quantile(self, u: Array) -> Array:
+        """Value below which the share ``u`` lies."""
+        return self.low + (self.high - self.low) * u
+
+
+@dataclass(frozen=True, slots=True)
+class LogUniform:
+    """Every ratio alike: the logarithm is uniform over [low, high], both above 0."""
+
+    low: float
+    high: float
+
+    def quantile(self, u: Array) -> Array:
+        """Value below which the share ``u`` lies."""
+        return np.asarray(self.low * np.exp(math.log(self.high / self.low) * u))
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Gaussian."""
+
+    mean: float
+    std: float
+
+    def quantile(self, u: Array) -> Array:
+        """Value below which the share ``u`` lies.
+
+        Source: Wichura 1988, AS 241, as the standard library has it.
+        """
+        flat = np.fromiter(map(NormalDist().inv_cdf, u.ravel().tolist()), dtype=float, count=u.size)
+        return self.mean + self.std * flat.reshape(u.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Finitely many values with equal chances: a list, or a grid from its start to its stop."""
+
+    values: tuple[float, ...]
+
+    def quantile(self, u: Array) -> Array:
+        """One of the values."""
+        index = np.minimum((u * len(self.values)).astype(int), len(self.values) - 1)
+        return np.asarray(np.array(self.values)[index])
+
+
+Distribution = Uniform | LogUniform | Normal | Values
+
+
+def _uniform(value: Any, at: str) -> Uniform:
+    return Uniform(*_interval(value, at))
+
+
+def _log_uniform(value: Any, at: str) -> LogUniform:
+    low, high = _interval(value, at)
+    number(low, f"{at}[0]", low=0.0, strict=True)
+    return LogUniform(low, high)
+
+
+def _normal(value: Any, at: str) -> Normal:
+    mean, std = _numbers(value, at, 2, "mean and standard deviation")
+    return Normal(mean, number(std, f"{at}[1]", low=0.0, strict=True))
+
+
+def _list(value: Any, at: str) -> Values:
+    if not isinstance(value, list) or not 1 <= len(value) <= MOST_VALUES:
+        raise ValueError(f"{at} = {shown(value)}: must be a list of 1 to {MOST_VALUES} numbers")
+    found = tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
+    if len(set(found)) != len(found):
+        raise ValueError(f"{at} = {shown(value)}: must not hold a number twice")
+    return Values(found)
+
+
+def _grid(value: Any, at: str) -> Values:
+    if not isinstance(value, list) or len(value) != 3:
+        raise ValueError(f"{at} = {shown(value)}: must be [start, stop, count]")
+    start, stop = _interval(value[:2], at)
+    count = value[2]
+    if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_VALUES:
+        raise ValueError(f"{at}[2] = {shown(count)}: must be a whole number from 2 to {MOST_VALUES}")
+    return Values(tuple(np.linspace(start, stop, count).tolist()))
+
+
+def _interval(value: Any, at: str) -> tuple[float, float]:
+    low, high = _numbers(value, at, 2, "low and high")
+    if not low < high or not math.isfinite(high - low):
+        raise ValueError(f"{at} = {shown(value)}: must be two numbers, the first below the second")
+    return low, high
+
+
+def _numbers(value: Any, at: str, count: int, meaning: str) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != count:
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {count} numbers, {meaning}")
+    return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
+
+
+KINDS: Mapping[str, Callable[[Any, str], Distribution]] = {
+    "uniform": _uniform,
+    "normal": _normal,
+    "log_uniform": _log_uniform,
+    "list": _list,
+    "grid": _grid,
+}
+
+
+def distribution_from(table: Any, at: str) -> Distribution:
+    """Distribution of a table with one field that names its kind, such as ``{ uniform = [0.5, 1.5] }``.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields = Fields(table, at)
+    if len(fields.table) != 1 or next(iter(fields.table)) not in KINDS:
+        raise ValueError(f"{at} = {shown(table)}: must have exactly one of {', '.join(KINDS)}")
+    ((kind, value),) = fields.table.items()
+    return KINDS[kind](value, f"{at}.{kind}")

@@ -1,0 +1,123 @@
+"""Robustness maps: the share of successes over two varied numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import did_you_mean, shown
+from skyarm.studies.sweep.stats import Rows
+from skyarm.studies.sweep.study import StudyError
+
+Array = npt.NDArray[np.float64]
+
+FEWEST, MOST = 4, 40
+"""Cells along an axis of drawn numbers."""
+
+PER_CELL = 25
+"""Episodes that a cell of drawn numbers should hold: a share is then known to 0.2."""
+
+LISTED = 100
+"""Different values up to which an axis has a cell for each."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Axis:
+    """One side of a map: the varied path, edges of its cells, whether they are even in the logarithm, its words."""
+
+    path: str
+    edges: Array
+    logarithmic: bool = False
+    label: str = ""
+
+    @property
+    def centers(self) -> Array:
+        """Middle of each cell."""
+        if self.logarithmic:
+            return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
+        return np.asarray(0.5 * (self.edges[:-1] + self.edges[1:]))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RobustnessMap:
+    """Success over two numbers.
+
+    Attributes:
+        controller: that flew. across, upward: the axes.
+        rate: (upward, across) share of successes, NaN where no episode fell.
+        count: (upward, across) episodes.
+    """
+
+    controller: str
+    across: Axis
+    upward: Axis
+    rate: Array
+    count: npt.NDArray[np.int64]
+
+    @property
+    def constant(self) -> float | None:
+        """The share of successes where it is the same in all cells with episodes, which a sentence says better."""
+        low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
+        return low if low == high else None
+
+
+def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[RobustnessMap]:
+    """A map for each controller; none where fewer than two numbers vary.
+
+    Args:
+        rows: of the study.
+        paths: across and upward; the first two that vary if left out.
+
+    Raises:
+        StudyError: a path that does not vary.
+    """
+    if paths is None:
+        varying = [path for path in rows.parameters if np.ptp(rows.of(rows.controllers[0], path)) > 0.0]
+        if len(varying) < 2:
+            return []
+        paths = varying[0], varying[1]
+    for path in paths:
+        if path not in rows.parameters:
+            there = f"{did_you_mean(path, rows.parameters)}there are {', '.join(rows.parameters)}"
+            raise StudyError(f"--map = {shown(path)}: must be a varied number; {there}")
+    if paths[0] == paths[1]:
+        raise StudyError(f"--map = {shown(paths[0])}: must be two different numbers")
+    first = rows.controllers[0]
+    columns = [rows.of(first, path) for path in paths]
+    kinds = [next(iter(rows.manifest.study["vary"].get(path, ("derived",)))) for path in paths]
+    across, upward = (
+        axis(path, column, logarithmic=kind == "log_uniform", label=rows.label(path))
+        for path, column, kind in zip(paths, columns, kinds, strict=True)
+    )
+    return [
+        success_map(name, across, upward, columns[0], columns[1], rows.succeeded(name)) for name in rows.controllers
+    ]
+
+
+def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = "") -> Axis:
+    """Cells for these values: one around each where they are few, else even ones, as many as the episodes allow."""
+    different = np.unique(values)
+    if 2 <= different.size <= LISTED and values.size > 2 * different.size:
+        middle = 0.5 * (different[:-1] + different[1:])
+        edges = np.concatenate([[2.0 * different[0] - middle[0]], middle, [2.0 * different[-1] - middle[-1]]])
+        return Axis(path=path, edges=edges, label=label)
+    cells = int(np.clip(np.sqrt(values.size / PER_CELL), FEWEST, MOST))
+    low, high = float(different[0]), float(different[-1])
+    if low == high:
+        low, high = low - 0.5, high + 0.5
+    if logarithmic and low > 0.0:
+        return Axis(path=path, edges=np.geomspace(low, high, cells + 1), logarithmic=True, label=label)
+    return Axis(path=path, edges=np.linspace(low, high, cells + 1), label=label)
+
+
+def success_map(
+    controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: npt.NDArray[np.bool_]
+) -> RobustnessMap:
+    """Count episodes and successes cell by cell; a value on the last edge belongs to the last cell."""
+    edges = (upward.edges, across.edges)
+    count = np.histogram2d(y, x, bins=edges)[0].astype(np.int64)
+    wins = np.histogram2d(y, x, bins=edges, weights=won)[0]
+    rate = np.divide(wins, count, out=np.full(count.shape, np.nan), where=count > 0)
+    return RobustnessMap(controller=controller, across=across, upward=upward, rate=rate, count=count)

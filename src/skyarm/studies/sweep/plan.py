@@ -1,0 +1,216 @@
+"""A study checked and compiled: what is known before the first episode flies."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.largest_step import STATED, stated_step
+from skyarm.records.identity import all_files, identity
+from skyarm.records.registry import registrations
+from skyarm.scenario.endings import STATUSES
+from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.draws import draws_needed
+from skyarm.studies.sweep.design import derived_extremes, extremes, values
+from skyarm.studies.sweep.expressions import ExpressionError
+from skyarm.studies.sweep.store import Manifest
+from skyarm.studies.sweep.study import Study, StudyError
+
+PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
+"""Beginnings of the paths on which the plant's joint friction depends."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study whose every extreme was checked.
+
+    Attributes:
+        study: as read.
+        stiffest: the plant whose joint friction bounds the integration step of all episodes, with the air, forces and
+            drives that state the shortest one.
+        manifest: the facts on which the rows depend.
+    """
+
+    study: Study
+    stiffest: Scenario
+    manifest: Manifest
+
+    def batches(self) -> dict[str, Batch]:
+        """The closed loop of each controller in machine code."""
+        study = self.study
+        return {
+            label: Batch(
+                scenario,
+                study.paths,
+                metrics=study.metrics,
+                windows=study.windows,
+                single=study.precision == "single",
+                bit_exact=study.precision == "bit_exact",
+                stiffest=self.stiffest,
+            )
+            for label, scenario in study.scenarios.items()
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class _Setting:
+    """Numbers that an episode may take: their path, their place in messages, all that come with them."""
+
+    path: str
+    where: str
+    numbers: Mapping[str, float]
+
+    def of(self, scenario: Scenario) -> Scenario:
+        """The scenario with these numbers.
+
+        Raises:
+            StudyError: a vehicle that cannot be.
+        """
+        try:
+            return with_numbers(scenario, self.numbers)
+        except ValueError as error:
+            raise StudyError(f"{self.where}: {error}") from None
+
+
+def prepare(study: Study) -> Plan:
+    """Check the extremes that episodes of the study take.
+
+    Raises:
+        StudyError: a vehicle that cannot be, with the path and the value that make it so.
+    """
+    for scenario in study.scenarios.values():
+        try:
+            require_apart(scenario, study.paths)
+        except ValueError as error:
+            raise StudyError(f"{study.source}: vary: {error}") from None
+    try:
+        ends = {path: pair for path, pair in extremes(study).items() if path in study.paths and path in study.vary}
+        singles, together = _singles(study.source, ends), _derived_settings(study)
+    except ExpressionError as error:
+        raise StudyError(f"{study.source}: {error}") from None
+    for scenario in study.scenarios.values():
+        for setting in (*singles, *together):
+            setting.of(scenario)
+    first = next(iter(study.scenarios.values()))
+    manifest = Manifest(
+        study=json.loads(json.dumps({**study.document, **_code_and_endings(study)})),
+        scenarios={label: identity(scenario) for label, scenario in study.scenarios.items()},
+        title=study.title,
+        success=dict(study.success),
+        units={path: unit for path in study.paths if (unit := _unit(first, path))},
+        noise=any(draws_needed(scenario) for scenario in study.scenarios.values()),
+    )
+    return Plan(study, _stiffest(study.source, first, singles, together), manifest)
+
+
+def _unit(scenario: Scenario, path: str) -> str:
+    """Unit of a number; empty for one that is no field of a record."""
+    try:
+        return unit_at(scenario, path)
+    except ValueError:
+        return ""
+
+
+def _code_and_endings(study: Study) -> dict[str, Any]:
+    """Further facts on which rows depend: files of code, and words of user-defined endings."""
+    own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
+    rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
+    code = all_files(study.scenarios, rows)
+    return ({"plugins": code} if code else {}) | (
+        {"endings": endings} if (endings := [status for status in own if status not in STATUSES]) else {}
+    )
+
+
+def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:
+    """Each number alone at each of its ends."""
+    return [
+        _Setting(path, f'{source}: vary."{path}" reaches {value:.6g}', {path: value})
+        for path, pair in ends.items()
+        for value in pair
+    ]
+
+
+def _derived_settings(study: Study) -> list[_Setting]:
+    """All numbers of the episodes in which a derived path is smallest and largest: they only fit together."""
+    found = []
+    for path, episodes in derived_extremes(study).items():
+        for episode in dict.fromkeys(episodes):
+            drawn = values(study, [episode])
+            numbers = {name: float(drawn[name][0]) for name in study.paths}
+            reached = f" reaches {numbers[path]:.6g}" if path in numbers else ""
+            found.append(_Setting(path, f'{study.source}: derived."{path}"{reached}', numbers))
+    return found
+
+
+def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+    """The scenario that asks for the shortest integration steps while each number is anywhere between its ends.
+
+    Args:
+        scenario: as it is.
+        ends: path -> least and greatest number.
+
+    Raises:
+        StudyError: a vehicle that cannot be, with the path and the value that make it so.
+    """
+    return _stiffest(scenario.name, scenario, _singles(scenario.name, ends), ())
+
+
+def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], derived: Sequence[_Setting]) -> Scenario:
+    """The plant with the fastest joint friction, and the shortest step that air, forces and drives state.
+
+    Each number is at the end that makes friction faster; derived numbers count as they come together in the episodes of
+    their ends. One end for each number is exact where friction grows or falls with each of them, as it does with
+    damping and masses; FRICTION_STEP leaves a margin of four for those that do neither.
+    """
+    worst: dict[str, float] = {}
+    rate = _fastest_friction(scenario)
+    best, best_rate = scenario, rate
+    for each in singles:
+        if each.path.startswith((*PLANT, "changes.")):
+            single = each.of(scenario)
+            found = _rate(each.where, single)
+            if found > rate:
+                worst |= each.numbers
+            if found > best_rate:
+                best, best_rate = single, found
+    all_worst = _Setting("", "", worst)
+    for each in (all_worst, *derived):
+        try:
+            together = each.of(scenario)
+        except StudyError:
+            if each is all_worst:  # extremes of several need not come together
+                continue
+            raise
+        found = _rate(f"{source}: vary", together)
+        if found > best_rate:
+            best, best_rate = together, found
+    for each in (*singles, *derived):
+        if each.path.startswith(STATED):
+            best = min((best, each.of(best)), key=lambda changed: stated_step(changed) or math.inf)
+    return best
+
+
+def _rate(where: str, scenario: Scenario) -> float:
+    try:
+        return _fastest_friction(scenario)
+    except ValueError as error:
+        raise StudyError(f"{where}: {error}") from None
+
+
+def _fastest_friction(scenario: Scenario) -> float:
+    """Of the joints of the plant, 1/s, whatever holds in the course of the flight."""
+    return max(joint_rate(stretch.overrides.of(scenario).plant.vehicle) for stretch in stretches(scenario))
+
+
+def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:
+    """One episode of a study as a scenario of its own, for a single run that keeps its log."""
+    scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
+    return dataclasses.replace(scenario, seed=study.seed, episode=episode)

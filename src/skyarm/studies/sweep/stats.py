@@ -1,0 +1,232 @@
+"""Statistics of a study's rows: success, quantiles, and what one controller gains over another on the same draws."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import did_you_mean, number, shown
+from skyarm.scenario.numbers import labelled, words_of
+from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
+from skyarm.studies.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
+from skyarm.studies.sweep.study import StudyError
+
+Array = npt.NDArray[Any]
+
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+class Rows:
+    """A study's rows, read column by column; each column is ordered by episode.
+
+    Only files count that are whole and of this study.
+
+    Args:
+        folder: that ``skyarm sweep`` wrote.
+        success: metric -> largest value of a successful episode; the study's own if left out.
+
+    Attributes:
+        manifest: of the folder. count: rows that are there. planned: rows of the whole study.
+        skipped: names of files that do not count.
+
+    Raises:
+        StudyError: no such folder, no rows, or an unknown metric.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], success: Mapping[str, float] | None = None) -> None:
+        arrow()
+        import pyarrow.dataset as ds
+
+        self.folder, manifest = Path(folder), read_manifest(folder)
+        at = f"folder = {os.fspath(folder)!r}"
+        if manifest is None:
+            raise StudyError(f"{at}: must be one that 'skyarm sweep' wrote; it has no whole {MANIFEST}")
+        self.manifest = manifest
+        chunks, self.skipped = whole_chunks(folder, manifest)
+        if not chunks:
+            others = not_counted(self.skipped)
+            why = f" ({'; '.join(others)})" if others else ""
+            raise StudyError(f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}")
+        self._data = ds.dataset([str(chunk_path(folder, index)) for index in chunks])
+        self.parameters, self.metrics = manifest.parameters, tuple(manifest.study["metrics"])
+        self.controllers = tuple(manifest.scenarios)
+        self.limits = dict(self.manifest.success if success is None else success)
+        for name in self.limits:
+            if name not in self.metrics:
+                there = f"{did_you_mean(name, self.metrics)}there are {', '.join(self.metrics)}"
+                raise StudyError(f"success.{name}: is no metric of these rows; {there}")
+        chosen = self._column("controller")
+        self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
+        self.episodes = sum(len(manifest.span(index)) for index in chunks)
+        self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether nothing was drawn at random: a grid of given numbers, flown without noise."""
+        study = self.manifest.study
+        kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
+        given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
+        return given and not self.manifest.noise
+
+    def label(self, path: str) -> str:
+        """Words and unit of a varied number."""
+        return labelled(words_of(path), self.manifest.units.get(path, ""))
+
+    @property
+    def complete(self) -> bool:
+        """Whether all rows of the study are there."""
+        return self.count == self.planned
+
+    def _column(self, name: str) -> Array:
+        import pyarrow as pa
+
+        try:
+            column = self._data.to_table(columns=[name]).column(0)
+            return np.asarray(column.to_numpy(zero_copy_only=False))
+        except (pa.ArrowException, OSError) as error:
+            first = " ".join(str(error).split())
+            raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
+
+    def of(self, controller: str, name: str) -> Array:
+        """A column of one controller's rows."""
+        return np.asarray(self._column(name)[self._chosen[controller]])
+
+    def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:
+        """True where the episode flew to its end within the limits."""
+        found = np.asarray(self.of(controller, "status") == "completed")
+        for name, limit in self.limits.items():
+            found = found & (self.of(controller, name) <= limit)
+        return np.asarray(found)
+
+
+def parse_limits(texts: list[str]) -> dict[str, float]:
+    """Limits of success from ``metric=value`` texts.
+
+    Raises:
+        StudyError: a text of another form.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = number(float(value), name)
+        except ValueError:
+            raise StudyError(
+                f"--success = {shown(text)}: must be METRIC=LARGEST, such as position_error_mean=0.2"
+            ) from None
+    return found
+
+
+def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
+    """Everything that is said about a study, as plain values.
+
+    Args:
+        rows: of the study.
+        seed: of the bootstrap.
+        confidence: coverage of all intervals.
+
+    Returns:
+        Success and quantiles of each controller, and differences of each pair. Metrics are those of episodes that flew
+        to their end; paired ones, of episodes that did so with both. Where nothing was drawn at random
+        ("deterministic") intervals are null: the same study gives the same numbers again, and samples no others.
+    """
+    wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
+    flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
+    found: dict[str, Any] = {
+        "schema": 1,
+        "study": rows.manifest.name,
+        "complete": rows.complete,
+        "rows": rows.count,
+        "rows_planned": rows.planned,
+        "files_not_counted": list(rows.skipped),
+        "episodes": rows.episodes,
+        "deterministic": rows.deterministic,
+        "confidence": confidence,
+        "seed": seed,
+        "limits": rows.limits,
+        "controllers": {},
+        "paired": {},
+    }
+    for controller in rows.controllers:
+        counts = Counter(rows.of(controller, "status").tolist())
+        won = int(wins[controller].sum())
+        found["controllers"][controller] = {
+            "status": {status: counts[status] for status in sorted(counts)},
+            "successes": won,
+            "success_rate": won / rows.episodes,
+            "success_interval": wilson(won, rows.episodes, confidence),
+            "metrics": {},
+        }
+    pairs = list(combinations(rows.controllers, 2))
+    for one, other in pairs:
+        found["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
+    for metric in rows.metrics:
+        columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
+        for controller, column in columns.items():
+            kept = column[flew[controller] & np.isfinite(column)]
+            found["controllers"][controller]["metrics"][metric] = _spread(kept, seed, confidence)
+        for one, other in pairs:
+            difference = columns[one] - columns[other]
+            kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
+            found["paired"][f"{one} - {other}"]["metrics"][metric] = _paired(kept, seed, confidence)
+    return _without_intervals(found) if rows.deterministic else found
+
+
+def _without_intervals(found: Any) -> Any:
+    """The same with null for every interval: of what is not drawn there is none."""
+    if not isinstance(found, dict):
+        return found
+    return {
+        key: None if key == "intervals" or key.endswith("_interval") else _without_intervals(each)
+        for key, each in found.items()
+    }
+
+
+def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+    if not values.size:
+        return None
+    return {
+        "count": int(values.size),
+        "mean": float(values.mean()),
+        "quantiles": dict(zip(map(str, SHARES), quantiles(values, SHARES), strict=True)),
+        "intervals": dict(zip(map(str, SHARES), bootstrap_quantiles(values, SHARES, seed, confidence), strict=True)),
+    }
+
+
+def _paired(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+    """Mean and median of a difference, and how often the first is smaller (ties by half)."""
+    if not difference.size:
+        return None
+    smaller = int((difference < 0.0).sum()) + int((difference == 0.0).sum()) // 2
+    return {
+        "count": int(difference.size),
+        "mean": float(difference.mean()),
+        "mean_interval": bootstrap_mean(difference, seed, confidence),
+        "median": quantiles(difference, (0.5,))[0],
+        "median_interval": bootstrap_quantiles(difference, (0.5,), seed, confidence)[0],
+        "first_smaller": smaller / difference.size,
+        "first_smaller_interval": wilson(smaller, int(difference.size), confidence),
+    }
+
+
+def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> dict[str, Any]:
+    counts = {
+        "both": int((one & other).sum()),
+        "only_first": int((one & ~other).sum()),
+        "only_second": int((~one & other).sum()),
+        "neither": int((~one & ~other).sum()),
+    }
+    difference = one.astype(float) - other.astype(float)
+    return {
+        "success": counts,
+        "success_difference": float(difference.mean()),
+        "success_difference_interval": bootstrap_mean(difference, seed, confidence),
+        "metrics": {},
+    }

@@ -1,0 +1,300 @@
+"""The folder of a study: Parquet files of rows that appear whole, each marked as the study's, and a manifest.
+
+A file counts if its metadata has the study's digest and its own number and its pages fit their checksums; any other is
+flown again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from skyarm.records.files import (
+    needs_extra,
+    require_no_link,
+    require_writable,
+    shown,
+    sync_folder,
+    versions,
+    write_inside,
+)
+from skyarm.scenario.endings import STATUSES
+from skyarm.studies.sweep.study import StudyError
+
+MANIFEST, ROWS = "manifest.json", "rows"
+
+SCHEMA = 2
+"""Of the manifest."""
+
+ROWS_NEED = ("numpy", "llvmlite", "pyarrow")
+"""Packages on whose versions the bits of rows may depend."""
+
+MARK, FACTS, VERSION = b"skyarm", b"skyarm.study", b"skyarm.version"
+"""Keys of a file's metadata: digest of the facts and number of the chunk; the facts; version of skyarm."""
+
+CHUNK = re.compile(r"chunk_(\d{7})\.parquet")
+
+LEFT = re.compile(r"\.(chunk_\d+\.parquet|manifest\.json)\.[0-9a-f]+\.part")
+"""Names of the unfinished files of a killed process."""
+
+NAMED = 3
+"""Files that a message names; of more it gives the number."""
+
+
+def arrow() -> Any:
+    """The Parquet library.
+
+    Raises:
+        ValueError: it is not installed; names the extra that brings it.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet
+    except ImportError:
+        raise ValueError(f"pyarrow: is missing; {needs_extra('sweep')}") from None
+    return pa
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manifest:
+    """Facts of a study's rows.
+
+    Attributes:
+        study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
+        versions: of skyarm, which flew it, and of the packages on which the bits of rows may depend.
+        title: one line for people. success: metric -> largest value of a successful episode.
+        units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers.
+    """
+
+    study: Mapping[str, Any]
+    scenarios: Mapping[str, str]
+    versions: Mapping[str, str] = field(default_factory=lambda: versions(*ROWS_NEED))
+    title: str = ""
+    success: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    noise: bool = True
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return str(self.study["name"])
+
+    @cached_property
+    def facts(self) -> str:
+        """The facts on which rows depend, in the order of the study's file, which chooses the channels of the draws."""
+        return json.dumps({"study": self.study, "scenarios": self.scenarios, "version": self.versions["skyarm"]})
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the facts."""
+        return hashlib.sha256(self.facts.encode()).hexdigest()
+
+    @property
+    def chunks(self) -> int:
+        """Number of files."""
+        return -(-int(self.study["episodes"]) // int(self.study["chunk"]))
+
+    @property
+    def rows(self) -> int:
+        """Rows of the whole study."""
+        return int(self.study["episodes"]) * len(self.scenarios)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Paths and names that vary, derived ones last."""
+        return (*(self.study["vary"] or {}), *(self.study.get("derived") or {}))
+
+    @property
+    def statuses(self) -> tuple[str, ...]:
+        """Statuses of an episode, in the order of their numbers in the files."""
+        return tuple(dict.fromkeys((*STATUSES, *self.study.get("endings", ()))))
+
+    def span(self, index: int) -> range:
+        """Episodes of a chunk."""
+        size, episodes = self.study["chunk"], self.study["episodes"]
+        return range(index * size, min((index + 1) * size, episodes))
+
+    def mark(self, index: int) -> bytes:
+        """Identity of a chunk."""
+        return f"{self.digest}/{index}".encode()
+
+    def parquet(self, table: Any, index: int) -> bytes:
+        """The file of a chunk's rows."""
+        sink = io.BytesIO()
+        version = self.versions["skyarm"].encode()
+        marked = table.replace_schema_metadata({MARK: self.mark(index), FACTS: self.facts.encode(), VERSION: version})
+        arrow().parquet.write_table(
+            marked, sink, compression="zstd", use_dictionary=["controller", "status"], write_page_checksum=True
+        )
+        return sink.getvalue()
+
+    def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
+        """(field, this study's, the folder's) of everything in which rows would differ."""
+        ours, theirs = (each._rows_depend_on() for each in (self, there))
+        names = dict.fromkeys([*ours, *theirs])
+        # the most telling first
+        for name in sorted(names, key=lambda name: (name.startswith(("scenario of", "version of")), name == "vary")):
+            # as text, since the digest tells 1 from 1.0
+            if json.dumps(ours.get(name)) != json.dumps(theirs.get(name)):
+                yield name, ours.get(name), theirs.get(name)
+
+    def _rows_depend_on(self) -> dict[str, Any]:
+        """Field -> value."""
+        study, vary = self.study, self.study["vary"] or {}
+        return {
+            **{name: value for name, value in study.items() if name not in ("vary", "plugins")},
+            **{f"plugin {name!r}": value for name, value in (study.get("plugins") or {}).items()},
+            **{f'vary."{path}"': value for path, value in vary.items()},
+            "vary": list(vary),
+            **{f"scenario of {label!r}": digest[:12] for label, digest in self.scenarios.items()},
+            "version of skyarm": self.versions["skyarm"],
+        }
+
+
+def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
+    """Manifest of a study's folder; None if there is none, or one that was cut off.
+
+    Raises:
+        StudyError: it is no manifest.
+        OSError: it cannot be read.
+    """
+    path = Path(folder) / MANIFEST
+    if not path.is_file():
+        return None
+    try:
+        table = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        return None
+    try:
+        if table["schema"] != SCHEMA:
+            raise ValueError(f"schema = {shown(table['schema'])}: must be {SCHEMA}")
+        return Manifest(**{name: table[name] for name in Manifest.__dataclass_fields__ if name in table})
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StudyError(
+            f"{path}: must be as 'skyarm sweep' wrote it ({error}); delete it, and it is made anew"
+        ) from None
+
+
+def chunk_path(folder: str | os.PathLike[str], index: int) -> Path:
+    """File of a chunk in a study's folder."""
+    return Path(folder) / ROWS / f"chunk_{index:07d}.parquet"
+
+
+def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
+    """Numbers of the chunks that have a file, in order; folders and pipes of such names are none.
+
+    Raises:
+        OSError: the folder cannot be listed.
+    """
+    if not (Path(folder) / ROWS).is_dir():
+        return []
+    with os.scandir(Path(folder) / ROWS) as entries:
+        names = [CHUNK.fullmatch(entry.name) for entry in entries if entry.is_file()]
+    return sorted(int(name[1]) for name in names if name)
+
+
+def _mark(path: Path) -> bytes | None:
+    """The mark of a file of rows, b"" without one; None if the file is damaged."""
+    pa = arrow()
+    try:
+        table = pa.parquet.ParquetFile(path, page_checksum_verification=True).read()
+    except (pa.ArrowException, OSError):
+        return None
+    return bytes(dict(table.schema.metadata or {}).get(MARK, b""))
+
+
+def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
+    """Numbers of the chunks of a study whose files are whole, and names of the files that do not count.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    marks = {index: _mark(chunk_path(folder, index)) for index in chunks_there(folder)}
+    whole = [index for index, mark in marks.items() if mark == manifest.mark(index)]
+    return whole, tuple(chunk_path(folder, index).name for index in marks if index not in whole)
+
+
+def not_counted(names: Sequence[str]) -> list[str]:
+    """A line on files of rows that are not counted; none where all are."""
+    named = ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
+    return [f"not counted, since they are damaged or of another study: {named}"] if names else []
+
+
+class StudyFolder:
+    """A study's folder, opened to write.
+
+    Args:
+        folder: made if missing. manifest: of the rows that it takes.
+
+    Raises:
+        StudyError: the folder holds rows of another study; names what differs.
+        OSError: it cannot be written.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], manifest: Manifest) -> None:
+        self.folder, self.manifest = Path(folder), manifest
+        require_writable(self.folder)
+        require_writable(require_no_link(self.folder / ROWS))
+        there = chunks_there(folder)
+        held = read_manifest(folder) if there else manifest  # a manifest without rows belongs to none
+        for name, new, old in manifest.differences(held) if held else ():
+            raise StudyError(
+                f"{name} = {shown(new)}: must be {shown(old)} as in the rows that {self.folder} holds; choose another "
+                "--out"
+            )
+        whole, others = whole_chunks(folder, manifest)
+        foreign = [name for name in others if _mark(self.folder / ROWS / name) is not None]
+        if held is None and foreign:
+            raise StudyError(
+                f"{self.folder}: holds rows of another study ({foreign[0]}) without a {MANIFEST}; choose another --out"
+            )
+        self.done = set(whole)
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes that are there."""
+        return sum(len(self.manifest.span(index)) for index in self.done)
+
+    def put(self, index: int, content: bytes) -> None:
+        """Write a chunk."""
+        write_inside(chunk_path(self.folder, index), content, entry=False)
+        self.done.add(index)
+
+    def clear(self) -> None:
+        """Remove the unfinished files of a killed process."""
+        for each in (self.folder, self.folder / ROWS):
+            for path in each.iterdir():
+                if LEFT.fullmatch(path.name) and not path.is_dir():
+                    path.unlink(missing_ok=True)
+
+    def write_manifest(self) -> None:
+        """Write the manifest, which says complete if every chunk is on disk."""
+        sync_folder(self.folder / ROWS)
+        manifest, done = self.manifest, len(self.done)
+        rows = self.episodes * len(manifest.scenarios)
+        facts = {"schema": SCHEMA, "name": manifest.name, "digest": manifest.digest, **asdict(manifest)}
+        facts |= {"complete": done == manifest.chunks, "rows": rows, "chunks": {"done": done, "of": manifest.chunks}}
+        write_inside(self.folder / MANIFEST, (json.dumps(facts, indent=1) + "\n").encode())
+
+    def finish(self) -> None:
+        """Write the manifest at the end of a sweep.
+
+        Raises:
+            OSError: files vanished; they count as not flown.
+        """
+        lost = self.done - set(chunks_there(self.folder))
+        self.done = set(chunks_there(self.folder)) if lost else self.done
+        self.write_manifest()
+        if lost:
+            raise OSError(
+                f"{self.folder}: {len(lost)} of {self.manifest.chunks} files of rows vanished while the sweep ran; the "
+                "same command continues"
+            )

@@ -1,0 +1,77 @@
+"""A study: which numbers of a scenario vary, how, and how many episodes fly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from skyarm.log.metrics.windows import Windows
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.sweep.distributions import Distribution, Values
+from skyarm.studies.sweep.expressions import Expression, is_own_name
+
+DESIGNS = ("random", "grid", "sobol")
+PRECISIONS = ("double", "single", "bit_exact")
+
+LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
+"""Episodes of one file, which is held in memory, about 300 bytes each; and in all: the noise generator has 32 bits."""
+
+
+class StudyError(ValueError):
+    """A study's description is wrong, or its folder holds another one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Everything that fixes the rows of a sweep.
+
+    Attributes:
+        name: short name. title: one line for people. source: what messages call it.
+        scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
+        vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
+        derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
+        design: "random", "grid" or "sobol".
+        episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
+        precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
+            processor).
+        metrics: names and groups of those in the rows. windows: of the metrics.
+        success: metric -> largest value of a successful episode; it has to fly to its end in any case.
+        document: the fields that the rows depend on, as plain values.
+    """
+
+    name: str
+    title: str = ""
+    source: str = "study"
+    scenarios: Mapping[str, Scenario]
+    vary: Mapping[str, Distribution]
+    design: str = "random"
+    episodes: int
+    seed: int = 0
+    chunk: int = 4096
+    precision: str = "double"
+    metrics: tuple[str, ...] = ("standard",)
+    windows: Windows = Windows()
+    derived: Mapping[str, Expression] = field(default_factory=lambda: MappingProxyType({}))
+    success: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    document: Mapping[str, Any]
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Dotted paths that vary, in order, the derived ones last."""
+        return tuple(name for name in (*self.vary, *self.derived) if not is_own_name(name))
+
+    @property
+    def axes(self) -> dict[str, Values]:
+        """Paths whose values a grid design multiplies."""
+        return {path: d for path, d in self.vary.items() if isinstance(d, Values)} if self.design == "grid" else {}
+
+    @property
+    def chunks(self) -> int:
+        """How many files the rows take."""
+        return -(-self.episodes // self.chunk)
+
+    def span(self, index: int) -> range:
+        """Episodes of a chunk."""
+        return range(index * self.chunk, min((index + 1) * self.chunk, self.episodes))

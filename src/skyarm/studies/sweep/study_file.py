@@ -1,0 +1,290 @@
+"""Studies from TOML files.
+
+A file has ``schema = 1`` and::
+
+    name, title      of the study
+    scenario         name of a shipped scenario, or the path of a file beside this one
+    controllers      presets that fly the same draws; left out: the scenario's own controller
+    duration         s, in place of the scenario's
+    episodes         how many; in a grid design a multiple of its cells, or left out: one a cell
+    seed             of draws and noise (0)
+    chunk            episodes of one file of rows (4096)
+    precision        "double", "single" or "bit_exact" (double)
+    design           "random", "grid" or "sobol" (random)
+    metrics          names and groups (["standard"]); what is not asked for costs no time
+    windows          steady, transient, gust, hover: [start, stop) in s; holds: a list of such; last: s before the
+                     end; what is left out is the scenario's, or else the flight after its first third
+    [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
+                     { log_uniform = [low, high] } | { list = [...] } | { grid = [start, stop, count] }
+    [derived]        "dotted.path" = expression of what varies and of what is derived above it: + - * / ( ) sqrt; names
+                     of one's own, words without a dot, vary or are derived beside the paths
+    [success]        metric = largest value; an episode that ended early is never a success
+
+Every error is one line: file, field, value, what is allowed.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from importlib import resources
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from skyarm.control.catalogue import require_different
+from skyarm.log.metrics.metric_catalogue import metric_names
+from skyarm.log.metrics.windows import windows_from
+from skyarm.records.files import (
+    Fields,
+    all_wrong_words,
+    did_you_mean,
+    file_name,
+    number,
+    one_line,
+    shown,
+)
+from skyarm.records.files.names import names_in, read_named
+from skyarm.records.registry.plugins import is_law_of_file
+from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
+from skyarm.scenario.scenario_tables import require_plugins
+from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.studies.sweep.expressions import derived_from, is_own_name
+from skyarm.studies.sweep.sobol import DIMENSIONS
+from skyarm.studies.sweep.study import (
+    DESIGNS,
+    LARGEST_CHUNK,
+    MOST_EPISODES,
+    PRECISIONS,
+    Study,
+    StudyError,
+)
+
+LIBRARY = resources.files("skyarm.studies.sweep") / "studies"
+
+MOST_CHUNKS = 10_000_000
+"""Files of a study: their names have seven digits, and no file system likes more of them in one folder."""
+
+
+def list_studies() -> tuple[str, ...]:
+    """Names of the shipped studies."""
+    return names_in(LIBRARY)
+
+
+def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] | None = None) -> Study:
+    """Study from the library by name or from a .toml file.
+
+    Args:
+        name_or_path: a name of :func:`list_studies`, or the path of a .toml file.
+        controllers: in place of the file's.
+
+    Raises:
+        StudyError: one line, ``file: field = value: what is allowed``.
+    """
+    try:
+        text = file_name(name_or_path, "study")
+    except ValueError as error:
+        raise StudyError(str(error)) from None
+    try:
+        document, folder = read_named(text, "study", LIBRARY)
+    except ValueError as error:
+        raise StudyError(str(error)) from None
+    try:
+        _require_no_file_law(document.get("controllers"))
+        changed = document if controllers is None else {**document, "controllers": list(controllers)}
+        return study_from(changed, folder, source=text)
+    except ValueError as error:
+        raise StudyError(f"{text}: {error}") from None
+
+
+def _require_no_file_law(controllers: Any) -> None:
+    """A file that is read names no file of code."""
+    for name in controllers if isinstance(controllers, list) else ():
+        if is_law_of_file(name):
+            raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
+
+
+def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:
+    """Study that a TOML document describes.
+
+    Args:
+        document: plain tables, as read from TOML.
+        folder: where its scenario's path starts.
+        source: what messages call it.
+
+    Raises:
+        StudyError: one line with field, value and what is allowed.
+    """
+    try:
+        with all_wrong_words():
+            return _study(Fields(dict(document), ""), Path(folder), source)
+    except ValueError as error:
+        raise StudyError(one_line(str(error))) from None
+
+
+def _study(top: Fields, folder: Path, source: str) -> Study:
+    schema = top.take("schema")
+    if schema != 1 or isinstance(schema, bool):
+        raise ValueError(f"schema = {shown(schema)}: must be 1")
+    require_plugins(top)
+    name, title = top.take("name"), top.take("title", "")
+    check_name(name)
+    if not isinstance(title, str):
+        raise ValueError(f"title = {shown(title)}: must be text")
+    design = top.choice("design", DESIGNS, "random")
+    vary = _vary(top.take("vary", {}), design)
+    derived = derived_from(top.take("derived", {}), tuple(vary))
+    _say_grid(top)
+    seed = top.take("seed", 0)
+    noise_key("seed", seed)
+    chosen: dict[str, Any] = {
+        "design": design,
+        "episodes": _episodes(top, design, vary),
+        "seed": seed,
+        "chunk": _whole("chunk", top.take("chunk", 4096), LARGEST_CHUNK),
+        "precision": top.choice("precision", PRECISIONS, "double"),
+        "windows": windows_from(Fields(top.take("windows", {}), "windows")),
+    }
+    if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
+        least = -(-chosen["episodes"] // MOST_CHUNKS)
+        raise ValueError(f"chunk = {chosen['chunk']}: must be at least {least} for {chosen['episodes']} episodes")
+    paths = [name for name in (*vary, *derived) if not (derived and is_own_name(name))]
+    scenarios = _scenarios(top, folder, paths, derived)
+    first = next(iter(scenarios.values()))
+    chosen["metrics"] = _metrics(top, first)
+    windows = chosen["windows"].of_flight(first.duration, first.windows)
+    success = _success(top, chosen["metrics"])
+    top.done()
+    told = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
+    if told["controllers"] is not None:
+        told["controllers"] = list(scenarios)
+    document = {"schema": 1, "name": name, **told, **chosen, "windows": windows.plain()}
+    if derived:
+        document["derived"] = {path: each.text for path, each in derived.items()}
+    return Study(
+        name=name,
+        title=title,
+        source=source,
+        scenarios=scenarios,
+        vary=vary,
+        derived=derived,
+        success=success,
+        document=document,
+        **chosen,
+    )
+
+
+def _whole(at: str, value: Any, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+        raise ValueError(f"{at} = {shown(value)}: must be a whole number from 1 to {most}")
+    return value
+
+
+def _vary(table: Any, design: str) -> dict[str, Distribution]:
+    fields = Fields(table, "vary")
+    vary = {path: distribution_from(value, f'vary."{path}"') for path, value in fields.table.items()}
+    if design == "sobol" and not 1 <= len(vary) <= DIMENSIONS:
+        raise ValueError(f"vary = {len(vary)} numbers: must be 1 to {DIMENSIONS} in a sobol design")
+    if design == "grid" and not any(isinstance(each, Values) for each in vary.values()):
+        raise ValueError(f"design = {design!r}: must come with a grid or a list under vary")
+    return vary
+
+
+def _say_grid(top: Fields) -> None:
+    """Say that a grid is drawn from by chance where the study names no design and the grid's product may be meant.
+
+    Raises:
+        ValueError: no number of episodes either, so that the product is what is meant.
+    """
+    paths = [path for path, value in top.table["vary"].items() if "grid" in value] if "vary" in top.table else []
+    if not paths or top.table.get("design", "random") == "grid":
+        return
+    at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
+    if "episodes" not in top.table:
+        raise ValueError(f'{at}: must come with design = "grid", or with a number of episodes')
+    if "design" not in top.table:
+        warnings.warn(f'{at}: is drawn from by chance; design = "grid" flies every cell', UserWarning, stacklevel=2)
+
+
+def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
+    if design != "grid":
+        return _whole("episodes", top.take("episodes"), MOST_EPISODES)
+    cells = prod(len(each.values) for each in vary.values() if isinstance(each, Values))
+    episodes = _whole("episodes", top.take("episodes", cells), MOST_EPISODES)
+    if episodes % cells:
+        raise ValueError(f"episodes = {episodes}: must be a multiple of the grid's {cells} cells")
+    return episodes
+
+
+def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
+    """Names of the metrics of the rows."""
+    wanted = top.take("metrics", ["standard"])
+    if not isinstance(wanted, list) or not wanted:
+        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
+    return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
+
+
+def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
+    """The scenario as each controller flies it, its varied numbers made data."""
+    named = top.take("scenario")
+    if not isinstance(named, str):
+        raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
+    controllers = _controllers(top)
+    duration = top.take("duration", None)
+    if duration is not None:
+        duration = number(duration, "duration", low=0.0, strict=True)
+    file: str | os.PathLike[str] = named if named in list_scenarios() else folder / named
+    found = {}
+    chosen: list[str | None] = [None] if controllers is None else [*controllers]
+    for controller in chosen:
+        scenario = load_scenario(file, controller=controller, duration=duration)
+        if any(path.startswith("changes.") for path in paths) and controller is not None:
+            _require_numbered_alike(scenario, load_scenario(file, duration=duration))
+        found[controller or scenario.controller.name] = _ready(scenario, paths, derived)
+    return found
+
+
+def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
+    """Refuse to vary changes by their numbers where another controller flies without some of them."""
+    if scenario.changes != own.changes:
+        words = "must be left out with vary.changes, since the scenario changes numbers of its own controller in flight"
+        raise ValueError(f"controllers: {words}")
+
+
+def _controllers(top: Fields) -> list[str] | None:
+    """Own names of the controllers of a study, so that an alias is the same study."""
+    given = top.take("controllers", None)
+    if given is None:
+        return None
+    wrong = not isinstance(given, list) or not given or any(not isinstance(each, str) for each in given)
+    if wrong:
+        raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")
+    require_different(given, "controllers")
+    return list(given)
+
+
+def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
+    """The scenario with every varied number made data, so that it may also be varied from zero."""
+    if scenario.kind != "rigid_body":
+        raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
+    for path in paths:
+        at = f'{"derived" if path in derived else "vary"}."{path}"'
+        try:
+            value = number_at(scenario, path)
+            if not path.startswith(DERIVED):
+                scenario = with_numbers(scenario, {path: value})
+        except ValueError as error:
+            raise ValueError(f"{at}: {error}") from None
+    return scenario
+
+
+def _success(top: Fields, known: tuple[str, ...]) -> dict[str, float]:
+    fields = Fields(top.take("success", {}), "success")
+    for name in fields.table:
+        if name not in known:
+            there = f"{did_you_mean(name, known)}there are {', '.join(known)}"
+            raise ValueError(f"success.{name}: is no metric of this study; {there}")
+    return {name: fields.number(name) for name in fields.table}

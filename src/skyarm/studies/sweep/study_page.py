@@ -1,0 +1,92 @@
+"""Statistics of a study's folder as a page and as pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from skyarm.log.metrics.metric_catalogue import metric_words
+from skyarm.records.files import file_names, write_inside
+from skyarm.scenario.numbers import labelled, words_of
+from skyarm.studies.sweep.stats import SHARES
+from skyarm.studies.sweep.store import Manifest, not_counted
+from skyarm.view.pages import image, rendered
+from skyarm.view.pages import page as plain_page
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """Pictures of a study.
+
+    Attributes:
+        maps: law -> PNG of its robustness map. constant: law -> the share of successes that all of its map has.
+        curves: metric -> PNG of its curves over each varied number.
+    """
+
+    maps: Mapping[str, bytes] = field(default_factory=dict)
+    constant: Mapping[str, float] = field(default_factory=dict)
+    curves: Mapping[str, bytes] = field(default_factory=dict)
+
+    def write(self, folder: Path) -> list[str]:
+        """Write them; returns the names of their files."""
+        written = []
+        for before, pictures in (("map_", self.maps), ("curve_", self.curves)):
+            for label, name in file_names(pictures, before, ".png").items():
+                write_inside(folder / name, pictures[label])
+                written.append(name)
+        return written
+
+
+def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
+    """HTML of statistics, maps and curves: one file that needs nothing else.
+
+    Args:
+        found: from :func:`skyarm.studies.sweep.stats.statistics`.
+        manifest: of the study's folder.
+        pictures: maps and curves.
+    """
+    body = rendered(
+        "studies/sweep/study.html",
+        found=found,
+        study={"derived": None, **manifest.study},
+        levels=SHARES,
+        notes=not_counted(found["files_not_counted"]),
+        metric=metric_label,
+        label=lambda path: labelled(words_of(path), manifest.units.get(path, "")),
+        image=image,
+        **vars(pictures),
+    )
+    there = f"{found['rows']} rows of {found['episodes']} episodes"
+    if not found["complete"]:
+        there = f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
+    facts = f"Study {manifest.name}; {there}; skyarm {manifest.versions['skyarm']}"
+    return plain_page(manifest.title or manifest.name, facts, body)
+
+
+def summary(found: Mapping[str, Any]) -> list[str]:
+    """Lines of success and what is not complete, for a terminal."""
+
+    def interval(pair: Any, form: str) -> str:
+        return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
+
+    lines = []
+    for name, each in found["controllers"].items():
+        ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
+        lines.append(f"{name}: success {each['success_rate']:.2%}{interval(each['success_interval'], '.2%')}; {ends}")
+    for pair, each in found["paired"].items():
+        within = interval(each["success_difference_interval"], "+.2%")
+        lines.append(f"{pair}: success {each['success_difference']:+.2%}{within} on the same draws")
+    if found["deterministic"]:
+        lines.append("no intervals: a grid of given numbers, flown without noise")
+    if not found["complete"]:
+        lines.append(
+            f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
+        )
+    return lines + not_counted(found["files_not_counted"])
+
+
+def metric_label(metric: str) -> str:
+    """Words and unit of a metric."""
+    return labelled(*metric_words(metric))

@@ -1,0 +1,306 @@
+"""Flights of many candidates of a law's gains through perturbed plants, one lane each, and their scores."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.batch_log import BatchLog
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.leaves import parts
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.studies.compare.perturbed_plants import arm_length
+from skyarm.studies.tune.excitation import KINDS, Plants
+from skyarm.studies.tune.law_knobs import Knob
+
+Array = npt.NDArray[np.float64]
+
+LARGEST_TILT = math.radians(80.0)
+"""A flight that tilts by more counts as lost, though it may come back."""
+
+LOST = 100.0
+"""m: error that a lost flight is charged."""
+
+SAMPLED = 5
+"""Control periods between two samples of the commands, where saturation is counted."""
+
+NEAR_LIMIT = 0.999
+"""Share of its largest speed from which on a rotor counts as saturated."""
+
+OWN = len(KINDS)
+"""Number of the kind of motion that is the scenario's own."""
+
+EVERY = 4
+"""Plants, the last of which flies the scenario's own motion; no multiple of the other kinds, which stay balanced."""
+
+LATEST, LOOKED_AT = 10.0, 5.0
+"""s: errors along it count from here on at the latest, and for so long; later ones are left to the last check."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Flown:
+    """Results of flights, (candidates, plants) each.
+
+    Attributes:
+        error: m, of what the law tracks: of the tip; a law that does not track the tip on its own is charged the mean
+            of the tip's error and of base error plus arm length times joint error; without a tip the latter. Of two
+            windows, before and in the gust, the geometric mean: each counts by its ratio of improvement.
+        tip, base: m, mean distances in the first window from the continuous reference; the tip's is that of the base
+            where there is none.
+        jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS of all joint efforts.
+        lost: ended early, or tilted by more than 80 degrees.
+        saturated: share of rotor commands at their largest speed; NaN where it was not counted.
+        kinds: (plants,) kind of motion of each.
+    """
+
+    error: Array
+    tip: Array
+    base: Array
+    jitter: Array
+    effort: Array
+    lost: npt.NDArray[np.bool_]
+    saturated: Array
+    kinds: npt.NDArray[np.int_]
+
+
+def shortened(own: Scenario) -> Scenario:
+    """The flight along the scenario's own motion for a search: until enough of its steady window is over.
+
+    Args:
+        own: as :func:`skyarm.studies.tune.excitation.excited` makes it.
+    """
+    steady = Windows().of_flight(own.duration, own.windows).steady
+    start = min(steady.start, LATEST)
+    stop = min(steady.stop, start + LOOKED_AT)
+    periods = math.ceil(stop * own.rates.control - 1e-9)
+    return dataclasses.replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
+
+
+def with_own(plants: Plants) -> Plants:
+    """Plants every fourth of which flies the scenario's own motion; what was drawn of theirs is not flown."""
+    kinds = plants.kinds.copy()
+    kinds[EVERY - 1 :: EVERY] = OWN
+    return dataclasses.replace(plants, kinds=kinds)
+
+
+class CandidateFlights:
+    """Flies candidates; the machine code is made once.
+
+    Gains that are good on drawn motions alone may be worse on the user's flight. The scenario's own motion is therefore
+    one more kind; its reference may be of any shape, so that the plants that fly it are a batch of their own.
+
+    Args:
+        scenario: as :func:`skyarm.studies.tune.excitation.excited` made it. knobs: of its law. plants: to fly.
+        own: along the scenario's own motion, as :func:`shortened` made it; the plants are those of :func:`with_own`.
+        threads: results do not depend on it.
+        seed: of the noise; each plant has its own, which all candidates share.
+        gust: the flight has a window of a gust.
+        saturation: count it, which keeps a log of the commands.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        knobs: Sequence[Knob],
+        plants: Plants,
+        *,
+        own: Scenario | None = None,
+        threads: int = 1,
+        seed: int = 0,
+        gust: bool = False,
+        saturation: bool = False,
+    ) -> None:
+        self.knobs, self.plants, self.seed, self.threads = tuple(knobs), plants, seed, threads
+        still = _without_motions(plants)
+        self._own = None if own is None else CandidateFlights(own, knobs, still, threads=threads, seed=seed)
+        vehicle = scenario.plant.vehicle
+        self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
+        self._keeps_tip = scenario.controller.keeps_tip
+        # a servo receives setpoints: its torque is its own
+        self._efforts = tuple(
+            f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.commands_setpoints) if not setpoint
+        )
+        self._windows = ("", "gust_") if gust else ("",)
+        self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
+        metrics = [_error(window, each) for window in self._windows for each in self._errors]
+        places = [f"controller.{'.'.join(place)}" for knob in self.knobs for place, _ in knob.numbers]
+        self._most = np.array([float(rotor.max_speed) for rotor in scenario.controller.par.model.vehicle.rotors])
+        damping = {path: float(column.max()) for path, column in plants.values.items() if path.endswith(".damping")}
+        self._batch = Batch(
+            scenario,
+            [*places, *plants.values],
+            stiffest=with_numbers(scenario, damping),
+            metrics=(*metrics, "rotor_jitter", "tilt_max", *self._efforts),
+            single=True,
+            log_every=SAMPLED if saturation else 0,
+        )
+
+    def fly(self, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
+        """Fly every candidate through the first so many plants.
+
+        Args:
+            logs: (candidates, knobs) logarithms of factors.
+            plants: how many; all if left out.
+            others: in place of its own plants, with the same numbers.
+        """
+        flown = self.plants if others is None else others
+        flown = flown.taken(np.arange(flown.count)[:plants])
+        if self._own is None:
+            return self._flown(logs, flown)
+        mine = flown.kinds == OWN
+        drawn, own = flown.taken(np.flatnonzero(~mine)), flown.taken(np.flatnonzero(mine))
+        return _joined(mine, self._flown(logs, drawn), self._own.fly(logs, others=_without_motions(own)))
+
+    def _flown(self, logs: Array, plants: Plants) -> Flown:
+        count, each = len(logs), plants.count
+        values: dict[str, Array] = {}
+        for knob, column in zip(self.knobs, np.exp(logs).T, strict=True):
+            factors = np.repeat(column, each)
+            values |= {f"controller.{'.'.join(place)}": factors * number for place, number in knob.numbers}
+        values |= {path: np.tile(numbers, count) for path, numbers in plants.values.items()}
+        episodes = np.tile(np.arange(each), count)
+        found = self._batch.fly(values, seed=self.seed, episodes=episodes, threads=self.threads)
+
+        def table(name: str) -> Array:
+            # a flight that ended before the window has NaN there
+            return np.asarray(found.metrics[name], dtype=float).reshape(count, each)
+
+        lost = ~found.completed.reshape(count, each) | ~(table("tilt_max") < LARGEST_TILT)
+        parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]
+        product = np.ones((count, each))
+        for part in parts:
+            product = product * self._tracked(part)
+        base = parts[0]["position"]
+        squares = [table(name) ** 2 for name in self._efforts]
+        return Flown(
+            error=_charged(product ** (1.0 / len(parts)), lost),
+            tip=_charged(parts[0].get("ee", base), lost),
+            base=_charged(base, lost),
+            jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
+            effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros((count, each)),
+            lost=lost,
+            saturated=self._saturated(found.log, count, each),
+            kinds=plants.kinds,
+        )
+
+    def _tracked(self, errors: Mapping[str, Array]) -> Array:
+        """Error of what the law tracks, in one window."""
+        posture = errors["position"] + self._arm * errors["joint"]
+        if self._keeps_tip:
+            return errors["ee"]
+        return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
+
+    def _saturated(self, log: BatchLog | None, count: int, each: int) -> Array:
+        if log is None:
+            return np.full((count, each), np.nan)
+        speeds = np.stack([np.asarray(w, dtype=float) for w in log.command.rotor_speeds])
+        full = speeds >= NEAR_LIMIT * self._most[:, None, None]
+        return np.asarray(full.mean(axis=(0, 2))).reshape(count, each)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._batch.close()
+        if self._own is not None:
+            self._own.close()
+
+
+def of_drawn(flown: Flown) -> Flown:
+    """Tables of the flights along drawn motions."""
+    which = flown.kinds != OWN
+    return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
+
+
+def _without_motions(plants: Plants) -> Plants:
+    values = {path: numbers for path, numbers in plants.values.items() if not path.startswith("reference.")}
+    return dataclasses.replace(plants, values=values)
+
+
+def _joined(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
+    """Tables of all plants, of which some flew the scenario's own motion."""
+    tables = {}
+    for name, some in parts(drawn).items():
+        tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
+        tables[name][..., ~mine], tables[name][..., mine] = some, getattr(own, name)
+    return Flown(**tables)
+
+
+def _error(window: str, name: str) -> str:
+    """Name of a metric: mean error against the continuous reference."""
+    return f"{window}{name}_error_mean_continuous"
+
+
+def _charged(error: Array, lost: npt.NDArray[np.bool_]) -> Array:
+    return np.where(lost, LOST, np.minimum(np.nan_to_num(error, nan=LOST), LOST))
+
+
+QUANTILE = 0.9
+"""Over the plants of each kind of motion: the error that nine of ten plants stay below."""
+
+WEIGHTS = (2.0, 0.7, 0.25, 0.1, 0.03)
+"""Of the logarithms of jitter and effort against that of the error, from calm to stiff."""
+
+LOSS = 100.0
+"""Of the share of the plants that is lost: one of 16 costs more than error and jitter ever win."""
+
+SMALLEST = 1e-5
+"""m and rad/s: improvements below count no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Of each candidate (candidates,).
+
+    Attributes:
+        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
+        jitter: rad/s, effort: N m, medians over the plants.
+        lost: share of the plants. short: cost of falling short of the margins.
+    """
+
+    error: Array
+    tip: Array
+    jitter: Array
+    effort: Array
+    lost: Array
+    short: Array
+
+    def part(self, which: slice | Sequence[int]) -> Scores:
+        """Scores of some of the candidates."""
+        return Scores(**{name: values[which] for name, values in parts(self).items()})
+
+    def cost(self, weight: float) -> Array:
+        """ln error + weight (ln jitter + ln effort) + losses + what the margins are short of; smaller is better.
+
+        Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
+        """
+        active = np.log(self.jitter + SMALLEST) + np.where(self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0)
+        total: Array = np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost + self.short
+        return total
+
+
+def scores(flown: Flown) -> Scores:
+    """Scores of candidates over the plants that they flew."""
+    return Scores(
+        error=_quantile(flown.error, flown.kinds),
+        tip=_quantile(flown.tip, flown.kinds),
+        jitter=np.median(flown.jitter, axis=1),
+        effort=np.median(flown.effort, axis=1),
+        lost=flown.lost.mean(axis=1),
+        short=np.zeros(len(flown.lost)),
+    )
+
+
+def _quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
+    """The smallest error that at least nine of ten plants do not exceed; of several kinds their geometric mean.
+
+    One quantile over all would be that of the hardest kind alone.
+    """
+    each = [np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher") for kind in np.unique(kinds)]
+    found: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
+    return found

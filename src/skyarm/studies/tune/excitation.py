@@ -1,0 +1,327 @@
+"""The flight by which gains are tuned, its motions, and the perturbed plants that fly it.
+
+Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every vehicle flies the same motions,
+scaled to its arm, base, heading and arm at once through a wind with a gust, then a step. The scenario keeps its plant,
+model, clocks, delays, sensors, drives, estimator and air; its motion, payloads, faults, surfaces to touch and scheduled
+changes stay away. With perfect sensors nothing would keep gains from growing without end, so that a scenario without
+noise gets that of :data:`skyarm.studies.compare.suite.NOISE`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.philox import uniforms
+from skyarm.control.model import Model
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.plant.interface import Truth
+from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
+from skyarm.sensing.estimate.estimator import PASS_THROUGH
+from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
+from skyarm.studies.compare.suite import DELAY, NOISE
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import ForceWind
+from skyarm.world.gust import Gust
+
+Array = npt.NDArray[np.float64]
+
+KINDS = ("circle", "swings", "lemniscate")
+"""Plant k flies kind k modulo their number."""
+
+CHANNEL = 30
+"""Of the generator, apart from those of plants and noise."""
+
+EASE = Ramp(start=0.0, duration=3.0, height=1.0, shape="quintic")
+"""Every sine grows from rest to its amplitude."""
+
+STEPPED = 8.0
+"""s: when the base steps."""
+
+STEP = 0.3
+"""m: of the base at the end; that of the paper's Case 3."""
+
+HEIGHT = 10.0
+"""m: of the flight; far from the ground, which counts for nothing here."""
+
+TOGETHER = 2
+"""Joints that swing by a whole amplitude; of more each swings by its share."""
+
+SPEED = (0.2, 0.8)
+"""m/s: slowest and fastest of the circles."""
+
+
+def motion(vehicle: Vehicle) -> Trajectory:
+    """The trajectory whose numbers :func:`draw_motions` replaces; as it stands, a lemniscate with a swinging arm."""
+    return Trajectory(
+        x=Sum((eased(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
+        y=eased(0.15, 0.4),
+        z=Sum((Constant(HEIGHT), eased(0.15, 0.3))),
+        yaw=eased(0.2, 0.15),
+        joints=tuple(_joint(link.joint, vehicle.n, 0.5 + 0.07 * i) for i, link in enumerate(vehicle.links)),
+    )
+
+
+def unseen_motion(vehicle: Vehicle) -> Trajectory:
+    """A path of other shapes that no choice is made by.
+
+    A spiral with two sines an axis, heading turned on, joints on two sines each; no step.
+    """
+
+    def two(amplitude: float, first: float, second: float, phase: float = 0.0) -> Signal:
+        return Sum((eased(amplitude, first, phase), eased(0.5 * amplitude, second, phase + 1.0)))
+
+    joints = []
+    for i, link in enumerate(vehicle.links):
+        rest, size = rest_and_size(link.joint, vehicle.n)
+        joints.append(Sum((Constant(rest), two(0.8 * size, 0.33 + 0.05 * i, 0.71 - 0.04 * i, 0.8 * i))))
+    return Trajectory(
+        x=two(0.3, 0.11, 0.29),
+        y=two(0.4, 0.13, 0.23, 2.0),
+        z=Sum((Constant(HEIGHT), two(0.1, 0.19, 0.37))),
+        yaw=Product(Sine(amplitude=0.5, frequency_hz=0.1, phase=0.0), EASE),
+        joints=tuple(joints),
+    )
+
+
+def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], npt.NDArray[np.int_]]:
+    """Numbers of the motions of ``count`` plants by path of the scenario, and each one's kind (count,).
+
+    Args:
+        vehicle: whose joints swing.
+        count: plants; the first ones do not depend on it.
+        seed: key.
+    """
+    kinds = np.arange(count) % len(KINDS)
+    share = uniforms(seed, np.arange(count), CHANNEL, np.zeros(1, dtype=int), 8 + 3 * vehicle.n).reshape(count, -1)
+
+    def of_kind(*choices: Array | float) -> Array:
+        found: Array = np.choose(kinds, [np.broadcast_to(each, count) for each in choices])
+        return found
+
+    def between(column: int, low: float, high: float) -> Array:
+        found: Array = low + (high - low) * share[:, column]
+        return found
+
+    rate, turn = between(0, 0.1, 0.25), between(1, 0.1, 0.22)
+    radius = between(2, *SPEED) / (2.0 * math.pi * rate)
+    slow, wide = between(3, 0.0, 0.1), between(4, 0.2, 0.5)
+    values = {
+        **_sine("reference.x.signals.0", of_kind(radius, slow, wide), of_kind(rate, turn, turn)),
+        **_sine(
+            "reference.y",
+            of_kind(radius, slow, 0.35 * wide),
+            of_kind(rate, turn, 2.0 * turn),
+            of_kind(0.5 * math.pi, 1.0, 0.0),
+        ),
+        **_sine("reference.z.signals.1", between(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), between(6, 0.15, 0.35)),
+        **_sine("reference.yaw", between(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
+    }
+    for i, link in enumerate(vehicle.links):
+        at = 8 + 3 * i
+        _, size = rest_and_size(link.joint, vehicle.n)
+        values |= _sine(
+            f"reference.joints.{i}.signals.1",
+            size * of_kind(between(at, 0.4, 1.0), between(at, 0.8, 1.6), between(at, 0.4, 1.0)),
+            of_kind(between(at + 1, 0.3, 0.6), between(at + 1, 0.5, 1.1), between(at + 1, 0.3, 0.7)),
+            between(at + 2, -math.pi, math.pi),
+        )
+    return values, kinds
+
+
+def eased(amplitude: float, frequency: float, phase: float = 0.0) -> Signal:
+    """A sine that grows from rest."""
+    return Product(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase), EASE)
+
+
+def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = None) -> dict[str, Array]:
+    """Numbers of an eased sine by path."""
+    at = f"{path}.signal"
+    return {
+        f"{at}.amplitude": amplitude,
+        f"{at}.frequency_hz": frequency,
+        f"{at}.phase": np.zeros(len(amplitude)) if phase is None else phase,
+    }
+
+
+def _joint(joint: Joint, joints: int, frequency: float) -> Signal:
+    rest, size = rest_and_size(joint, joints)
+    return Sum((Constant(rest), eased(size, frequency)))
+
+
+def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
+    """Middle and amplitude of a joint's swing.
+
+    Args:
+        joint: whose.
+        joints: of the arm; more than two share what two may do, for the base must bear them all at once.
+
+    A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
+    may do little, as a short slide, swings about its middle.
+    """
+    low, high = (float(bound) for bound in (joint.lower, joint.upper))
+    size = min(0.25, 0.1 * min(high - low, 2.0 * math.pi))
+    return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(1.0, TOGETHER / joints)
+
+
+DURATION, SETTLED, BLOWN = 10.0, 2.0, 5.0
+"""s: of the flight; from when on errors count; when the gust comes. After the step errors do not count.
+
+Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
+step's own, not that of gains.
+"""
+
+UNSEEN = Window(7.0, 12.0)
+"""s: of the errors along the path that is kept aside, which ends with it."""
+
+UNKNOWN_DELAY = 0.010
+"""s: longest delay of the commands that the law does not know, as in the README's perturbed plants."""
+
+GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
+"""Direction of the gust's force, and its size as a share of the weight."""
+
+
+def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:
+    """A scenario for a vehicle that its law knows exactly.
+
+    Args:
+        vehicle: plant and belief.
+        law: any name of the catalogue; left out, the centroidal law, on the tip if there is one.
+        gravity: m/s^2.
+    """
+    named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
+    rates, delays = Rates(), Delays(measurement=DELAY)
+    controller = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
+    return Scenario(
+        name=vehicle.name,
+        rates=rates,
+        plant=Truth(vehicle=vehicle, gravity=gravity),
+        controller=controller,
+        reference=motion(vehicle),
+        duration=DURATION,
+        noise=NOISE,
+        delays=delays,
+    )
+
+
+def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
+    """The flight by which a scenario's gains are judged.
+
+    Args:
+        scenario: whose plant, belief, clocks, sensors and air it keeps.
+        law: any name of the catalogue in place of its own.
+        own_motion: fly the scenario's own reference, for its own duration and windows.
+        unseen: fly the path that is kept aside; errors count once the gust is over.
+    """
+    noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
+    longest = float(scenario.delays.command) + UNKNOWN_DELAY
+    delays = dataclasses.replace(scenario.delays, longest_command=longest)
+    found = scenario.with_words(
+        noise=scenario.noise if noisy else NOISE,
+        delays=delays,
+        changes=(),
+        faults=(),
+        payloads=(),
+        ground=False,
+        world=None,
+        kind="rigid_body",
+        initial=None,
+        tracking_start=0,
+        forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+    )
+    if not own_motion:
+        found = found.with_words(
+            reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle),
+            path_time=None,
+            pause=None,
+            duration=UNSEEN.stop if unseen else DURATION,
+            windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
+        )
+    if law is not None:
+        found = found.with_words(controller=controller_by_name(found, law))
+    return found
+
+
+def _gust(scenario: Scenario) -> Gust:
+    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
+    return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plants:
+    """Plants that are not what the law believes.
+
+    Attributes:
+        spread: how wrong they are. eased: share of the README's payload and wind that the spare thrust leaves room for.
+        values: path of the scenario -> (plants,).
+        kinds: (plants,) kind of motion that each flies; zeros where all fly the same.
+    """
+
+    spread: Spread
+    eased: float
+    values: dict[str, Array]
+    kinds: npt.NDArray[np.int_]
+
+    @property
+    def count(self) -> int:
+        """How many."""
+        return len(next(iter(self.values.values())))
+
+    def taken(self, which: npt.NDArray[np.int_]) -> Plants:
+        """Those with these numbers."""
+        values = {path: numbers[which] for path, numbers in self.values.items()}
+        return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
+
+
+def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
+    """Plants for a flight that :func:`skyarm.studies.tune.excitation.excited` made.
+
+    Args:
+        scenario: its truth is the middle of the spread; its last force is the wind that is drawn.
+        count: plants; the first ones do not depend on it.
+        seed: key.
+        mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.
+    """
+    truth = scenario.plant.vehicle
+    own = float(scenario.delays.command)
+    longest = scenario.delays.longest_command
+    spread, eased = spread_of(truth, float(scenario.plant.gravity), 0.0 if longest is None else longest - own)
+    values = draw(scenario, spread, count, seed=seed)
+    if not truth.end_effector:
+        del values["plant.payload.mass"]
+    if "delays.command" in values:
+        values["delays.command"] = own + values["delays.command"]
+    values = fitted_damping(scenario, spread, values)
+    blown = len(scenario.forces) - 1
+    for axis in "xyz":
+        values[f"environment.forces.{blown}.force_W.{axis}"] = values.pop(f"environment.wind.force_W.{axis}")
+    assert isinstance(scenario.forces[blown], ForceWind)
+    kinds: npt.NDArray[np.int_] = np.zeros(count, dtype=int)
+    if mixed:
+        moved, kinds = draw_motions(truth, count, seed=seed)
+        values |= moved
+    return Plants(spread=spread, eased=eased, values=values, kinds=kinds)
+
+
+def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
+    """The first plants of a pool, up to half of them replaced by others that were lost.
+
+    Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
+
+    Args:
+        pool: more plants than are wanted.
+        count: of the plants that are wanted.
+        lost: (candidates, plants of the pool).
+    """
+    times = lost[:, count:].sum(axis=0)
+    order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
+    taken = count + order[times[order] > 0][: count // 2]
+    return pool.taken(np.concatenate([np.arange(count - len(taken)), np.sort(taken)]))

@@ -1,0 +1,181 @@
+"""From a search's archive to a front from calm to stiff, and the pick from it by a stated rule."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
+from skyarm.studies.tune.gain_search import costs
+
+Array = npt.NDArray[np.float64]
+
+POINTS = 16
+"""Of the front."""
+
+WORTH = 1.05
+"""The pick is the calmest point whose error is within this factor of the least one that meets the constraints."""
+
+SATURATED = 0.05
+"""Largest share of rotor commands at their limit, median over the plants."""
+
+RULE = (
+    "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "
+    f"within {WORTH - 1.0:.0%} of the least of such points and not above that of gains known before, "
+    "whose tip error it keeps within the same"
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Required:
+    """Margins that a pick must have; delay in s, gains as one factor up, and down."""
+
+    delay: float
+    gain: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopMargins:
+    """Margins in hover: delay, s; (lower, upper) factors on all rotors and all joints. Why there are none, else ""."""
+
+    delay: float
+    rotors: tuple[float, float]
+    joints: tuple[float, float]
+    why_none: str = ""
+
+    def meet(self, required: Required) -> bool:
+        """Whether they are wide enough; margins that cannot be computed are not asked for."""
+        if self.why_none:
+            return True
+        lows, highs = zip(self.rotors, self.joints, strict=True)
+        most, least = min(highs), max(lows)
+        return self.delay >= required.delay and most >= required.gain and least <= 1.0 / required.gain
+
+    def shortness(self, required: Required) -> float:
+        """How far the tightest of them is from what is required, as a factor: above 1 it is short of it."""
+        if self.why_none:
+            return 0.0
+        worst = max(required.delay / max(self.delay, 1e-9), 0.0)
+        for low, high in (self.rotors, self.joints):
+            worst = max(worst, required.gain / high if high > 0.0 else math.inf, low * required.gain)
+        return worst
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Point:
+    """A point of the front, flown on plants that the search has not seen.
+
+    Attributes:
+        logs: (knobs,) logarithms of factors.
+        error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
+        tip: m, 90 % quantile along the latter. jitter: rad/s. effort: N m. lost, saturated: shares.
+        margins: in hover.
+    """
+
+    logs: tuple[float, ...]
+    error: float
+    tip: float
+    jitter: float
+    effort: float
+    lost: float
+    saturated: float
+    margins: LoopMargins
+
+    @property
+    def activity(self) -> float:
+        """ln jitter + ln effort: what calm means."""
+        return activity(self.jitter, self.effort)
+
+
+def activity(jitter: float, effort: float) -> float:
+    """ln jitter + ln effort, of what there is of both."""
+    return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
+
+
+def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
+    """Numbers of candidates that may be the front, up to ``count`` of them, from calm to stiff.
+
+    The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
+    as far apart in activity as may be. Only candidates that meet the margins count there.
+    """
+    error, lost, short = (
+        np.concatenate([getattr(each, name) for each in found]) for name in ("error", "lost", "short")
+    )
+    active = np.array(
+        [activity(float(j), float(e)) for each in found for j, e in zip(each.jitter, each.effort, strict=True)]
+    )
+    chosen = list(dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS))
+    fewest = lost + short <= (lost + short).min()
+    order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
+    least, front = math.inf, []
+    for k in order:
+        if error[k] < least:
+            least = float(error[k])
+            front.append(int(k))
+    while len(chosen) < count:
+        spare = [k for k in front if k not in chosen]
+        if not spare:
+            break
+        chosen.append(max(spare, key=lambda k: min(abs(active[k] - active[c]) for c in chosen)))
+    chosen.sort(key=lambda k: float(active[k]))
+    return chosen
+
+
+def undominated(points: Sequence[Point]) -> list[Point]:
+    """Points that no other beats in error and activity at once, from calm to stiff; lost plants come first."""
+    fewest = min(point.lost for point in points)
+    left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
+    found: list[Point] = []
+    for point in left:
+        if not found or point.error < found[-1].error:
+            found.append(point)
+    return found
+
+
+def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
+    """What nothing beats of what was found, and the number of the pick, which is nothing worse than was known before.
+
+    Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
+    tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
+    Else starts stay away: they are often calmer, and the rule would pick one for 5 % of the error.
+    """
+
+    def rank(point: Point) -> tuple[bool, float, float]:
+        return (not is_allowed(point, required), point.lost, point.error)
+
+    best = min(starts, key=rank)
+    if is_allowed(best, required):
+        allowed = [each for each in found if is_allowed(each, required)]
+        fit = [each for each in allowed if each.error <= best.error and each.tip <= WORTH * best.tip] or [best]
+    else:
+        fit = [best, *found] if all(rank(best) <= rank(each) for each in found) else list(found)
+    picked = fit[pick(fit, required)]
+    front = undominated([*found, picked])
+    if picked not in front:
+        # what beats it is not to be picked
+        front = sorted([*front, picked], key=lambda point: (point.activity, point.error))
+    return front, front.index(picked)
+
+
+def pick(points: Sequence[Point], required: Required) -> int:
+    """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
+    allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
+    if not allowed:
+
+        def short(i: int) -> tuple[float, float, float]:
+            # of equals, as where no hover settles, the one of least error
+            return points[i].lost, points[i].margins.shortness(required), points[i].error
+
+        return min(range(len(points)), key=short)
+    least = min(points[i].error for i in allowed)
+    good = [i for i in allowed if points[i].error <= WORTH * least]
+    return min(good, key=lambda i: points[i].activity)
+
+
+def is_allowed(point: Point, required: Required) -> bool:
+    """Whether a point loses no plant, stays below saturation and meets the margins."""
+    return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)

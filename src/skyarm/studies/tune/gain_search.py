@@ -1,0 +1,206 @@
+"""Search for gains: a scatter about where it goes about, then several CMA-ES side by side, from calm to stiff.
+
+One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
+:data:`skyarm.studies.tune.candidate_flights.WEIGHTS`; all of them ask at once, so that their candidates fly in one
+batch, and
+all learn from one archive: each begins at the best candidate of its weight so far, and twice more on the way.
+
+A round's candidates follow from the seed and the scores before it. The archive keeps scores only: a search that was
+interrupted asks the same questions again, finds their answers there, and goes on with the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile.machine_code import missing_extra
+from skyarm.studies.sweep.sobol import BITS, sobol
+from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
+from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, Knob
+
+try:
+    from cmaes import CMA
+except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    raise missing_extra("tune") from error
+
+Array = npt.NDArray[np.float64]
+
+BOX = math.log(LARGEST_FACTOR)
+
+STEPS = (0.4, 0.25, 0.15)
+"""Standard deviations of the logarithms of the factors where a CMA-ES begins, and where it begins again."""
+
+LINE = 24
+"""Candidates on the line of one bandwidth for the whole loop, of the scatter."""
+
+REACHES = (0.15, 0.3, 0.6)
+"""Of the scatter about the beginning and what is known, a third of it each, as shares of the box."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Effort:
+    """How much is flown.
+
+    Attributes:
+        scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
+        plants: that each candidate flies. first_plants: that one of the scatter flies.
+    """
+
+    scatter: int = 240
+    population: int = 10
+    rounds: int = 28
+    plants: int = 24
+    first_plants: int = 8
+
+    @property
+    def candidates(self) -> int:
+        """All of them."""
+        return self.scatter + self.rounds * self.population * len(WEIGHTS)
+
+    def scaled(self, candidates: int, plants: int) -> Effort:
+        """About so many candidates, on so many plants."""
+        share = candidates / self.candidates
+        scatter = max(LINE + 8, round(self.scatter * share))
+        rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))
+        return Effort(
+            scatter=scatter,
+            population=self.population,
+            rounds=rounds,
+            plants=plants,
+            first_plants=min(plants, self.first_plants),
+        )
+
+
+Judge = Callable[[int, Array, int], Scores]
+"""(number of the round, logarithms of factors (candidates, knobs), plants) -> scores, margins not looked at."""
+
+Shortness = Callable[[Array], Array]
+"""Cost of falling short of the margins (candidates,) of logarithms of factors (candidates, knobs)."""
+
+NOT_LOOKED_AT = 3.0
+"""Cost of margins that nobody looked at, since others were better without."""
+
+
+def search(
+    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
+) -> tuple[Array, list[Scores]]:
+    """Look for gains.
+
+    Args:
+        knobs: what may change.
+        effort: how much is flown.
+        judge: scores of a round's candidates.
+        seed: key of the search.
+        starts: (starts, knobs) the first candidates; factors of one if left out.
+
+    Returns:
+        logarithms of the factors of every candidate (candidates, knobs), the starts first; scores by round.
+    """
+    asked = scatter(knobs, effort.scatter, seed, starts)
+    found = [judge(0, asked, effort.first_plants)]
+    logs = asked
+    strategies: list[Any] = []
+    begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
+    for number in range(1, effort.rounds + 1):
+        if number in begins:
+            step = begins[number]
+            strategies = [
+                _strategy(_best(logs, found, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs))
+                for i, weight in enumerate(WEIGHTS)
+            ]
+        asked = np.array([each.ask() for each in strategies for _ in range(effort.population)])
+        scores = judge(number, asked, effort.plants)
+        for i, (strategy, weight) in enumerate(zip(strategies, WEIGHTS, strict=True)):
+            mine = slice(i * effort.population, (i + 1) * effort.population)
+            strategy.tell(list(zip(asked[mine], scores.cost(weight)[mine].tolist(), strict=True)))
+        logs = np.vstack([logs, asked])
+        found.append(scores)
+    return logs, found
+
+
+def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
+    """Scores with what candidates fall short of the margins, looked at only where it may change who leads.
+
+    Args:
+        scores: of a round, margins not looked at.
+        asked: its candidates.
+        groups: (weight, which candidates, how many of the best of them must be known).
+        short: looks at the margins.
+    """
+    known = np.full(len(asked), np.nan)
+    while True:
+        now = dataclasses.replace(scores, short=np.nan_to_num(known, nan=0.0))
+        leading = [_leaders(now.cost(weight), which, count) for weight, which, count in groups]
+        missing = np.unique([k for each in leading for k in each if np.isnan(known[k])]).astype(int)
+        if not len(missing):
+            return dataclasses.replace(scores, short=np.where(np.isnan(known), NOT_LOOKED_AT, known))
+        known[missing] = short(asked[missing])
+
+
+def _leaders(cost: Array, which: slice, count: int) -> list[int]:
+    first = which.start or 0
+    return [first + int(k) for k in np.argsort(cost[which], kind="stable")[:count]]
+
+
+def costs(found: Sequence[Scores], weight: float) -> Array:
+    """Costs of all candidates of an archive for a weight."""
+    return np.concatenate([scores.cost(weight) for scores in found])
+
+
+def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
+    """The cheapest candidate; of those that flew all plants, once there are any."""
+    every = costs(found, weight)
+    first = len(found[0].error) if len(found) > 1 else 0
+    best: Array = logs[first + int(every[first:].argmin())]
+    return best
+
+
+def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
+    """The first candidates: the starts, one bandwidth for all, Sobol points about the starts.
+
+    The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
+    scattered about them; where none are, the line goes through them twice, by bandwidth and by one factor for all.
+    """
+    begin = np.zeros((1, len(knobs))) if starts is None else starts
+    centres = begin[1:] if len(begin) > 1 else begin
+    speeds = np.linspace(-0.6, 0.6, LINE) * BOX
+    line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
+    if len(begin) == 1:
+        # nobody knows which way these are off: every other point has one factor for all gains alike
+        line[::2] = speeds[::2, None]
+    rest = max(count - len(begin) - LINE, 0)
+    numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
+    points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)
+    reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
+    around = centres[np.arange(rest) // len(REACHES) % len(centres)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
+    low, high = _bounds(knobs).T
+    found: Array = np.clip(np.vstack([begin, line, around]), low, high)
+    return found
+
+
+def exponent(knob: Knob) -> float:
+    """Power of a loop's bandwidth with which a knob grows: 2 for a stiffness, 1 for a damping or a filter."""
+    stiff = ("1/s^2", "N/m", "N m/rad")
+    return 2.0 if knob.unit.startswith(stiff) else 1.0
+
+
+def _bounds(knobs: Sequence[Knob]) -> Array:
+    """Least and largest logarithm of each factor (knobs, 2); a share of one stays one at most."""
+    highs = [min(BOX, -math.log(max(knob.values(1.0)))) if _is_share(knob) else BOX for knob in knobs]
+    return np.array([[-BOX, high + 1e-9] for high in highs])
+
+
+def _is_share(knob: Knob) -> bool:
+    return knob.path.endswith("share") and max(knob.values(1.0)) <= 1.0
+
+
+def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> Any:
+    inside = np.clip(mean, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
+    return CMA(mean=inside, sigma=step, bounds=bounds, seed=seed % 2**32, population_size=population)

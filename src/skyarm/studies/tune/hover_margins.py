@@ -1,0 +1,177 @@
+"""Margins of a loop in hover: those that gains must have, the cost of lacking them, and measured ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile.machine_code import missing_extra
+from skyarm.control.controller import Controller
+from skyarm.records.leaves import replaced
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.stability.along import Instant
+from skyarm.studies.stability.closed_loop import OpenLoop, radius
+from skyarm.studies.stability.frozen_scenario import LAGS
+from skyarm.studies.stability.settled_hover import SettledHover
+from skyarm.studies.tune.front import LoopMargins, Required
+from skyarm.studies.tune.law_knobs import Knob
+
+try:
+    from threadpoolctl import threadpool_limits
+except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    raise missing_extra("tune") from error
+
+Array = npt.NDArray[np.float64]
+
+DELAY_SHARE, PERIODS = 1.5, 2
+"""Required delay margin: this share of the delay that the law knows, and at least so many control periods."""
+
+GAIN = 1.5
+"""Required gain margin of all rotors, and of all joints, up and down: 3.5 dB."""
+
+UNSTABLE = 10.0
+"""Shortness of a loop that is just unstable; a stable one is never shorter."""
+
+FAILED = 2.0
+"""Cost of a failed test, plus the excess of the spectral radius: as much as an error seven times as large."""
+
+STEEP, MOST = 100.0, 2.0
+"""Cost per spectral radius above 1, and its largest."""
+
+DIVERGED = 20.0
+"""Cost of a hover that did not settle."""
+
+RESERVE = 1.04
+"""Factor on what is required, so that a candidate that just passes keeps passing where it is measured."""
+
+
+def one_blas_thread() -> Any:
+    """Context in which linear algebra has one thread: matrices of a loop are small, more would wait for each other."""
+    return threadpool_limits(1, user_api="blas")
+
+
+def required(scenario: Scenario) -> Required:
+    """Margins that a scenario's gains must have."""
+    known = float(scenario.delays.measurement) + float(scenario.delays.command)
+    return Required(delay=max(DELAY_SHARE * known, PERIODS / scenario.rates.control), gain=GAIN)
+
+
+def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
+    """The controller with every knob's numbers times its factor."""
+    numbers = {
+        place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
+    }
+    return dataclasses.replace(controller, par=replaced(controller.par, numbers))
+
+
+def calm(flight: Scenario) -> Scenario:
+    """The flight of candidates without the wind that is drawn, and with no delay but those that are known."""
+    delays = dataclasses.replace(flight.delays, longest_command=None)
+    return flight.with_words(forces=flight.forces[:-1], delays=delays)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Edges:
+    """Of a loop: growth, 1/s (negative where it is stable), frequency (Hz) of its fastest or most delicate swing."""
+
+    growth: float
+    frequency: float
+    margins: LoopMargins
+
+    @classmethod
+    def of(cls, hover: Instant) -> Edges:
+        """By the worse of a hover's linearisations in every number."""
+        worst = max(hover.by_lag.values(), key=lambda each: each.radius)
+        unstable, weakest = worst.s[0], min(worst.loops, key=lambda loop: loop.disk)
+        swing = abs(unstable.imag) if unstable.real > 0.0 else weakest.frequency
+        return cls(growth=float(unstable.real), frequency=swing / (2.0 * math.pi), margins=margins_of(hover))
+
+    def shortness(self, required: Required) -> float:
+        """How far it is from what is required, as a factor; an unstable loop by its growth, above any stable one."""
+        if self.growth > 0.0:
+            return UNSTABLE * (1.0 + self.growth)
+        return min(self.margins.shortness(required), UNSTABLE)
+
+
+def margins_of(hover: Instant | None) -> LoopMargins:
+    """The margins of a hover that count in a tuning; none of one that did not settle."""
+    if hover is None:
+        return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
+    return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
+
+
+class HoverMargins:
+    """Margins of candidates in hover; nothing is required of a loop that cannot be linearised.
+
+    Args:
+        scenario: flight of the candidates. knobs: what they change.
+        threads: results do not depend on it.
+    """
+
+    def __init__(self, scenario: Scenario, knobs: Sequence[Knob], threads: int = 1) -> None:
+        numbers = [(place, value) for knob in knobs for place, value in knob.numbers]
+        self._numbers = np.array([value for _, value in numbers])
+        self._knob = np.array([i for i, knob in enumerate(knobs) for _ in knob.numbers])
+        self._loops: SettledHover | None = None
+        self._why_none, self._threads = "", threads
+        try:
+            self._loops = SettledHover(calm(scenario), [f"controller.{'.'.join(place)}" for place, _ in numbers])
+        except ValueError as error:
+            self._why_none = str(error)
+        wanted, step = required(scenario), 1.0 / scenario.rates.physics
+        self._delay = math.ceil(RESERVE * wanted.delay / step - 1e-9) * step
+        self._gain = RESERVE * wanted.gain
+
+    def _values(self, loops: SettledHover, logs: Array) -> dict[str, Array]:
+        return dict(zip(loops.paths, self._numbers[:, None] * np.exp(logs.T[self._knob]), strict=True))
+
+    def costs(self, logs: Array) -> Array:
+        """Cost of falling short of the required margins (candidates,): 0 where all tests pass.
+
+        A test is cheap: the loop with the required extra delay, and with all rotors or all joints that much stronger or
+        weaker, must have its eigenvalues inside the unit circle, with the rotors' time constant upward and downward.
+        """
+        loops = self._loops
+        if loops is None:
+            return np.zeros(len(logs))
+        values = self._values(loops, logs)
+
+        def cost(settled: Any, numbers: Sequence[float]) -> float:
+            if settled is None:
+                return DIVERGED
+            return max(failed_tests(loops.opened(settled, numbers, lag), self._delay, self._gain) for lag in LAGS)
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            lanes = loops.settle(values, self._threads), np.array(list(values.values())).T.tolist()
+            return np.array(list(pool.map(cost, *lanes)))
+
+    def measured(self, logs: Array) -> list[LoopMargins]:
+        """Margins of each candidate, the worse of both linearisations."""
+        if self._loops is None:
+            return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
+        return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._loops is not None:
+            self._loops.close()
+
+
+def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
+    """Cost of the tests that a loop does not pass."""
+    changes = [{"extra_delay": delay}]
+    changes += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
+    total = 0.0
+    for change in changes:
+        beyond = radius(loop, **change) - 1.0
+        if not beyond <= 0.0:
+            # rounded: the last bits of an eigenvalue are the linear algebra's
+            total += FAILED + round(min(STEEP * beyond, MOST), 6)
+    return total

@@ -1,0 +1,286 @@
+"""The gains of a law that tuning may change, and those that the catalogue has for it.
+
+A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
+gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
+among them, they are found: every positive number of its constants whose field states the unit of a gain (per second,
+per metre, per radian), or no unit at all. A vector and a tuple of any length are one knob; each item of a tuple of
+fixed length, as ``tuple[float, float]``, is one.
+
+A search goes about the gains of the catalogue: gains that are off by three or by ten lead to the same candidates. The
+given ones are flown next to them, so that good ones are not lost either.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Vec3
+from skyarm.control.actuator_layer import plain_model
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_factors
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.centroidal.presets import without_preset
+from skyarm.dynamics.actuators import AllocationError
+from skyarm.records.files import did_you_mean, shown
+from skyarm.records.leaves import Place, is_record, parts, replaced, walk
+from skyarm.records.units import NUMBER, Unit, declared_fields
+from skyarm.scenario.controller_table import loop_facts
+from skyarm.scenario.scenario_record import Scenario
+
+NOT_GAINS = ("model", "mixer", "network", "limits", "terms")
+"""Fields of constants that hold no gains of a law: its belief, its allocation, a learned part, limits."""
+
+GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
+"""Units of gains and bandwidths."""
+
+BOUNDED = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
+"""Words of a meaning that say that the number is a limit or the rate of a slow adaptation, not a gain."""
+
+LARGEST_FACTOR = 30.0
+"""Factor on a knob, and one over the smallest: gains detuned tenfold still have good ones in reach."""
+
+
+class KnobError(ValueError):
+    """A law has no such knob, or none at all."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Knob:
+    """A knob is one factor on some numbers of a law's constants.
+
+    Attributes:
+        path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
+    """
+
+    path: str
+    unit: str
+    numbers: tuple[tuple[Place, float], ...]
+
+    def values(self, factor: float) -> tuple[float, ...]:
+        """The numbers times a factor."""
+        return tuple(factor * number for _, number in self.numbers)
+
+
+def inner_place(controller: Controller) -> Place:
+    """Where the constants of the law itself stand: under layers of safety or actuators, in ``inner``."""
+    place: Place = ()
+    par = controller.par
+    while is_record(inner := getattr(par, "inner", None)):
+        place, par = (*place, "inner"), inner
+    return place
+
+
+def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[Knob, ...]:
+    """Knobs of a controller.
+
+    Args:
+        controller: whose constants are looked through, below its layers.
+        law: its name in the catalogue, if it has one.
+        chosen: paths of the knobs to take, or beginnings of them; all if left out.
+
+    Raises:
+        KnobError: the law has none, or not the chosen one.
+    """
+    layers = inner_place(controller)
+    par = controller.par
+    for name in layers:
+        par = parts(par)[name]
+    listed = tuned_factors().get(law)
+    found = [_listed(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
+    knobs = tuple(_below(layers, each) for each in found if each is not None)
+    if not knobs:
+        raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
+    if chosen is None:
+        return knobs
+    for path in chosen:
+        if not any(_is_meant(path, knob.path) for knob in knobs):
+            there = [knob.path for knob in knobs]
+            raise KnobError(f"--knobs: {shown(path)}: {did_you_mean(path, there)}must be one of {', '.join(there)}")
+    return tuple(knob for knob in knobs if any(_is_meant(path, knob.path) for path in chosen))
+
+
+def _is_meant(word: str, path: str) -> bool:
+    return path == word or path.startswith(f"{word}.")
+
+
+def _below(layers: Place, knob: Knob) -> Knob:
+    return Knob(path=knob.path, unit=knob.unit, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
+
+
+def _listed(par: Any, path: str) -> Knob | None:
+    place: Place = tuple(path.split("."))
+    record, unit = par, NUMBER
+    for name in place:
+        below = parts(record)
+        if name not in below:
+            return None
+        unit = declared_fields(type(record)).get(name, (None, unit))[1] if is_record(record) else unit
+        record = below[name]
+    return _knob(place, record, unit)
+
+
+def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+    """Knobs below a part of the constants, whose own field states ``unit``."""
+    if is_record(record) and not isinstance(record, Vec3):
+        declared = declared_fields(type(record))
+        for name, value in parts(record).items():
+            if not place and name in NOT_GAINS:
+                continue
+            kind, own = declared.get(name, (None, NUMBER))
+            yield from _found(value, (*place, name), own if own is not NUMBER else unit, _fixed_length(kind))
+        return
+    if not _is_gain(unit):
+        return
+    if isinstance(record, tuple) and fixed:
+        for name, value in parts(record).items():
+            yield from _found(value, (*place, name), unit, False)
+        return
+    knob = _knob(place, record, unit)
+    if knob is not None:
+        yield knob
+
+
+def _fixed_length(kind: Any) -> bool:
+    """Whether a field is a tuple of fixed length by its annotation."""
+    return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
+
+
+def _is_gain(unit: Unit) -> bool:
+    if unit is NUMBER:
+        return True
+    return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
+
+
+def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
+    """One factor on every positive number of a record; None where there is none."""
+    numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
+    return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
+
+
+Array = npt.NDArray[np.float64]
+
+Numbers = list[tuple[float, ...]]
+"""Of every knob."""
+
+GIVEN = "before"
+"""Name of the gains that a search was given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Centred:
+    """A flight whose law has the gains about which a search goes.
+
+    Attributes:
+        flight: with them. knobs: their factors are 1 there.
+        starts: name -> (knobs,) logarithms of factors: the given gains first, then those of the catalogue.
+    """
+
+    flight: Scenario
+    knobs: tuple[Knob, ...]
+    starts: Mapping[str, tuple[float, ...]]
+
+    @property
+    def rows(self) -> Array:
+        """The starts (starts, knobs)."""
+        return np.array(list(self.starts.values()))
+
+
+def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
+    """The flight with the catalogue's gains where there are any, those of its label first; else as it is.
+
+    Args:
+        flight: with the given gains.
+        knobs: of its law.
+        label: of the law, as it was asked for.
+    """
+    known = _known(flight, knobs)
+    names = [name for name in (label, *known) if name in known]
+    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
+        middle = [values(knob) for knob in knobs]
+        numbers: dict[Place, float] = {}
+    else:
+        middle = known[names[0]]
+        numbers = {
+            place: number
+            for knob, at in zip(knobs, middle, strict=True)
+            for (place, _), number in zip(knob.numbers, at, strict=True)
+        }
+    moved = tuple(
+        dataclasses.replace(knob, numbers=tuple((place, numbers.get(place, value)) for place, value in knob.numbers))
+        for knob in knobs
+    )
+    law = flight.controller
+    place = flight.with_words(controller=dataclasses.replace(law, par=replaced(law.par, numbers)))
+    starts = {GIVEN: _row([values(knob) for knob in knobs], middle)}
+    for name in dict.fromkeys(names):
+        row = _row(known[name], middle)
+        # the given gains do not count: with good ones and with bad ones a search asks for as many others
+        if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
+            starts[name] = row
+    return Centred(flight=place, knobs=moved, starts=starts)
+
+
+def values(knob: Knob) -> tuple[float, ...]:
+    """A knob's numbers."""
+    return knob.values(1.0)
+
+
+def _known(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
+    """Numbers of every knob by name of the catalogue: a law's own, its tuned ones, those of its presets.
+
+    None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
+    """
+    law = scenario.controller.name
+    names = [f"{law}{TUNED}"] if law in tuned_factors() else []
+    names += [law] if law in LAWS else []
+    model = plain_model(scenario.controller.par.model)
+    facts = loop_facts(scenario.rates, scenario.delays)
+    found: dict[str, Numbers] = {}
+    for name in [*names, *PRESETS]:
+        made = _made(name, model, facts)
+        if made is None or without_preset(made.name) != without_preset(law):
+            continue
+        try:
+            theirs = {knob.path: knob for knob in find_knobs(made, law)}
+        except KnobError:
+            continue
+        found[name] = [
+            values(theirs[knob.path])
+            if knob.path in theirs and len(theirs[knob.path].numbers) == len(knob.numbers)
+            else ()
+            for knob in knobs
+        ]
+    return found
+
+
+def _made(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
+    """A law of the catalogue; None where it does not fit this vehicle."""
+    try:
+        return make_named(name, model, facts)  # type: ignore[arg-type]
+    except (ControllerError, AllocationError):
+        return None
+
+
+def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
+    """Whether one factor leads from a knob's numbers to others."""
+    if not numbers:
+        return False
+    factors = np.array(numbers) / np.array(values(knob))
+    return bool(np.allclose(factors, factors[0], rtol=1e-6))
+
+
+def _row(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
+    """Logarithms of factors; where the numbers of a knob differ among themselves, their geometric mean counts."""
+    return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
+
+
+def _mean(numbers: tuple[float, ...]) -> float:
+    return sum(math.log(number) for number in numbers) / len(numbers)

@@ -1,0 +1,186 @@
+"""Results of a tuning: files of gains that scenarios name, and a page with a slider from calm to stiff."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+from skyarm.control.catalogue import PRESETS, TUNED
+from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.identity import identity
+from skyarm.records.leaves import part, walk
+from skyarm.studies.tune.front import RULE, LoopMargins, Point
+from skyarm.studies.tune.hover_margins import with_gains
+from skyarm.studies.tune.law_knobs import inner_place
+from skyarm.studies.tune.tuning import ASIDE, Aside, Tuning
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import page as plain_page
+from skyarm.view.pages import rendered
+
+DIGITS = 6
+"""Of a gain in a file."""
+
+
+def front_name(number: int) -> str:
+    """File of a point of the front, counted from calm to stiff."""
+    return f"front_{number + 1}.toml"
+
+
+def words_of(name: str) -> dict[str, Any]:
+    """What a [law] table says of a controller by its name in the catalogue."""
+    if name in PRESETS:
+        return {"preset": name}
+    return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
+
+
+def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
+    """The numbers below the path of every knob, as a file of gains has them."""
+    controller = tuning.plan.flight.controller
+    tuned = with_gains(controller, tuning.plan.knobs, point.logs)
+    below, found = inner_place(controller), {}
+    for knob in tuning.plan.knobs:
+        place = (*below, *knob.path.split("."))
+        values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
+        found[knob.path] = values[0] if len(set(values)) == 1 else values
+    return found
+
+
+def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
+    """A file of gains.
+
+    Args:
+        tuning: what was found.
+        point: of its front.
+        words: of the law, for [law].
+        kept: gains that stood in the file before and are no knobs.
+    """
+    plan = tuning.plan
+    gains = {**kept, **gains_of(tuning, point)}
+    before = gains_of(tuning, tuning.before)
+    units = {knob.path: knob.unit for knob in plan.knobs}
+    lines = [
+        f"# Gains of {plan.label} for {plan.flight.plant.vehicle.name}, written by skyarm tune.",
+        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --controller THIS FILE',
+        "schema = 1",
+        *_table("law", words),
+        "",
+        "[gains]",
+    ]
+    for path, value in gains.items():
+        note = f"    # {units[path]}, was {toml_value(before[path])}" if path in units else ""
+        lines.append(f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}")
+    lines += _table("about", about(tuning))
+    lines += _table("about.before", plain_point(tuning.before))
+    lines += _table("about.after", plain_point(point))
+    for name, each in tuning.aside.items():
+        lines += _table(f"about.aside.{toml_key(name)}", plain_aside(each))
+    lines += _table("about.required", {"delay_margin_s": tuning.required.delay, "gain_margin": tuning.required.gain})
+    return "\n".join(lines) + "\n"
+
+
+def about(tuning: Tuning) -> dict[str, Any]:
+    """Where the gains come from."""
+    plan = tuning.plan
+    return {
+        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
+        "scenario": plan.check.name,
+        "vehicle": plan.flight.plant.vehicle.name,
+        "vehicle_digest": identity(plan.flight.plant.vehicle),
+        "belief_digest": identity(plan.flight.controller.par.model.vehicle),
+        "flight_digest": identity(plan.flight),
+        "candidates": plan.effort.candidates,
+        "unseen_plants": plan.unseen,
+        "share_of_usual_payload_and_wind": _short(tuning.plants.eased),
+        "rule": RULE,
+    }
+
+
+def plain_point(point: Point) -> dict[str, Any]:
+    """Scores and margins of a point."""
+    return {
+        "error_m": _short(point.error),
+        "tip_m": _short(point.tip),
+        "jitter_rad_s": _short(point.jitter),
+        "effort": _short(point.effort),
+        "lost": _short(point.lost),
+        "saturated": _short(point.saturated),
+        **plain_margins(point.margins),
+    }
+
+
+def plain_aside(aside: Aside) -> dict[str, float | bool]:
+    """Scores on plants and a path by which nothing was chosen."""
+    scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
+    return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
+
+
+def plain_margins(margins: LoopMargins) -> dict[str, Any]:
+    """Margins; what is beyond all that is looked at is left out."""
+    if margins.why_none:
+        return {"no_margins": margins.why_none}
+    delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
+    return delay | {
+        f"{name}_gain_{side}": _short(value)
+        for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
+        for side, value in zip(("least", "most"), pair, strict=True)
+        if math.isfinite(value) and value > 0.0
+    }
+
+
+def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
+    return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def error_words(vehicle: Vehicle) -> str:
+    """Name of the error of a flight: of the tip, or of the base where there is no tip."""
+    return "tip error" if vehicle.end_effector else "base error"
+
+
+def tune_page(found: Tuning) -> str:
+    """HTML of a tuning's results; one file that needs nothing else."""
+    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
+    facts = (
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants; the front on {plan.unseen} plants "
+        f"that the search has not seen; seed {plan.seed}"
+    )
+    body = rendered(
+        "studies/tune/tune.html",
+        found=found,
+        rule=RULE.replace("tip error", error_words(vehicle)),
+        style=(resources.files("skyarm.studies.tune") / "tune_page.css").read_text("utf-8"),
+        plot=_plot((found.before, *found.points)),
+        error=error_words(vehicle),
+        joints=vehicle.n,
+        gains=[gains_of(found, point) for point in found.points],
+        before=gains_of(found, found.before),
+        units={knob.path: knob.unit for knob in plan.knobs},
+        aside=ASIDE,
+        inf=math.inf,
+        text=toml_value,
+        key=toml_key,
+    )
+    return plain_page(f"{plan.label} for {vehicle.name}", facts, body)
+
+
+def _plot(points: Sequence[Point]) -> dict[str, Any]:
+    """Places of points in a picture of error (mm) over jitter on logarithmic axes, and the axes' ends."""
+    rows = [(each.jitter, 1e3 * each.error) for each in points]
+    jitters, errors = ([max(each, 1e-6) for each in column] for column in zip(*rows, strict=True))
+
+    def places(values: Sequence[float], low: float, high: float) -> list[float]:
+        logs = [math.log10(value) for value in values]
+        width = max(max(logs) - min(logs), 1e-6)
+        return [round(low + (high - low) * (0.04 + 0.92 * (each - min(logs)) / width), 1) for each in logs]
+
+    x, y = places(jitters, 56.0, 624.0), places(errors, 260.0, 16.0)
+    return {
+        "places": list(zip(x, y, strict=True)),
+        "across": [(min(jitters), min(x)), (max(jitters), max(x))],
+        "up": [(min(errors), max(y)), (max(errors), min(y))],
+    }

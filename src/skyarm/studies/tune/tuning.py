@@ -1,0 +1,410 @@
+"""Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
+
+The search flies :func:`skyarm.studies.tune.excitation.excited` through perturbed plants, each with a motion of its
+own, every
+fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants, and what is
+left of them others again, along the scenario's own motion, and have their margins computed in hover. The gains that
+were given and those of the catalogue for this law go all that way with them. What is picked follows from
+:data:`skyarm.studies.tune.front.RULE`; at last it and all starts fly plants and a path by which nothing was chosen.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import shown, versions, write_atomically
+from skyarm.records.files.unpacked import npz_arrays
+from skyarm.records.files.writing import one_writer
+from skyarm.records.identity import identity
+from skyarm.records.leaves import field_names, parts
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.tune.candidate_flights import (
+    WEIGHTS,
+    CandidateFlights,
+    Flown,
+    Scores,
+    of_drawn,
+    scores,
+    with_own,
+)
+from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, with_lost
+from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
+from skyarm.studies.tune.gain_search import Effort, search, with_margins
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required
+from skyarm.studies.tune.law_knobs import Knob, centred
+
+Array = npt.NDArray[np.float64]
+
+LEADERS = 3
+"""Of the scatter, for each weight: candidates whose margins are looked at."""
+
+POOL = 8
+"""Times the plants of the search: what the leaders of the scatter fly."""
+
+SEMIFINALISTS, FURTHER = 32, 64
+"""Candidates of the search that fly once more, and the plants that they do: a few plants flatter."""
+
+FACTS = "search.json"
+"""What the scores are of."""
+
+
+class ArchiveError(ValueError):
+    """A folder holds the search of something else."""
+
+
+class Archive:
+    """Scores of a search by round; those of another search are refused.
+
+    Args:
+        folder: that is there.
+        facts: plain values on which the scores depend.
+
+    Raises:
+        ArchiveError: one line: the folder holds other facts.
+    """
+
+    def __init__(self, folder: Path, facts: Mapping[str, Any]) -> None:
+        self.folder = folder
+        file, text = folder / FACTS, json.dumps(dict(facts), indent=1, sort_keys=True) + "\n"
+        if not file.exists():
+            write_atomically(file, text.encode())
+            return
+        try:
+            known = json.loads(file.read_text("utf-8"))
+        except (OSError, ValueError):
+            known = None
+        if known != json.loads(text):
+            other = _first_difference(known, json.loads(text))
+            raise ArchiveError(
+                f"--out = {shown(str(folder))}: holds a search of something else ({other}); choose another folder, "
+                f"or remove this one"
+            )
+
+    def get(self, number: int, asked: Array) -> Scores | None:
+        """Scores of a round, if it is there, whole, and of these candidates."""
+        try:
+            held = npz_arrays(self._file(number).read_bytes())
+            if not np.array_equal(held["asked"], asked):
+                return None
+            found = Scores(**{name: held[name] for name in field_names(Scores) or ()})
+        except (OSError, ValueError, KeyError):
+            return None
+        return found if all(len(values) == len(asked) for values in parts(found).values()) else None
+
+    def put(self, number: int, asked: Array, scores: Scores) -> None:
+        """Keep the scores of a round."""
+        content = io.BytesIO()
+        np.savez(content, asked=asked, **parts(scores))
+        write_atomically(self._file(number), content.getvalue())
+
+    def _file(self, number: int) -> Path:
+        return self.folder / f"round_{number:03d}.npz"
+
+
+def _first_difference(known: Any, wanted: Mapping[str, Any]) -> str:
+    if not isinstance(known, dict):
+        return f"{FACTS} cannot be read"
+    for name, value in wanted.items():
+        if known.get(name) != value:
+            return f"{name}: {shown(known.get(name))}, now {shown(value)}"
+    return "other facts"
+
+
+UNSEEN = 100
+"""Plants by which the front is judged: none of the search's."""
+
+ASIDE = 200
+"""Plants that the pick and the starts fly at last, along the path that is kept aside: nothing is chosen by them."""
+
+PICKED = "pick"
+"""Name of the pick among them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is tuned.
+
+    Attributes:
+        flight: that judges candidates. check: that judges the front; the same but for its motion. aside: the same along
+            the path that is kept aside. own: that judges candidates along the scenario's own motion, where it has one.
+        knobs: what may change. effort: how much is flown. seed: of plants, noise and search.
+        label: of the law, as it was asked for.
+    """
+
+    flight: Scenario
+    check: Scenario
+    aside: Scenario
+    knobs: tuple[Knob, ...]
+    effort: Effort
+    seed: int
+    label: str
+    own: Scenario | None = None
+    unseen: int = UNSEEN
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values on which all scores depend."""
+        return {
+            **{name: text for name, text in versions("cmaes").items() if name != "python"},
+            "law": self.label,
+            "flight": identity(self.flight),
+            "motions": [*KINDS, *(["own"] if self.own else [])],
+            **({"own": identity(self.own)} if self.own else {}),
+            "knobs": [knob.path for knob in self.knobs],
+            "seed": self.seed,
+            "scatter": self.effort.scatter,
+            "rounds": self.effort.rounds,
+            "population": self.effort.population,
+            "plants": self.effort.plants,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Aside:
+    """Scores on plants and a path by which nothing was chosen.
+
+    Attributes:
+        tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
+        meets: whether the gains met all constraints where the front was judged.
+    """
+
+    tip: float
+    jitter: float
+    lost: float
+    meets: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """What tuning found.
+
+    Attributes:
+        plan: what was tuned, its knobs about the gains that the search went about.
+        before: the given gains, flown as the front was. points: from calm to stiff.
+        picked: number of the pick among them. required: margins. plants: by which the search judged.
+        aside: name -> scores of the pick and of every start on plants and a path by which nothing was chosen.
+    """
+
+    plan: Plan
+    before: Point
+    points: tuple[Point, ...]
+    picked: int
+    required: Required
+    plants: Plants
+    aside: dict[str, Aside]
+
+    @property
+    def pick(self) -> Point:
+        """The point that the rule picks."""
+        return self.points[self.picked]
+
+    @property
+    def meets(self) -> bool:
+        """Whether the pick meets all constraints."""
+        return is_allowed(self.pick, self.required)
+
+
+Progress = Callable[[int, int, str], object]
+"""(flights done, flights in all, stage)."""
+
+
+class Tuner:
+    """Flies candidates whose scores the archive does not hold: rounds of the search, the best again, the front.
+
+    Args:
+        plan: of the tuning. plants: of the search. archive: of its scores.
+        threads: results do not depend on it. progress: called after every round.
+    """
+
+    def __init__(self, plan: Plan, plants: Plants, archive: Archive, threads: int, progress: Progress) -> None:
+        self._plan, self._archive, self._threads = plan, archive, threads
+        self._plants = with_own(plants) if plan.own else plants
+        self._progress, self._done = progress, 0
+        self._first: tuple[Array, Scores] | None = None
+        effort = plan.effort
+        rounds = effort.scatter * effort.first_plants
+        rounds += (effort.candidates - effort.scatter) * effort.plants + len(WEIGHTS) * POOL * effort.plants
+        self._total = rounds + SEMIFINALISTS * FURTHER + POINTS * plan.unseen
+
+    @cached_property
+    def _flights(self) -> CandidateFlights:
+        plan = self._plan
+        self._progress(self._done, self._total, "making machine code")
+        return CandidateFlights(
+            plan.flight, plan.knobs, self._plants, own=plan.own, threads=self._threads, seed=plan.seed, gust=True
+        )
+
+    @cached_property
+    def _margins(self) -> HoverMargins:
+        return HoverMargins(self._plan.flight, self._plan.knobs, self._threads)
+
+    def judge(self, number: int, asked: Array, plants: int) -> Scores:
+        """Scores of a round."""
+        found = self._archive.get(number, asked)
+        if found is None:
+            flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
+            found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
+            self._archive.put(number, asked, found)
+        if number == 0:
+            self._first = (asked, found)
+        self._done += len(asked) * plants
+        self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
+        return found
+
+    @cached_property
+    def _telling(self) -> Plants:
+        """The plants of all rounds but the first: its leaders fly more of them, and those that they lose are included.
+
+        A search that loses one plant in fifty does not see it on two dozen.
+        """
+        assert self._first is not None
+        asked, found = self._first
+        leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
+        pool = self._drawn(POOL * self._plants.count, self._plan.seed)
+        return with_lost(pool, self._plants.count, self._flights.fly(asked[leaders], others=pool).lost)
+
+    def _drawn(self, count: int, seed: int) -> Plants:
+        plants = draw_plants(self._plan.flight, count, seed=seed, mixed=True)
+        return with_own(plants) if self._plan.own else plants
+
+    def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
+        """Candidates whose margins count: the best of the scatter for each weight, later half of each strategy's."""
+        if number == 0:
+            return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
+        each = self._plan.effort.population
+        return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
+
+    def again(self, asked: Array) -> tuple[Scores, Scores]:
+        """Scores of semifinalists on further plants, each with its margins: of all motions, and of those drawn."""
+        numbers = [self._plan.effort.rounds + k for k in (1, 2)]
+        found = [each for number in numbers if (each := self._archive.get(number, asked)) is not None]
+        if len(found) < len(numbers):
+            self._progress(self._done, self._total, "the best once more")
+            flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
+            short = self._margins.costs(asked)
+            found = [dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown))]
+            for number, each in zip(numbers, found, strict=True):
+                self._archive.put(number, asked, each)
+        self._done += len(asked) * FURTHER
+        return found[0], found[1]
+
+    def check(self, rows: Array, again: Scores) -> list[Point]:
+        """The beginning and the finalists on unseen plants, with margins; ``again`` is of drawn motions."""
+        plan = self._plan
+        mixed = plan.check.reference == plan.flight.reference
+        flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
+        self._progress(self._total, self._total, "margins")
+        scored, margins = scores(flown), self._margins.measured(rows)
+        return [
+            Point(
+                logs=tuple(row.tolist()),
+                error=math.sqrt(float(scored.error[i]) * float(again.error[i])),
+                tip=float(scored.tip[i]),
+                jitter=float(scored.jitter[i]),
+                effort=float(scored.effort[i]),
+                lost=float(scored.lost[i]),
+                saturated=float(np.median(flown.saturated[i])),
+                margins=margins[i],
+            )
+            for i, row in enumerate(rows)
+        ]
+
+    def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
+        """The pick and every start, by name, on plants and a path by which nothing was chosen."""
+        wanted = required(self._plan.flight)
+        self._progress(self._total, self._total, "plants and a path kept aside")
+        flown = scores(self._flown_once(self._plan.aside, ASIDE, 3, np.array([each.logs for each in points.values()])))
+        tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
+        return {
+            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, wanted))
+            for (name, point), tip, jitter, lost in tables
+        }
+
+    def _flown_once(
+        self,
+        scenario: Scenario,
+        count: int,
+        further: int,
+        rows: Array,
+        *,
+        mixed: bool = False,
+        saturation: bool = False,
+    ) -> Flown:
+        """Flights of some candidates along another path, on plants and noise that the search has not seen."""
+        seed = self._plan.seed + further
+        plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
+        flights = CandidateFlights(
+            scenario, self._plan.knobs, plants, threads=self._threads, seed=seed, saturation=saturation
+        )
+        try:
+            return flights.fly(rows)
+        finally:
+            flights.close()
+
+    def close(self) -> None:
+        """End the threads."""
+        for name in ("_flights", "_margins"):
+            if name in self.__dict__:
+                self.__dict__[name].close()
+
+
+def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
+    """Tune, or go on with a search that the folder holds a part of.
+
+    Args:
+        plan: what is tuned.
+        folder: of the archive; it is there.
+        threads: results do not depend on it.
+        progress: told of every round.
+
+    Raises:
+        ValueError: the folder holds a search of something else, or is written by another process.
+    """
+    start = centred(plan.flight, plan.knobs, plan.label)
+    law = start.flight.controller
+    plan = dataclasses.replace(
+        plan,
+        flight=start.flight,
+        check=plan.check.with_words(controller=law),
+        aside=plan.aside.with_words(controller=law),
+        own=plan.own.with_words(controller=law) if plan.own else None,
+        knobs=start.knobs,
+    )
+    with one_writer(folder), one_blas_thread():
+        archive = Archive(folder, plan.facts())
+        plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
+        tuner = Tuner(plan, plants, archive, threads, progress or (lambda *_: None))
+        try:
+            logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+            # of the scatter nobody flew all plants; the starts come along
+            best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
+            count = len(start.starts)
+            asked = logs[[*range(count), *best]]
+            again, drawn = tuner.again(asked)
+            last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
+            points = tuner.check(asked[last], drawn.part(last))
+            wanted = required(plan.flight)
+            front, picked = front_of(points[:count], points[count:], wanted)
+            known = dict(zip(start.starts, points, strict=False))
+            aside = tuner.fly_aside({**known, PICKED: front[picked]})
+        finally:
+            tuner.close()
+    return Tuning(
+        plan=plan,
+        before=points[0],
+        points=tuple(front),
+        picked=picked,
+        required=wanted,
+        plants=plants,
+        aside=aside,
+    )

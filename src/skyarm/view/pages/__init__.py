@@ -1,0 +1,24 @@
+"""Reports: titles, paragraphs, tables and pictures, as HTML pages of one file and as Markdown."""
+
+from skyarm.view.pages.markup import bullets, details, grouped, image, page, paragraph, plot, rendered, section, table
+from skyarm.view.pages.sections import DASH, Mark, Report, Section, Table, markdown, number
+
+__all__ = [
+    "DASH",
+    "Mark",
+    "Report",
+    "Section",
+    "Table",
+    "bullets",
+    "details",
+    "grouped",
+    "image",
+    "markdown",
+    "number",
+    "page",
+    "paragraph",
+    "plot",
+    "rendered",
+    "section",
+    "table",
+]

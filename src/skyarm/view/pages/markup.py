@@ -1,0 +1,147 @@
+"""HTML of pages that are one file and need no network, from templates that escape every text."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+FEW, MANY = 3, 9
+"""Columns up to which a table takes no more room than it needs, and above which it is set smaller."""
+
+Rows = Iterable[Iterable[Any]]
+"""Cells are text or :class:`skyarm.view.pages.sections.Mark`."""
+
+
+@lru_cache(maxsize=1)
+def _templates() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # 60 ms, which only a page costs
+
+    loader = PackageLoader("skyarm", "")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def _part(name: str, *values: Any) -> str:
+    return str(getattr(_templates().get_template("view/pages/parts.html").module, name)(*values))
+
+
+def rendered(template: str, **values: Any) -> str:
+    """HTML of a template by its path in the package, as "studies/sweep/study.html"."""
+    return str(_templates().get_template(template).render(**values))
+
+
+def page(
+    title: str,
+    facts: str,
+    body: str = "",
+    *,
+    style: Mapping[str, str] | None = None,
+    script: str = "",
+    pages: Mapping[str, str] | None = None,
+    sections: Sequence[tuple[str, str, str]] = (),
+    **parts: str,
+) -> str:
+    """A whole page; no address in it leads outside its folder.
+
+    Args:
+        title: heading of the page, text.
+        facts: first line, text.
+        body: HTML of :func:`section` s.
+        style: style sheets by identifier; the plain one if left out.
+        script: the only script that a browser runs in the page, by its hash.
+        pages: file -> title of the pages of a report, which get links between them and a table of contents.
+        sections: (identifier, title, HTML) of such a page.
+        parts: of such a page: ``name`` of its file, ``lead`` and ``footer`` as text, ``opening`` and ``data`` as HTML.
+    """
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    named = [dict(zip(("name", "title", "content"), each, strict=True)) for each in sections]
+    empty = dict.fromkeys(("name", "lead", "footer", "opening", "data"), "")
+    return rendered(
+        "view/pages/page.html",
+        title=title,
+        facts=facts,
+        body=body,
+        styles=style or {"": _plain_style()},
+        script=script,
+        script_hash=digest,
+        pages=pages,
+        sections=named,
+        **{**empty, **parts},
+    )
+
+
+def _plain_style() -> str:
+    return (resources.files("skyarm.view.pages") / "plain.css").read_text("utf-8")
+
+
+def section(title: str, content: str) -> str:
+    """A section with a heading; ``content`` is HTML."""
+    return _part("section", title, content)
+
+
+def details(summary: str, content: str) -> str:
+    """A folded block, open on paper; ``content`` is HTML."""
+    return _part("details", summary, content)
+
+
+def paragraph(words: str, kind: str = "") -> str:
+    """A paragraph of text; ``kind`` is "note" of one that explains."""
+    return _part("paragraph", words, kind)
+
+
+def bullets(items: Iterable[str]) -> str:
+    """A list of texts."""
+    return _part("bullets", items)
+
+
+def table(head: Iterable[str], rows: Rows, caption: str = "", kind: str = "") -> str:
+    """A table whose first column names the rows; a wide one scrolls by itself."""
+    return grouped(head, [("", rows)], caption, kind)
+
+
+def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "", kind: str = "") -> str:
+    """A table with rows in groups.
+
+    Args:
+        head: names of the columns; one that begins with ">" holds numbers and is set to the right.
+        groups: (title or "", rows).
+        caption: above it, or "".
+        kind: class of its style; by its number of columns if left out.
+    """
+    names = list(head)
+    kinds = ["num" if name[:1] == ">" else "unit" if name == "unit" else "" for name in names]
+    kind = kind or ("many" if len(names) > MANY else "few" if len(names) <= FEW else "")
+    rows = [(title, [list(row) for row in some]) for title, some in groups]
+    assert all(len(row) == len(names) for _, some in rows for row in some), "a row has another number of columns"
+    return _part("table", [name.removeprefix(">") for name in names], kinds, rows, caption, kind)
+
+
+def image(
+    alternative: str, caption: str, content: bytes, *, wide: bool = False, whole: bool = False, small: bool = False,
+    link: str = "", kind: str = "", name: str = "", form: str = "png",
+) -> str:  # fmt: skip
+    """A picture inside the page.
+
+    Args:
+        alternative: text in its place.
+        caption: text below it.
+        content: of its file.
+        wide: takes all of the page's width, on a narrow screen only if it is ``whole``.
+        whole: a wide one that does not scroll.
+        small: three stand in a row.
+        link: file that the caption leads to.
+        kind: class of its style.
+        name: identifier.
+        form: "png" or "webp".
+    """
+    kind = kind or ("small" if small else f"wide{' whole' * whole}" if wide else "")
+    address = f"data:image/{form};base64,{base64.b64encode(content).decode('ascii')}"
+    return _part("figure", alternative, caption, address, kind, link, name)
+
+
+def plot(name: str, caption: str) -> str:
+    """The place of an interactive plot whose data stand under ``name`` at the end of the page."""
+    return _part("plot", name, caption)

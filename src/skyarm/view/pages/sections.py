@@ -1,0 +1,135 @@
+"""A report as data: sections of notes, tables and pictures; written as Markdown or as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from skyarm.view.pages.markup import grouped, page, paragraph, section
+
+DASH = "-"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mark:
+    """A table cell that holds more than its text.
+
+    Attributes:
+        text: of the cell. value: its whole number, for machines.
+        grade: class of its style. sign, words: a symbol that says the grade too, and hidden words.
+        strong: set bold. title: explanation of the text. href: file that it leads to.
+    """
+
+    text: str
+    value: float | None = None
+    grade: str = ""
+    sign: str = ""
+    words: str = ""
+    strong: bool = False
+    title: str = ""
+    href: str = ""
+
+
+Row = Sequence[str]
+Groups = Sequence[tuple[str, Sequence[Row]]]
+
+
+def number(found: float | None, factor: float = 1.0) -> str:
+    """Two or three significant digits for reading; a dash for nothing."""
+    if found is None:
+        return DASH
+    value = found * factor
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
+
+
+def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
+    """A table as Markdown; columns of numbers, whose names begin with ">", are set to the right."""
+    names = list(head)
+    rules = ["---:" if name[:1] == ">" else "---" for name in names]
+    lines = [[name.removeprefix(">") for name in names], rules, *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Table:
+    """A table of text.
+
+    Attributes:
+        head: names of the columns; ">" begins that of numbers.
+        rows: one for each line, under the titles of ``groups`` where these are given.
+        caption: what it shows.
+        groups: (title, rows) on a page.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Row]
+    caption: str = ""
+    groups: Groups = ()
+
+    def markdown(self, under: str = "") -> str:
+        """As Markdown, below its caption where this is not the title that it stands under."""
+        lead = f"{self.caption}:\n\n" if self.caption not in ("", under) else ""
+        return lead + markdown(self.head, self.rows)
+
+    def html(self) -> str:
+        """As HTML."""
+        return grouped(self.head, self.groups or [("", self.rows)], self.caption)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Section:
+    """A section of a report.
+
+    Attributes:
+        title: heading; "" for what stands under the report's own in Markdown.
+        notes: paragraphs. remark: a paragraph of the page alone. name: heading of a page's section without a title.
+        tables: below them. pictures: HTML of :func:`skyarm.view.pages.image` s, on the page alone.
+    """
+
+    title: str = ""
+    notes: Sequence[str] = ()
+    remark: str = ""
+    name: str = ""
+    tables: Sequence[Table] = ()
+    pictures: str = ""
+
+    def markdown(self) -> list[str]:
+        """Blocks of Markdown."""
+        head = [f"## {self.title}"] if self.title else []
+        return [*head, *self.notes, *(each.markdown(self.title) for each in self.tables)]
+
+    def html(self) -> str:
+        """The section as HTML."""
+        return section(self.title or self.name, self.content())
+
+    def content(self) -> str:
+        """HTML below its heading."""
+        notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
+        return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Report:
+    """A report.
+
+    Attributes:
+        title: heading. facts: first line of the page.
+        sections: of both forms. page_only: further ones of the page.
+        opening: HTML before all sections.
+    """
+
+    title: str
+    facts: str
+    sections: Sequence[Section]
+    page_only: Sequence[Section] = ()
+    opening: str = ""
+
+    def markdown(self) -> str:
+        """The report as Markdown."""
+        blocks = [block for each in self.sections for block in each.markdown()]
+        return "\n\n".join([f"# {self.title}", *blocks]) + "\n"
+
+    def html(self) -> str:
+        """The report as a page of one file."""
+        body = [self.opening, *(each.html() for each in (*self.sections, *self.page_only))]
+        return page(self.title, self.facts, "\n".join(body))

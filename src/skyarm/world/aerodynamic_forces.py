@@ -1,0 +1,121 @@
+"""Aerodynamic forces by name: ground effect of every rotor, drag of links, inflow and translational lift of rotors.
+
+None of them is in a vehicle's own records; ``[[environment.forces]]`` of a scenario adds them with their numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, maximum, sqrt
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Force, Wrench
+
+_STILL = 1e-24
+"""m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative at rest is 0 instead of NaN."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GroundEffect(Force):
+    """Ground effect: thrust grows near the ground z = 0, which mirrors every rotor as a source of the opposite flow.
+
+    The thrust of rotor i grows by 1 / (1 - s), s = sum_j (R^2 / 2) z / (d_ij^2 + 4 z^2)^(3/2), with d_ij the distance
+    between hubs and z the height of rotor i. Of a rotor alone s = (R / 4 z)^2. Lower than ``lowest`` radii the effect
+    is that at this height; the images' flow holds for rotors that are nearly level, and the lift of the fountain
+    below the body is left out. The thrust is that of a whole rotor.
+
+    Attributes:
+        others: whether the images of the other rotors count.
+    Source: Cheeseman, Bennett 1955 (a rotor alone); Sanchez-Cuevas, Heredia, Ollero 2017 (several, by their images).
+    """
+
+    radius: Annotated[Scalar, Unit("m", "of a rotor", low=0.0, strict=True)]
+    others: bool = True
+    lowest: Annotated[Scalar, Unit("", "radii above the ground", low=0.5)] = 0.5
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "ground_effect")
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """What each rotor gives on top of its thrust."""
+        found, rotors = [], motion.vehicle.rotors
+        for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
+            z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
+            ratio: Any = self.radius * self.radius / (16.0 * z * z)
+            for j, other in enumerate(rotors):
+                if self.others and j != i:
+                    away = other.position - rotor.position
+                    square = away.dot(away) + 4.0 * z * z
+                    ratio = ratio + 0.5 * self.radius * self.radius * z / (square * sqrt(square))
+            push = speed * speed if rotor.table is None else rotor.table.push(speed)
+            extra = rotor.thrust_coefficient * push * (ratio / (1.0 - ratio))
+            found.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LinkDrag(Force):
+    """Drag of the arm's links in moving air: -1/2 rho area |v| v at each link's centre of mass.
+
+    v is the velocity of that point against the air there. One area for every direction, as of a sphere: a slender
+    link across the flow has its largest area there. Torques about the centre of mass are left out.
+
+    Attributes:
+        area: drag coefficient times reference area, one for each link in the vehicle's order.
+    Source: Hoerner 1965, chapter 1 (quadratic drag).
+    """
+
+    area: Annotated[tuple[Scalar, ...], Unit("m^2", "drag coefficient times reference area", low=0.0)]
+    air_density: Annotated[Scalar, Unit("kg/m^3", low=0.0)] = 1.225
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "link_drag")
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle with another number of links than of areas."""
+        if len(self.area) != vehicle.n:
+            raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """A force on every link."""
+        found = []
+        for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
+            v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
+            factor: Any = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
+            found.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RotorDrag(Force):
+    """What moving air changes of a rotor's thrust: -inflow W v_n + lift |v_perp|^2 along the rotor's axis.
+
+    v is the velocity of the hub against the air, v_n its part along the axis, v_perp the rest. Drag in the rotor's
+    plane and the rolling moment are numbers of the rotor itself (``drag_coefficient``).
+
+    Source: Svacha, Mohta, Kumar 2017, section II; Folk, Paulos, Kumar 2023 (RotorPy), eqs. 4 and 5.
+    """
+
+    inflow: Annotated[Scalar, Unit("N s^2/(rad m)", "thrust lost by climbing", low=0.0)] = 0
+    lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "rotor_drag")
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """A force at each hub."""
+        found = []
+        for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
+            v = motion.velocity(rotor.position) - motion.air_velocity(rotor.position)
+            axis = motion.rotation.apply(rotor.axis)
+            along = v.dot(axis)
+            across = v - axis * along
+            extra: Any = self.lift * across.dot(across) - self.inflow * speed * along
+            found.append(Wrench(force_W=axis * extra, point=rotor.position))
+        return found

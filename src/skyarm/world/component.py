@@ -1,0 +1,215 @@
+"""What may surround a vehicle: air that moves and forces that act, each a frozen record of numbers with pure functions.
+
+A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
+whose lanes have other numbers, and on MuJoCo's plant. Its clock:
+
+* ``advance`` steps its memory once per control period, with the state at the period's beginning;
+* ``velocity`` and ``wrenches`` are evaluated at every stage of the integrator, with that memory and the period's time
+  held. They must not keep anything;
+* of a *coupled* component the memory is a part of the plant's state: ``slope`` says how it changes, and every plant
+  integrates it together with the vehicle.
+
+Random numbers are uniform in (0, 1) and keyed by seed, episode, component and period: adding a component changes no
+other's draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import add, mul
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.units import Unit
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wrench:
+    """A wrench is a force and a torque on one body.
+
+    Attributes:
+        body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
+    """
+
+    force_W: Annotated[Vec3, Unit("N", "world axes")] = ZERO3
+    torque_W: Annotated[Vec3, Unit("N m", "world axes")] = ZERO3
+    point: Annotated[Vec3, Unit("m", "where the force acts, axes of its body")] = ZERO3
+    body: int = BASE
+
+    def __post_init__(self) -> None:
+        # made at every stage of the integrator: what holds vectors already is not looked at
+        if not (type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3 and type(self.body) is int):
+            accept_fields(self, "wrench")
+
+
+def moved_by(memory: Any, slope: Any, dt: Any) -> Any:
+    """Memory + dt * slope, number by number."""
+    pairs = zip(leaves(memory), leaves(slope), strict=True)
+    return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
+
+
+def require_frame(vehicle: Vehicle, frame: str) -> None:
+    """Refuse a name of a frame that the vehicle lacks; empty is its tip.
+
+    Raises:
+        ValueError: one line.
+    """
+    try:
+        vehicle.frame(frame or None)
+    except ValueError as error:
+        raise ValueError(f"frame = {frame!r}: {error}") from None
+
+
+Column = tuple[str, str, str]
+"""Array of a log, label of one of its columns, and its unit where it is not that of the array."""
+
+
+class Component:
+    """Base of what surrounds a vehicle. A subclass is a frozen dataclass and overrides what it needs."""
+
+    __slots__ = ()
+
+    rigid: bool = False
+    """Whether it is a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
+
+    @property
+    def uniforms(self) -> int:
+        """Uniform numbers that one ``advance`` draws; a class attribute will do where no field decides."""
+        return 0
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle, a control period (s) or a gravity (m/s^2) that it cannot be with.
+
+        Raises:
+            ValueError: one line that begins with a field of the component.
+        """
+
+    largest_step: float | None = None
+    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+
+    @property
+    def largest_euler_step(self) -> float | None:
+        """The same of the semi-implicit Euler method, which bears less damping than others."""
+        return self.largest_step
+
+    @property
+    def largest_verlet_step(self) -> float | None:
+        """Longest step (s) of the Stoermer-Verlet method, with which the plant then moves near to what is coupled.
+
+        None keeps the plant's own method.
+        """
+        return None
+
+    coupled: bool = False
+    """Whether its memory goes on within a control period, with the plant. A property will do."""
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """First memory: a record or tuple of scalars; ``()`` for a component without one.
+
+        Args:
+            period: of ``advance``, s.
+            draws: uniform numbers, twice ``uniforms`` of them. :func:`skyarm.algebra.scalars.philox.normals` makes
+            normal
+                ones of them.
+        """
+        return ()
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
+        return memory
+
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """The memory after the discrete events of a control instant, after ``advance``: take hold, let go.
+
+        Args:
+            memory: of the period.
+            t: s; of a reference whose phases wait for the flight its own time.
+            dt: control period, s.
+            motion: of the vehicle at the instant.
+        """
+        return memory
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """Velocity of the air at a place, world axes, m/s."""
+        return ZERO3
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """What acts on the vehicle's bodies now.
+
+        Args:
+            memory: of the period.
+            t: s.
+            motion: where every point of the vehicle is and how it moves.
+            rotor_speeds: rad/s.
+        """
+        return ()
+
+    def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Any:
+        """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
+        raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
+
+    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """A coupled component's memory with which a step (s) of the semi-implicit Euler method takes forces.
+
+        What velocities bend and has no inertia goes on here, by the velocities that the last step left.
+        """
+        return memory
+
+    def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """A coupled component's memory after a step (s) of the semi-implicit Euler method.
+
+        Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
+        """
+        return moved_by(memory, slope, dt)
+
+    def drift(self, memory: Any, dt: Any) -> Any:
+        """A coupled component's memory after a time (s) in which nothing pushes: places move by their velocities."""
+        return memory
+
+    def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
+        """A coupled component's memory after the forces of a time (s): velocities change, places stay.
+
+        What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
+        """
+        return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
+
+    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+        """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
+        return False
+
+    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
+        """The memory of a coupled component after so many seconds for which it was far.
+
+        Args:
+            memory: before.
+            seconds: s.
+            rounds: parts of the time that are as short as it asks for.
+            gravity: m/s^2, along -z.
+        """
+        return memory
+
+    columns: tuple[Column, ...] = ()
+    """Columns of a log, one for each number of ``logged``; may be a property."""
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Numbers of this instant that a log keeps."""
+        return ()
+
+
+class Air(Component):
+    """An air describes how the air moves; rotor drag and body drag follow from its velocity."""
+
+    __slots__ = ()
+
+
+class Force(Component):
+    """A force component acts with forces and torques on bodies of the vehicle."""
+
+    __slots__ = ()

@@ -1,0 +1,473 @@
+"""Contact of a vehicle with the surfaces of a scenario: a force whose bristles move with the plant.
+
+Every point of the vehicle may touch every surface, and so may every spot of a body that moves in the world
+(:mod:`skyarm.world.contact.carrier`). What a pair remembers is its bristle; where a surface moves, there is a clock
+beside them, since it advances within a control period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Column, Force, Wrench, moved_by
+from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both, untouched_after
+from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of, wrenches_on
+from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
+from skyarm.world.contact.material import LIGHTEST, RECOVERY
+from skyarm.world.contact.mechanism import Mechanism
+from skyarm.world.contact.surface import Surface
+
+NEAR, SWIFT = 0.005, 400.0
+"""m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
+meanwhile: both are the same in 5 ms, longer periods ask for more."""
+
+TIP = "tip"
+"""Name of the point that a vehicle with a tip has where nothing is said of its points."""
+
+VERLET_SHARE = 0.75
+"""Of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its tip
+then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking holds
+up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves 7 N."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Felt:
+    """Contact of a point of the vehicle at the last control instant, as a plant with an own solver found it.
+
+    Attributes:
+        force: N, on the point; torque: N m, about it; world axes. normal: N. friction: N. depth: m, at least 0.
+    """
+
+    force: Vec3
+    torque: Vec3
+    normal: Any
+    friction: Any
+    depth: Any
+
+    @property
+    def logged(self) -> tuple[Any, ...]:
+        """Normal force (N), friction (N) and penetration (m)."""
+        return self.normal, self.friction, self.depth
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContactMemory:
+    """Memory of a contact.
+
+    Attributes:
+        clock: s, of surfaces that move; empty where none does.
+        bristles: deflection of each pair's bristle, m, world axes, in the order of :meth:`Contact.meet`.
+        carried: memories of the carriers. grips: of the grippers.
+        felt: contacts of the vehicle's points on a plant that finds them, in the order of a log; else empty.
+    """
+
+    clock: tuple[Any, ...]
+    bristles: tuple[Vec3, ...]
+    carried: tuple[Any, ...] = ()
+    grips: tuple[Grip, ...] = ()
+    felt: tuple[Felt, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Meeting:
+    """A surface and what touches it.
+
+    Attributes:
+        surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
+        by: number of the carrier of the spot, or ``NOBODY`` for the vehicle. index: of its spot, or point.
+        touch: contact force and bristle. place: where, m, world axes.
+    """
+
+    surface: str
+    of: int
+    by: int
+    index: int
+    touch: Touch
+    place: Vec3
+
+    @property
+    def of_vehicle(self) -> bool:
+        """Whether a point of the vehicle touches."""
+        return self.by == NOBODY
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Contact(Force):
+    """Surfaces of the world and the points of the vehicle that they push back.
+
+    Attributes:
+        points: left out for the vehicle's tip.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
+        grippers: what the vehicle takes hold of them with.
+    """
+
+    surfaces: tuple[Surface, ...] = ()
+    points: tuple[ContactPoint, ...] = ()
+    objects: tuple[FreeObject, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
+    rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "world")
+        if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
+            object.__setattr__(self, "rotor_radius", 0)
+        object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
+        self._require_distinct_names()
+
+    def _require_distinct_names(self) -> None:
+        """Refuse two parts of a kind with one name, and two of which a log has columns."""
+        taken: list[str] = []
+        for what in ("surfaces", "points", "objects", "grippers", "mechanisms"):
+            names = [each.name for each in getattr(self, what)]
+            if what == "mechanisms":
+                names += [part.name for each in self.mechanisms for part in each.parts]
+            for name in names:
+                if names.count(name) > 1 or (what not in ("surfaces", "points") and name in taken):
+                    raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
+            taken += names
+
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Bristles and clock advance within a control period."""
+        return True
+
+    @property
+    def carriers(self) -> tuple[Carrier, ...]:
+        """Everything that moves and carries surfaces, in the order of the memory."""
+        return (*self.objects, *self.mechanisms)
+
+    @property
+    def grasps(self) -> Grasps:
+        """The grippers with what they may hold."""
+        return Grasps(grippers=self.grippers, carriers=self.carriers)
+
+    @property
+    def steps(self) -> tuple[tuple[str, Any], ...]:
+        """Longest integration step, s, of each material, pair, grasp and mechanism, with its name in words."""
+        carriers = self.carriers
+        touched = self.surfaces if self.points or not carriers else ()
+        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
+        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in carriers if c.largest_step is not None]
+        return (*own, *self._steps_of_carriers(), *self.grasps.steps(), *inner)
+
+    def _steps_of_carriers(self) -> Iterator[tuple[str, Any]]:
+        """Longest integration step (s) of each kind of pair of which a carrier is one."""
+        masses = [1.0 / each.mobility for each in self.carriers]
+        for i, carrier in enumerate(self.carriers):
+            others = [
+                (masses[j], each.step_share) for j, each in enumerate(self.carriers) if j != i and each.spot_count
+            ]
+            what, share = f"the mass of {carrier.name!r}", carrier.step_share
+            for surface in carrier.surfaces:
+                if self.points:
+                    yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
+                for mass, other in others:
+                    yield what, min(share, other) * surface.material.step_of(both(masses[i], mass))
+            if carrier.spot_count:
+                for surface in self.surfaces:
+                    yield what, share * surface.material.step_of(masses[i])
+
+    @property
+    def largest_step(self) -> Any:  # type: ignore[override]
+        """Longest stable integration step (s); None of an empty world."""
+        return _least(step for _, step in self.steps)
+
+    @property
+    def largest_euler_step(self) -> Any:
+        """The same of the semi-implicit Euler method: damping of friction and grasps counts, too."""
+        grasped = [step for _, step in self.grasps.steps(euler=True)]
+        inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
+        return _least((*(step for _, step in self.steps), *grasped, *inner))
+
+    @property
+    def largest_verlet_step(self) -> Any:
+        """The same of the Stoermer-Verlet method, which takes forces once a step."""
+        step = self.largest_euler_step
+        return None if step is None else VERLET_SHARE * step
+
+    def on(self, vehicle: Vehicle) -> Contact:
+        """The contact with the vehicle's tip as its point where none is named."""
+        if self.points or not vehicle.end_effector:
+            return self
+        return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
+
+    @property
+    def pairs(self) -> tuple[tuple[Surface, ContactPoint], ...]:
+        """Every surface of the world with every point, in the order of the bristles."""
+        return tuple((surface, point) for surface in self.surfaces for point in self.points)
+
+    @property
+    def logged_pairs(self) -> int:
+        """Number of pairs of a surface and a point of the vehicle."""
+        carried = sum(len(carrier.surfaces) for carrier in self.carriers)
+        return (len(self.surfaces) + carried) * len(self.points)
+
+    @property
+    def meeting_count(self) -> int:
+        """Number of all pairs, of the vehicle's points and of the carriers' spots."""
+        every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
+        return self.logged_pairs + sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
+
+    @property
+    def still(self) -> tuple[Surface, ...]:
+        """Surfaces that do not move."""
+        return tuple(surface for surface in self.surfaces if not surface.moves)
+
+    def check(self, vehicle: Vehicle) -> None:
+        """Raise ValueError with one line unless the vehicle has the points and grippers and they can touch."""
+        carriers = self.carriers
+        if not self.surfaces and not carriers:
+            raise RecordError("world.surfaces: is missing; a world has at least one surface")
+        if not self.points and not carriers:
+            raise RecordError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
+        for i, point in enumerate(self.points):
+            try:
+                point.place(vehicle)
+            except VehicleError as error:
+                raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
+            except ValueError as error:
+                raise RecordError(f"world.points[{i}].{error}") from None
+        for i, mechanism in enumerate(self.mechanisms):
+            if not mechanism.surfaces:
+                where = f"world.mechanisms[{i}].parts"
+                raise RecordError(f"{where}: is missing; nothing of {mechanism.name!r} can be touched")
+        for i, gripper in enumerate(self.grippers):
+            try:
+                vehicle.frame(gripper.frame or None)
+            except VehicleError as error:
+                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
+            if not carriers:
+                raise RecordError("world.grippers: must be left out of a world without objects")
+
+    def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
+        """Upright bristles at t = 0, and the initial memory of every carrier and gripper."""
+        return ContactMemory(
+            clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
+            bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
+            carried=tuple(carrier.start() for carrier in self.carriers),
+            grips=tuple(gripper.start() for gripper in self.grippers),
+        )
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """The clock set anew, and attitudes in unit length, so that steps leave no rounding in them."""
+        if not memory.clock and not memory.carried:
+            return memory
+        carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
+        return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
+
+    def meetings(self, memory: Any, motion: PointMotion) -> list[Meeting]:
+        """Touch of every pair now."""
+        step = self.largest_step if motion.step is None else motion.step
+        moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
+        return self.meet(memory.carried, moving, clock, memory.bristles, step, motion.step)
+
+    def meet(
+        self, memories: Sequence[Any], moving: Sequence[Moving], clock: Any, bristles: Sequence[Vec3], step: Any,
+        mean: Any = None,
+    ) -> list[Meeting]:  # fmt: skip
+        """Touch of every pair: the world's surfaces, then those of the carriers, with every point; then every spot.
+
+        Args:
+            memories: of the carriers.
+            moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's points, world axes.
+            clock: s, of the world's surfaces.
+            bristles: of the pairs, m.
+            step: longest integration step of the whole contact, s.
+            mean: s, of the vehicle's points on the world's surfaces, as :func:`touch_of` has it.
+        """
+        frames = [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
+        masses = [1.0 / carrier.mobility for carrier in self.carriers]
+        held, found = iter(bristles), list[Meeting]()
+
+        def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
+            frame = None if of == NOBODY else frames[of]
+            depth, normal = _depth(surface, frame, at.position, at.radius, clock)
+            spot = normal * neg(at.radius)  # where it touches, seen from its middle
+            place = at.position + spot
+            under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
+            slip = at.velocity + at.turning.cross(spot) - under
+            mass = at.mass if frame is None else both(masses[of], at.mass)
+            over = mean if of == by == NOBODY else step
+            own = touch_of(surface.material, depth, normal, spot, slip, next(held), step, mass, mean=over)
+            found.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
+
+        every = [(NOBODY, surface) for surface in self.surfaces]
+        every += [(of, surface) for of, carrier in enumerate(self.carriers) for surface in carrier.surfaces]
+        points = [_Place(*each, point.radius, LIGHTEST) for point, each in zip(self.points, moving, strict=True)]
+        for of, surface in every:
+            for index, at in enumerate(points):
+                touch(surface, of, NOBODY, index, at)
+        for by, carrier in enumerate(self.carriers):
+            for of, surface in every:
+                if of == by:
+                    continue
+                under = None if of == NOBODY else frames[of]
+
+                def toward(place: Vec3, surface: Surface = surface, under: CarriedFrame | None = under) -> Vec3:
+                    return _depth(surface, under, place, 0, clock)[1]
+
+                own = frames[by]
+                for index, (place, radius) in enumerate(carrier.spots(own, toward)):
+                    at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
+                    touch(surface, of, by, index, at)
+        return found
+
+    def touches(self, memory: Any, motion: PointMotion) -> list[Touch]:
+        """Touch of every surface of the world and every point of the vehicle now."""
+        return [each.touch for each in self.meetings(memory, motion)[: len(self.pairs)]]
+
+    def on_points(self, memory: Any, motion: PointMotion) -> Sequence[Touch | Felt]:
+        """Contact of every surface with every point of the vehicle now, in the order of a log."""
+        return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
+
+    def on_carriers(self, memory: Any, motion: PointMotion, meetings: Sequence[Meeting]) -> list[tuple[Vec3, Vec3]]:
+        """Force (N) of touches and grasps on each carrier and torque (N m) about the origin of its axes, world axes."""
+        pulls: Any = [()] * len(self.carriers)
+        if self.grippers:
+            pulls = self.grasps.on_bodies(memory, motion)
+        found = []
+        for i, (carrier, held, pull) in enumerate(zip(self.carriers, memory.carried, pulls, strict=True)):
+            origin, force, torque = carrier.frame(held).position, ZERO3, ZERO3
+            for each in meetings:
+                if i in (each.of, each.by):
+                    push = each.touch.force if each.by == i else -each.touch.force
+                    force, torque = force + push, torque + (each.place - origin).cross(push)
+            found.append((force + pull[0], torque + pull[1]) if pull else (force, torque))
+        return found
+
+    def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> ContactMemory:
+        """Rate of the memory."""
+        meetings = self.meetings(memory, motion)
+        rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
+        return ContactMemory(
+            clock=tuple(1.0 for _ in memory.clock),
+            bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
+            carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in rows),
+            grips=tuple(UNCHANGED for _ in memory.grips),
+            felt=tuple(UNTOUCHED for _ in memory.felt),
+        )
+
+    def before_euler_step(self, memory: ContactMemory, slope: Any, dt: Any) -> ContactMemory:
+        """Bristles have moved by the velocities that the last step left: by those before it, friction would chatter."""
+        rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
+        return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
+
+    def push(
+        self, memory: ContactMemory, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any
+    ) -> ContactMemory:
+        """Bodies are pushed by touches and grasps; bristles have moved before."""
+        pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
+        rows = zip(self.carriers, memory.carried, pushes, strict=True)
+        carried = tuple(carrier.pushed(held, *push, motion.gravity, dt) for carrier, held, push in rows)
+        return replace(memory, carried=carried)
+
+    def drift(self, memory: ContactMemory, dt: Any) -> ContactMemory:
+        """Clock and bodies after a time (s) in which velocities stay."""
+        carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
+        return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
+
+    def euler_step(self, memory: ContactMemory, slope: Any, dt: Any) -> ContactMemory:
+        """Memory after a semi-implicit Euler step, in which bodies move with their new velocities."""
+        rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """Wrenches of touches on the bodies of the points, and of grippers."""
+        touches, pushes = self.on_points(memory, motion), []
+        for i in range(len(self.points)):
+            force = torque = ZERO3
+            for each in touches[i :: len(self.points)]:
+                force, torque = force + each.force, torque + each.torque
+            pushes.append((force, torque))
+        return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
+
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """Grippers take hold, let go and slip."""
+        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
+
+    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+        """Whether no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
+
+        Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
+        leaves, and in a hole another wall may be in its way. What a gripper holds is near.
+        """
+        margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
+        found = [grip.taken < 0.5 for grip in memory.grips]
+        touches = [each.touch for each in self.meetings(memory, motion)]
+        found += [each.depth + sqrt(each.slip.dot(each.slip)) * seconds < -margin for each in touches]
+        whole: Any = found[0] if found else True
+        for each in found[1:]:
+            whole = logical_and(whole, each)
+        return whole
+
+    def alone(self, memory: ContactMemory, seconds: Any, rounds: int, gravity: Any) -> ContactMemory:
+        """The memory after a time (s) without touches: bristles stand up, bodies move freely."""
+        left = exp(-RECOVERY * seconds)
+        bodies = zip(self.carriers, memory.carried, strict=True)
+        return replace(
+            memory,
+            clock=tuple(t + seconds for t in memory.clock),
+            bristles=tuple(bristle * left for bristle in memory.bristles),
+            carried=tuple(untouched_after(each, held, seconds / rounds, rounds, gravity) for each, held in bodies),
+        )
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Force, friction and penetration of each pair of a surface and a point; then of each carrier and gripper."""
+        surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
+        labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
+        found = [(f"contact_{what}", label, "") for label in labels for what in ("force", "friction", "depth")]
+        found += [column for carrier in self.carriers for column in carrier.columns]
+        return (*found, *(column for gripper in self.grippers for column in gripper.columns))
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Normal force (N), friction (N) and penetration (m) of each pair, then the carriers' and grippers' numbers."""
+        numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
+        for carrier, held in zip(self.carriers, memory.carried, strict=True):
+            numbers += carrier.logged(held)
+        return (*numbers, *self.grasps.logged(memory, motion))
+
+
+_ZERO = Vec3(0.0, 0.0, 0.0)
+
+UNTOUCHED = Felt(force=_ZERO, torque=_ZERO, normal=0.0, friction=0.0, depth=0.0)
+"""Of a point that touches nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A ball of the vehicle or of a carrier: its middle (m), motion, radius (m) and mass (kg)."""
+
+    position: Vec3
+    velocity: Vec3
+    turning: Vec3
+    radius: Any
+    mass: Any
+
+
+def _depth(surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Any, clock: Any) -> tuple[Any, Vec3]:
+    """Depth (m) and outward normal, of a surface that a frame carries, or of the world."""
+    return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
+
+
+def _least(steps: Iterable[Any]) -> Any:
+    """The smallest of some steps (s); None of none."""
+    smallest = None
+    for each in steps:
+        smallest = each if smallest is None else minimum(smallest, each)
+    return smallest

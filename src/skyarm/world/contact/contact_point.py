@@ -1,0 +1,234 @@
+"""Points of a vehicle that may touch: the tip, skids, feet, or any point of a link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, maximum, sqrt
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.units import Unit
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Wrench
+from skyarm.world.contact.material import LIGHTEST, Material
+
+BASE_NAME = "base"
+
+
+MOST = 64
+"""Points of a ring at most: each costs as much as any other."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ring:
+    """A ring says places on a circle across the z axis: the rim of a peg.
+
+    Attributes:
+        count: of places, the first on the x axis.
+    """
+
+    radius: Annotated[Scalar, Unit("m", "of the circle", low=0.0, strict=True)]
+    count: int
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "ring")
+        if not 3 <= self.count <= MOST:
+            raise RecordError(f"ring.count = {self.count}: must be from 3 to {MOST}")
+
+    def offsets(self) -> list[Vec3]:
+        """Places about the middle, m."""
+        angles = [2.0 * math.pi * i / self.count for i in range(self.count)]
+        return [Vec3(self.radius * math.cos(angle), self.radius * math.sin(angle), 0) for angle in angles]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContactPoint:
+    """A contact point is a point of a body, or a ball about it, that surfaces push back.
+
+    Attributes:
+        name: for logs and messages.
+        frame: of the vehicle, in whose axes ``position`` is; empty where ``body`` says them.
+        body: "base" or the name of a link.
+        ring: points on a circle about the position, in its place; :meth:`each` makes them.
+    """
+
+    name: str
+    frame: str = ""
+    body: str = ""
+    position: Annotated[Vec3, Unit("m", "axes of the frame or the body")] = ZERO3
+    radius: Annotated[Scalar, Unit("m", "of the ball", low=0.0)] = 0
+    ring: Ring | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "point")
+        if not self.name:
+            raise RecordError("point.name = '': must not be empty")
+        if type(self.radius) is float and self.radius == 0.0:
+            object.__setattr__(self, "radius", 0)
+        if self.frame and self.body:
+            raise RecordError(f"point.frame = {shown(self.frame)}: must be left out beside body")
+        if not self.frame and not self.body:
+            raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
+
+    def each(self) -> tuple[ContactPoint, ...]:
+        """The points of its ring, named by numbers from 1; itself without one."""
+        if self.ring is None:
+            return (self,)
+        found = []
+        for i, offset in enumerate(self.ring.offsets()):
+            place = self.position + offset
+            found.append(replace(self, name=f"{self.name}_{i + 1}", position=place, ring=None))
+        return tuple(found)
+
+    def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
+        """(position in the axes of its body, index of the body).
+
+        Raises:
+            ValueError: the vehicle has no such frame or body; names those it has.
+        """
+        if self.frame:
+            found = vehicle.frame(self.frame)
+            if concrete(*self.position) and not any(self.position):
+                return found.position, found.link
+            return found.position + found.rotation.apply(self.position), found.link
+        if self.body == BASE_NAME:
+            return self.position, BASE
+        names = [link.name for link in vehicle.moving]
+        if self.body not in names:
+            raise RecordError(f"body = {shown(self.body)}: {must_be_one_of([BASE_NAME, *names], self.body)}")
+        return self.position, names.index(self.body)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Touch:
+    """What a surface does to a point, world axes.
+
+    Attributes:
+        depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
+        normal: N, along ``axis``, the surface's outward normal.
+        friction: N. bristle_rate: m/s. spot: where it acts, seen from the point, m.
+    """
+
+    depth: Any
+    slip: Vec3
+    normal: Any
+    axis: Vec3
+    friction: Vec3
+    bristle_rate: Vec3
+    spot: Vec3
+
+    @property
+    def force(self) -> Vec3:
+        """Both forces, N."""
+        total: Vec3 = self.axis * self.normal + self.friction
+        return total
+
+    @property
+    def torque(self) -> Vec3:
+        """Of the force about the point, N m."""
+        return self.spot.cross(self.force)
+
+    @property
+    def logged(self) -> tuple[Any, ...]:
+        """Normal force (N), friction (N) and penetration (m); zeros outside."""
+        return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
+
+
+def touch_of(
+    material: Material,
+    depth: Any,
+    axis: Vec3,
+    spot: Vec3,
+    slip: Vec3,
+    held: Vec3,
+    step: Any,
+    mass: Any = LIGHTEST,
+    *,
+    mean: Any = None,
+) -> Touch:
+    """The touch of a point and a surface.
+
+    Args:
+        material: of the surface.
+        depth: penetration, m.
+        axis: the surface's outward normal, world axes.
+        spot: where they touch, seen from the point, m.
+        slip: velocity of the point relative to the surface at the spot, m/s.
+        held: the bristle's deflection as the memory has it, m.
+        step: longest integration step of the whole contact, s.
+        mass: kg that the pair moves at least.
+        mean: s, in which a point makes the way that the depth is a mean over; the material's longest step of a contact
+            with a vehicle if left out.
+    """
+    bristle = _across(held, axis)  # a round surface's normal turns
+    rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
+    normal = material.normal_force(depth, -slip.dot(axis), mean)
+    friction = material.friction_force(bristle, rate, normal, mass)
+    return Touch(depth=depth, slip=slip, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis)
+
+
+def _across(vector: Vec3, n: Vec3) -> Vec3:
+    """The part of a vector across a unit vector; across an axis of the world it is of two numbers by structure."""
+    axis = n.coordinate_axis()
+    if axis is None:
+        across: Vec3 = vector - n * vector.dot(n)
+        return across
+    return Vec3(*(0 if i == axis else c for i, c in enumerate(vector)))
+
+
+Moving = tuple[Vec3, Vec3, Vec3]
+"""Position (m), velocity (m/s) and angular velocity (rad/s; of a ball only) of a point, world axes."""
+
+
+def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
+    """Motion of every point."""
+    places, shared = _places(points, motion)
+    axes = {body: _axes(motion, body) for body in shared}
+    found = list[Moving]()
+    for point, (at, body) in zip(points, places, strict=True):
+        ball = not (type(point.radius) is int and point.radius == 0)
+        if body in shared:
+            lever, turning = axes[body].apply(at), motion.turned(motion.angular_velocity(body), body)
+            position, velocity = motion.position(ZERO3, body), motion.velocity(ZERO3, body)
+            found.append((position + lever, velocity + turning.cross(lever), turning if ball else ZERO3))
+        else:
+            turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
+            found.append((motion.position(at, body), motion.velocity(at, body), turning))
+    return found
+
+
+def wrenches_on(
+    points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]]
+) -> list[Wrench]:
+    """Wrenches on the bodies of a force (N) and a torque (N m) at every point, world axes."""
+    places, shared = _places(points, motion)
+    axes, whole, found = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
+    for (at, body), (force, torque) in zip(places, pushes, strict=True):
+        if body in shared:
+            sum_of = whole.get(body, Wrench(body=body))
+            moment: Any = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
+            whole[body] = Wrench(force_W=sum_of.force_W + force, torque_W=moment, body=body)
+        else:
+            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+    return [*whole.values(), *found]
+
+
+def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:
+    """Place and body of every point, and the bodies whose points are taken together."""
+    places = [point.place(motion.vehicle) for point in points]
+    bodies = [body for _, body in places]
+    return places, [body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1]
+
+
+def _axes(motion: PointMotion, body: int) -> Mat3:
+    """Axes of a body to world axes."""
+    if body == BASE:
+        return motion.rotation
+    return Mat3.columns(*(motion.turned(axis, body) for axis in (E_X, E_Y, E_Z)))

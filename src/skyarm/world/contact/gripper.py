@@ -1,0 +1,390 @@
+"""Grippers: what a vehicle takes hold of bodies of the world with.
+
+A grasp is a stiff spring with damping between a frame of the vehicle and the body: the pose in which they are to each
+other when the gripper takes hold is kept. The law of the spring is the same for all kinds; they differ in what they
+hold and where they give way:
+
+* ``magnet`` and ``suction`` hold the whole pose. They give way to a pull beyond their force along the outward normal of
+  the skin at which they took hold, to more shear than friction holds under what is left of that force, and to a torque;
+* ``jaw``, two fingers that close on a body, holds the whole pose, up to a force in any direction and a torque;
+* ``ball`` holds a place, the body turns freely about it: a handle, a lever;
+* ``hook`` takes hold when it rises past a body within its reach, carries it from below, and lets go when it is lowered
+  out of it. It has no command.
+
+A mechanism is held at a place by all of them: its attitude is its own, and no torque loads the grasp.
+
+Taking hold and giving way happen at control instants. What gave way takes hold again only after it was opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, logical_and, logical_or, maximum, minimum, sqrt, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.units import Unit
+from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.signals import Constant, Signal
+from skyarm.world.component import Column, Wrench
+from skyarm.world.contact.carrier import CarriedFrame, Carrier, both
+from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
+
+KINDS = ("magnet", "suction", "jaw", "ball", "hook")
+
+POSE = ("magnet", "suction", "jaw")
+"""Kinds that hold the attitude, too."""
+
+ADHESIVE = ("magnet", "suction")
+"""Kinds that are pulled off along the normal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A gripper's command as a signal of time: it is closed above one half."""
+
+    signal: Signal = Constant(1)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "command")
+
+    @classmethod
+    def from_table(cls, entry: Any, where: str) -> Command:
+        """Read what a file holds; raises ValueError with one line."""
+        return cls(signal_from(entry, where))
+
+    def at(self, t: Any) -> Any:
+        """Whether it is closed."""
+        return self.signal.derivatives(t)[0] > 0.5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Grip:
+    """Memory of a gripper.
+
+    Attributes:
+        taken: number of the carrier that it holds, from 1; 0 for none.
+        ready: 1 where it may take hold: it was opened since it last held something. lost: how often it gave way.
+        place: of the gripper's frame in the axes of what it holds, m. normal: outward, of the skin there, these axes.
+        turn: axes of what it holds to the gripper's.
+    """
+
+    taken: Any
+    ready: Any
+    lost: Any
+    place: Vec3
+    normal: Vec3
+    turn: Mat3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hold:
+    """What a grasp does to the body that is held, world axes.
+
+    Attributes:
+        force: N, at ``place`` (m). torque: N m, beside that of the force.
+    """
+
+    force: Vec3
+    torque: Vec3
+    place: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gripper:
+    """A gripper takes hold of the first body of the world within its reach.
+
+    Attributes:
+        name: for messages, logs and paths. kind: one of ``KINDS``.
+        frame: of the vehicle; empty for its tip. closed: command, a signal of time.
+    """
+
+    name: str
+    kind: str = "magnet"
+    frame: str = ""
+    closed: Command = field(default_factory=Command)
+    reach: Annotated[Scalar, Unit("m", "from its frame to the skin of a body", low=0.0, strict=True)] = 0.01
+    force: Annotated[Scalar, Unit("N", "at which it gives way", low=0.0, strict=True)] = 10.0
+    torque: Annotated[Scalar, Unit("N m", "at which it gives way", low=0.0, strict=True)] = 0.5
+    friction: Annotated[Scalar, Unit("", "of a magnet or a suction cup, against shear", low=0.0)] = 0.5
+    stiffness: Annotated[Scalar, Unit("N/m", "of the grasp", low=0.0, strict=True)] = 5000.0
+    damping_ratio: Annotated[Scalar, Unit("", "of the grasp", low=0.0, high=2.0)] = 0.5
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "gripper")
+        if not self.name:
+            raise RecordError("gripper.name = '': must not be empty")
+        if self.kind not in KINDS:
+            raise RecordError(f"gripper.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
+        if self.kind == "hook" and self.closed != Command():
+            raise RecordError("gripper.closed: must be left out of a hook, which has no command")
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Number of what is held, force, how often it slipped, and the pull on what is held."""
+        found = tuple((f"gripper_{name}", self.name, "") for name in ("taken", "force", "lost"))
+        return found + tuple(("gripper_pull", f"{self.name}/{axis}", "") for axis in "xyz")
+
+    def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Any:
+        """Longest integration step (s) of a grasp.
+
+        Args:
+            mass: kg that it moves at least where it holds at the skin; its damping follows from that.
+            moved: kg that it moves at least at the end of its reach.
+            euler: whether of the semi-implicit Euler method.
+        """
+        square, decay = self.stiffness / moved, self.damping(mass) / moved
+        bound = euler_step_of(square, decay)
+        if not euler:  # the faster of the two poles of an overdamped grasp, or the frequency
+            half = 0.5 * decay
+            fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
+            bound = BRISTLE_STEP / fastest
+        return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
+
+    def damping(self, mass: Any) -> Any:
+        """N s/m of a grasp that moves a mass (kg)."""
+        return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
+
+    def start(self) -> Grip:
+        """Open, and ready."""
+        zero = Vec3(0.0, 0.0, 0.0)
+        return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
+
+    def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
+        """What the grasp does to a body, if it is the one that is held.
+
+        Args:
+            grip: memory.
+            frame: of the gripper.
+            body: axes of what is held.
+            mass: kg that the grasp moves at least.
+            gyration: square of a radius of gyration of the body, m^2: of an attitude's stiffness by a place's.
+        """
+        place = body.position + body.rotation.apply(grip.place)
+        damping = self.damping(mass)
+        stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
+        force = stretch * self.stiffness + speed * damping
+        if self.kind == "hook":  # it carries, and does not press down
+            force = Vec3(force.x, force.y, maximum(force.z, 0.0))
+        torque = ZERO3
+        if self.kind in POSE and not (type(gyration) is int and gyration == 0):
+            wanted, has = frame.rotation @ grip.turn, body.rotation
+            error = ZERO3
+            for i in range(3):
+                error = error + has.column(i).cross(wanted.column(i)) * 0.5
+            torque = (error * self.stiffness + (frame.turning - body.turning) * damping) * gyration
+        return Hold(force=force, torque=torque, place=place)
+
+    def gives_way(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
+        """Whether a grasp is loaded beyond what it bears."""
+        force, torque = hold.force, hold.torque
+        twisted = torque.dot(torque) > self.torque * self.torque
+        if self.kind not in ADHESIVE:
+            return logical_or(force.dot(force) > self.force * self.force, twisted)
+        normal = body.rotation.apply(grip.normal)
+        pull = force.dot(normal)
+        shear = force - normal * pull
+        left = self.friction * maximum(self.force - pull, 0.0)
+        return logical_or(logical_or(pull > self.force, shear.dot(shear) > left * left), twisted)
+
+    def after(
+        self, grip: Grip, t: Any, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Any, Vec3, Hold], ...]
+    ) -> Grip:
+        """The memory after a control instant.
+
+        Args:
+            grip: before it.
+            t: s.
+            frame: of the gripper.
+            bodies: of each carrier its axes, the distance of the gripper's frame from its skin (m), the outward normal
+                there (world axes), and what the grasp does to it if it is held.
+        """
+        closed = True if self.kind == "hook" else self.closed.at(t)
+        held, broken, out, near = grip.taken > 0.5, False, False, False
+        for i, (body, distance, _, hold) in enumerate(bodies):
+            this = is_taken(grip.taken, i + 1.0)
+            broken = _any(broken, _both(this, self.gives_way(grip, hold, body)))
+            above = hold.place.z - frame.position.z > self.reach
+            out = _any(out, _both(this, above)) if self.kind == "hook" else out
+            near = _any(near, distance <= self.reach)
+        keeps = _both(held, _both(closed, _both(_not(broken), _not(out))))
+        free = _both(_both(closed, grip.ready > 0.5), _not(held))
+        taken, place, normal, turn = where(keeps, grip.taken, 0.0), grip.place, grip.normal, grip.turn
+        for i, (body, distance, outward, _) in enumerate(bodies):
+            takes = _both(_both(free, distance <= self.reach), taken < 0.5)
+            if self.kind == "hook":
+                rising = frame.velocity.z - body.velocity_at(frame.position).z
+                takes = _both(takes, rising > 0.0)
+            taken = where(takes, i + 1.0, taken)
+            place = _chosen(takes, body.rotation.apply_T(frame.position - body.position), place)
+            normal = _chosen(takes, body.rotation.apply_T(outward), normal)
+            now = frame.rotation.T @ body.rotation
+            turn = Mat3(*(_chosen(takes, new, old) for new, old in zip(now.rows, turn.rows, strict=True)))
+        opened = _not(near) if self.kind == "hook" else _not(closed)
+        used = _any(held, taken > 0.5)
+        return Grip(
+            taken=taken, ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
+            lost=grip.lost + where(_both(held, _both(closed, broken)), 1.0, 0.0),
+            place=place, normal=normal, turn=turn,
+        )  # fmt: skip
+
+
+def is_taken(taken: Any, number: float) -> Any:
+    """Whether a gripper holds the carrier of a number."""
+    return logical_and(taken > number - 0.5, taken < number + 0.5)
+
+
+def _not(condition: Any) -> Any:
+    """The opposite of a condition."""
+    return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
+
+
+def _both(a: Any, b: Any) -> Any:
+    """Both conditions; what always holds folds away."""
+    return b if a is True else a if b is True else logical_and(a, b)
+
+
+def _any(a: Any, b: Any) -> Any:
+    """Either condition; what never holds folds away."""
+    return b if a is False else a if b is False else logical_or(a, b)
+
+
+def _chosen(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+_NOTHING = Vec3(0.0, 0.0, 0.0)
+
+UNCHANGED = Grip(
+    taken=0.0, ready=0.0, lost=0.0, place=_NOTHING, normal=_NOTHING, turn=Mat3(_NOTHING, _NOTHING, _NOTHING)
+)  # fmt: skip
+"""Rate of a grip's memory: it changes at control instants only."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Grasps:
+    """Grippers and what they may hold.
+
+    Attributes:
+        grippers: of the vehicle. carriers: bodies of the world.
+    """
+
+    grippers: tuple[Gripper, ...]
+    carriers: tuple[Carrier, ...]
+
+    def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
+        """What asks for a step, in words, and the longest integration step (s), of each grasp."""
+        for gripper in self.grippers:
+            for carrier in self.carriers:
+                mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
+                masses = [both(LIGHTEST, 1.0 / each) for each in mobilities]
+                yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
+
+    def frames(self, motion: PointMotion) -> list[CarriedFrame]:
+        """Place and motion of the grippers' frames."""
+        found = []
+        for gripper in self.grippers:
+            at = motion.vehicle.frame(gripper.frame or None)
+            columns = [motion.turned(at.rotation.column(i), at.link) for i in range(3)]
+            found.append(
+                CarriedFrame(
+                    position=motion.position(at.position, at.link),
+                    rotation=Mat3.columns(*columns),
+                    velocity=motion.velocity(at.position, at.link),
+                    turning=motion.turned(motion.angular_velocity(at.link), at.link),
+                )
+            )
+        return found
+
+    def bodies(self, memories: Sequence[Any]) -> list[CarriedFrame]:
+        """Place and motion of the carriers."""
+        return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
+
+    def possible(
+        self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
+    ) -> list[list[Hold]]:
+        """What each grasp does to each body if that is the one that is held: [gripper][carrier]."""
+        masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
+        every = list(zip(bodies, masses, self.carriers, strict=True))
+        return [
+            [gripper.hold(grip, frame, body, mass, carrier.gyration) for body, mass, carrier in every]
+            for gripper, grip, frame in zip(self.grippers, grips, frames, strict=True)
+        ]
+
+    def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
+        """What each grasp does to each body: nothing to those that are not held."""
+        possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
+        return [
+            [_shared(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
+            for grip, row in zip(memory.grips, possible, strict=True)
+        ]
+
+    def on_bodies(self, memory: Any, motion: PointMotion) -> list[tuple[Vec3, Vec3]]:
+        """Force (N) on each carrier and torque (N m) about the origin of its axes, world axes."""
+        holds, bodies = self.holds(memory, self.frames(motion)), self.bodies(memory.carried)
+        found = []
+        for i, body in enumerate(bodies):
+            force = torque = ZERO3
+            for row in holds:
+                hold = row[i]
+                force = force + hold.force
+                torque = torque + hold.torque + (hold.place - body.position).cross(hold.force)
+            found.append((force, torque))
+        return found
+
+    def on_vehicle(self, memory: Any, motion: PointMotion) -> list[Wrench]:
+        """The opposite on the vehicle, at the same places."""
+        frames, found = self.frames(motion), []
+        for gripper, frame, row in zip(self.grippers, frames, self.holds(memory, frames), strict=True):
+            at = motion.vehicle.frame(gripper.frame or None)
+            force = torque = ZERO3
+            for hold in row:
+                force = force - hold.force
+                torque = torque - hold.torque - (hold.place - frame.position).cross(hold.force)
+            found.append(Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link))
+        return found
+
+    def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
+        """The grips after a control instant (s), at which grippers take hold, let go and give way."""
+        frames, bodies = self.frames(motion), self.bodies(memory.carried)
+        possible = self.possible(memory.grips, frames, bodies)
+        found = []
+        for gripper, grip, frame, row in zip(self.grippers, memory.grips, frames, possible, strict=True):
+            skins = [_skin(carrier, body, frame.position) for carrier, body in zip(self.carriers, bodies, strict=True)]
+            seen = tuple((body, *skin, hold) for body, skin, hold in zip(bodies, skins, row, strict=True))
+            found.append(gripper.after(grip, t, frame, seen))
+        return tuple(found)
+
+    def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
+        """Of each gripper the number of what it holds, the force of the grasp (N), how often it gave way, its pull.
+
+        The pull is the force on what it holds, N, world axes.
+        """
+        numbers: list[Any] = []
+        for grip, row in zip(memory.grips, self.holds(memory, self.frames(motion)), strict=True):
+            total = ZERO3
+            for hold in row:
+                total = total + hold.force
+            numbers += [grip.taken, sqrt(total.dot(total)), grip.lost, *total]
+        return numbers
+
+
+def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]:
+    """Distance (m) of a place from what a carrier carries, and the outward normal there, world axes."""
+    depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
+    deepest, normal = depths[0]
+    for depth, outward in depths[1:]:
+        nearer = depth > deepest
+        deepest = where(nearer, depth, deepest)
+        normal = Vec3(*(where(nearer, a, b) for a, b in zip(outward, normal, strict=True)))
+    return -deepest, normal
+
+
+def _shared(hold: Hold, share: Any) -> Hold:
+    """A part of what a grasp does."""
+    return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)

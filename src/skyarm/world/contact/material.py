@@ -1,0 +1,135 @@
+"""Contact force of a point that is pressed into a surface: stiffness, dissipation and bristle friction.
+
+With the penetration d (m), the slip v (m/s) along the surface and the bristle's deflection z (m) the force is
+
+* along the normal f = max(k d (1 + c dd/dt), 0),
+* along the surface, against the slip, mu f z / z_s + s v_z, at most mu f, where v_z = dz/dt = v - z |v| / z_s and
+  s = min(``BRISTLE_DAMPING``, ``BRISTLE_DAMPING`` f).
+
+The bristle is the memory of friction: it bends up to its length z_s and then slides, so that a body at rest stays at
+rest below the cone, which a friction of the velocity alone does not do: that creeps. Without contact it stands up.
+
+A step of an integrator that enters or leaves a surface sees the bend of the force at d = 0 at a few instants only, and
+would win or lose energy by chance. So d is its mean over the way |dd/dt| h that the point makes in a step h: within
+half of that way from the surface a parabola stands in place of the bend, elsewhere nothing changes.
+
+Source: Hunt, Crossley 1975 (normal force); Dahl 1968 and Canudas de Wit, Olsson, Astrom, Lischinsky 1995 (bristle).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, absolute, divide, maximum, minimum, same, sqrt, where
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+
+BRISTLE_DAMPING = 5.0
+"""N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
+
+RECOVERY = 500.0
+"""1/s, at which a bristle stands up without contact."""
+
+LIGHTEST = 0.02
+"""kg that a contact moves at least, by which steps are chosen: 23 g is the least that the tips of the library's arms
+weigh across a surface (1 / diag(J M^-1 J^T) in the postures in which they press)."""
+
+NORMAL_STEP = 0.85
+"""Largest product of a contact's angular frequency sqrt(k / m) and a step: an elastic bounce of a vehicle on its tip
+then loses at most 0.1 % of its energy and gains none (measured)."""
+
+LONGEST = 2.5e-3
+"""s, of a step in contact, however soft it is."""
+
+BRISTLE_STEP = 1.5
+"""The same of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta's method is stable to 2.78, of 20 g
+that is 17 N; semi-implicit Euler to 1.77 with the bristle's damping, 7 N: far beyond, a tip that light chatters."""
+
+PRESSED = 1e-3
+"""m of penetration at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
+
+_STILL = 1e-24
+"""m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
+
+
+def euler_step_of(square: Any, decay: Any) -> Any:
+    """Longest step (s) that the semi-implicit Euler method takes of an oscillator, three quarters of the stable one.
+
+    Args:
+        square: of its angular frequency, 1/s^2.
+        decay: damping by inertia, 1/s.
+    """
+    return divide(3.0, decay + sqrt(decay * decay + 4.0 * square + _STILL))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Material:
+    """A material says with which force a surface answers a point that is pressed into it."""
+
+    stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
+    dissipation: Annotated[Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0)] = 1.0
+    friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0)] = 0.3
+    bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "material")
+
+    @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that the contact with a vehicle bears."""
+        return self.step_of(LIGHTEST)
+
+    def step_of(self, mass: Any) -> Any:
+        """Longest integration step (s) of a contact that moves a mass (kg), by the stiffness of it and its bristles."""
+        bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
+        fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
+        return minimum(sqrt(mass) / fastest, LONGEST)
+
+    def normal_force(self, depth: Any, depth_rate: Any, step: Any = None) -> Any:
+        """Force of the surface along its outward normal, N.
+
+        Args:
+            depth: penetration, m; negative outside.
+            depth_rate: m/s.
+            step: s, that the penetration is a mean over; of a contact with the vehicle if left out.
+        """
+        way = absolute(depth_rate) * (self.largest_step if step is None else step)
+        half = 0.5 * way + depth
+        mean = where(depth + depth > way, depth, divide(half * half, way + way + _STILL))
+        force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
+        return where(half > 0.0, maximum(force, 0.0), 0.0)
+
+    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Any, fastest: Any) -> Vec3:
+        """Rate of a bristle's deflection, m/s, world axes.
+
+        Args:
+            bristle: its deflection, m.
+            slip: velocity of the point along the surface, m/s.
+            depth: m.
+            fastest: slip, m/s, from which on a bristle bends no faster: what a step can follow. It changes the
+                0.2 mm over which friction builds up, and neither sticking nor steady sliding.
+        """
+        speed = sqrt(slip.dot(slip) + _STILL)
+        followed = minimum(speed, fastest)
+        bending = slip * divide(followed, speed) - bristle * (followed * (1.0 / self.bristle_length))
+        touches, recovery = depth > 0.0, bristle * -RECOVERY
+        return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
+
+    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any, mass: Any = LIGHTEST) -> Vec3:
+        """Force of the surface against the slip, N, world axes: never beyond the cone.
+
+        Args:
+            bristle: deflection, m.
+            bristle_rate: m/s.
+            normal_force: N.
+            mass: kg that the contact moves at least: damping falls with its root, as its integration step does.
+        """
+        most = self.friction * normal_force
+        largest = BRISTLE_DAMPING if mass is LIGHTEST else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
+        damping = minimum(largest * normal_force, largest)
+        wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
+        size = sqrt(wanted.dot(wanted) + _STILL)
+        force: Vec3 = wanted * -minimum(divide(most, size), 1.0)
+        return force

@@ -1,0 +1,413 @@
+"""Mechanisms of the world: bodies with one degree of freedom that carry surfaces, as doors, valves, drawers, buttons.
+
+What touches a mechanism moves it along or about its axis, against what :mod:`skyarm.world.contact.mechanism` says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
+from skyarm.algebra.matrix import axis_rotation
+from skyarm.algebra.scalars import Scalar, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.units import Unit
+from skyarm.world.component import Column
+from skyarm.world.contact.carrier import CarriedFrame, Carrier
+from skyarm.world.contact.material import BRISTLE_STEP, LONGEST, Material, euler_step_of
+from skyarm.world.contact.surface import Surface, rotation_of
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mechanism(Carrier):
+    """A mechanism is a body of the world with one degree of freedom.
+
+    Attributes:
+        name: for messages, logs and paths. kind: one of ``KINDS``.
+        axis: of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
+        parts: surfaces beside that body, as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
+        initial: coordinate at the start.
+        lower, upper: coordinates at which it meets stops.
+    """
+
+    name: str
+    kind: str
+    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
+    axis: Annotated[Vec3, Unit("", "of the motion, its own axes, of any length", folds=True)] = ZERO3
+    position: Annotated[Vec3, Unit("m", "of the origin of its axes, world axes", folds=True)] = ZERO3
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
+    parts: tuple[Surface, ...] = ()
+    material: Material = field(default_factory=Material)
+    mass: Annotated[Scalar, Unit("kg", "its weight acts at com", low=0.0)] = 0
+    com: Annotated[Vec3, Unit("m", "centre of mass; 0 with inertia left out: its body's", folds=True)] = ZERO3
+    inertia: Annotated[Scalar, Unit("kg m^2", "about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
+    initial: Annotated[Scalar, Unit("rad or m")] = 0.0
+    lower: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = -math.inf
+    upper: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = math.inf
+    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of a closer or spring", low=0.0)] = 0.0
+    rest: Annotated[Scalar, Unit("rad or m", "coordinate at which that is slack")] = 0.0
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0)] = 0.0
+    friction: Annotated[Scalar, Unit("N m or N", "dry", low=0.0)] = 0
+    bristle: Annotated[Scalar, Unit("rad or m", "slip at which dry friction is whole", low=0.0)] = 0
+    detent: Detent | None = None
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for one by the inertia", low=0.0)] = 0
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0)] = 2.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "mechanism")
+        for name in ("position", "angles", "axis", "com"):
+            held = getattr(self, name)
+            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
+        for name in ("mass", "inertia", "friction", "bristle", "stop_stiffness"):
+            if concrete(getattr(self, name)) and getattr(self, name) == 0.0:
+                object.__setattr__(self, name, 0)
+        if not self.name:
+            raise RecordError("mechanism.name = '': must not be empty")
+        if self.kind not in KINDS:
+            raise RecordError(f"mechanism.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
+        self._require_body()
+        self._require_numbers()
+
+    def _require_body(self) -> None:
+        """Refuse sizes and axes that the kind does not have, and parts without an end or with a motion."""
+        said, options = KINDS[self.kind], KINDS[self.kind].sizes
+        if len(self.size) not in [len(each) for each in options] and (self.size or options):
+            words = " or ".join(f"{len(each)} numbers, {', '.join(each)}" for each in options)
+            allowed = f"must be {words}" if options else f"must be left out of a {self.kind}, which is made of parts"
+            raise RecordError(f"mechanism.size = {shown(list(self.size))}: {allowed}")
+        none = all(type(c) is int and c == 0 for c in self.axis)
+        if said.axis is None and none:
+            raise RecordError(f"mechanism.axis: is missing; a {self.kind} has none of its own")
+        if said.axis is not None and not none:
+            raise RecordError(f"mechanism.axis: must be left out of a {self.kind}, which has one of its own")
+        for i, part in enumerate(self.parts):
+            if part.shape == "plane":
+                raise RecordError(f"mechanism.parts[{i}].shape = 'plane': must be a shape with an end")
+            if part.moves:
+                raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
+
+    def _require_numbers(self) -> None:
+        """Refuse a mechanism that weighs nothing, and limits that leave no way."""
+        turns = KINDS[self.kind].turns
+        if not turns and type(self.inertia) is not int:
+            raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
+        if type(self.moved) is int or (concrete(self.moved) and not self.moved > 0.0):
+            what = "inertia" if turns and not self.size else "mass"
+            instead = ", or an inertia" if turns and self.size else ""
+            raise RecordError(f"mechanism.{what}: is missing; a {self.kind} must have one above 0{instead}")
+        if concrete(self.lower, self.upper) and not self.lower < self.upper:
+            raise RecordError(f"mechanism.lower = {shown(self.lower)}: must be below upper = {shown(self.upper)}")
+        if concrete(self.initial, self.lower, self.upper) and not self.lower <= self.initial <= self.upper:
+            raise RecordError(
+                f"mechanism.initial = {shown(self.initial)}: must be between lower = {shown(self.lower)} and upper = "
+                f"{shown(self.upper)}"
+            )
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a hinge."""
+        return KINDS[self.kind].turns
+
+    @property
+    def solid(self) -> Solid | None:
+        """The body that its kind has, if any."""
+        return solid_of(self.kind, self.size) if self.size else None
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The kind's body, and the parts."""
+        solid = self.solid
+        if solid is None:
+            return self.parts
+        own = Surface(
+            name=self.name, shape=solid.shape, size=solid.size, position=solid.middle, material=self.material
+        )  # fmt: skip
+        return (own, *self.parts)
+
+    @property
+    def moved(self) -> Any:
+        """Its inertia along the coordinate, kg m^2 or kg."""
+        if not self.turns:
+            return self.mass
+        if type(self.inertia) is int and self.solid is not None:
+            return mul(self.mass, self.solid.gyration)
+        return self.inertia
+
+    @property
+    def centre(self) -> Vec3:
+        """Centre of mass, m, its own axes: that of the uniform body whose inertia it has, where nothing is said."""
+        said = type(self.inertia) is not int or any(type(c) is not int for c in self.com)
+        return self.com if said or self.solid is None else self.solid.middle
+
+    @property
+    def hinge(self) -> tuple[Any, ...]:
+        """A place on the axis of what turns (m) and its unit vector, world axes; () of what slides."""
+        return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
+
+    @property
+    def mobility(self) -> Any:
+        """1/kg, of the place of its surfaces that is farthest from the axis."""
+        return self.mobility_at(0)
+
+    def mobility_at(self, reach: Any) -> Any:
+        """Of a place that is so much farther from the axis."""
+        if not self.turns:
+            return 1.0 / self.mass
+        lever = maximum(0.0, 1e-3)
+        for surface in self.surfaces:
+            away = surface.position - self.along * self.along.dot(surface.position)
+            lever = maximum(lever, sqrt(away.dot(away) + 1e-24) + surface.farthest)
+        lever = add(lever, reach)
+        return lever * lever / self.moved
+
+    @property
+    def along(self) -> Vec3:
+        """Unit vector of the axis, its own axes."""
+        axis = KINDS[self.kind].axis
+        if axis is not None:
+            return axis
+        if self.axis.coordinate_axis() is not None:
+            return self.axis
+        unit: Vec3 = self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
+        return unit
+
+    @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that stops, spring, friction and detent bear."""
+        return longest_step(self)
+
+    @property
+    def largest_euler_step(self) -> Any:
+        """The same of the semi-implicit Euler method."""
+        return longest_step(self, euler=True)
+
+    def start(self) -> MechanismMotion:
+        """At rest where its fields put it."""
+        bristle = () if type(self.friction) is int else (0.0,)
+        return MechanismMotion(coordinate=data(self.initial), rate=0.0, bristle=bristle)
+
+    def frame(self, memory: MechanismMotion) -> CarriedFrame:
+        """Its axes: a hinge's turn about their origin, a slide's move."""
+        return self.frame_at(memory.coordinate, memory.rate)
+
+    def frame_at(self, coordinate: Any, rate: Any = 0.0) -> CarriedFrame:
+        """The same of a coordinate (rad or m) and its rate."""
+        R = rotation_of(self.angles)
+        axis = R.apply(self.along)
+        if self.turns:
+            turned = R @ axis_rotation(self.along, coordinate)
+            return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * rate)
+        return CarriedFrame(position=self.position + axis * coordinate, rotation=R, velocity=axis * rate, turning=ZERO3)
+
+    def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
+        """Newton's or Euler's equation about the axis."""
+        frame, rate = self.frame(memory), memory.rate
+        axis, weight = rotation_of(self.angles).apply(self.along), Vec3(0, 0, neg(mul(self.mass, gravity)))
+        if self.turns:
+            applied = axis.dot(torque_W + frame.rotation.apply(self.centre).cross(weight))
+        else:
+            applied = axis.dot(force_W + weight)
+        own, bristle = inner_effort(self, memory)
+        return MechanismMotion(coordinate=rate, rate=(applied + own) / self.moved, bristle=bristle)
+
+    def effort(self, memory: MechanismMotion, slope: MechanismMotion, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
+        """Effort along the coordinate, inner efforts and weight in it, N m or N."""
+        return (mul(slope.rate, self.moved),)
+
+    def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The bristle of dry friction has moved."""
+        bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
+        return replace(memory, bristle=bristle)
+
+    def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The rate."""
+        return replace(memory, rate=memory.rate + slope.rate * dt)
+
+    def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The coordinate."""
+        return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Coordinate and rate."""
+        unit = "rad" if self.turns else "m"
+        return ("mechanism_position", self.name, unit), ("mechanism_rate", self.name, f"{unit}/s")
+
+    def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
+        """Coordinate and rate."""
+        return (memory.coordinate, memory.rate)
+
+
+BRISTLES = {True: 2e-3, False: 2e-4}
+"""rad of a hinge, m of a slide, over which dry friction builds up where nothing is said."""
+
+STOP_RATE, STOP_LEAST = 200.0, 5000.0
+"""rad/s of a mechanism on a stop of which nothing is said, and N/m that such a stop of a slide has at least: a door
+enters it by 5 mrad at 1 rad/s, a button of 20 g gives way by 0.2 mm under 1 N; neither asks for shorter steps than
+contact does anyway."""
+
+STEEPEST = 16.0 / 3.0**1.5
+"""Largest slope of a detent, in F / w: that of 16 u^2 (1 - u)^2, at u = (1 - 3^-0.5) / 2."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Detent:
+    """A detent is a hump of force that is overcome: a latch, or a click.
+
+    Attributes:
+        place: coordinate at which it begins. width: way to its end; it is highest in the middle.
+    """
+
+    force: Annotated[Scalar, Unit("N m or N", "largest, against growing coordinates", low=0.0)]
+    width: Annotated[Scalar, Unit("rad or m", "from its beginning to its end", low=0.0, strict=True)]
+    place: Annotated[Scalar, Unit("rad or m", "where it begins")] = 0.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "detent")
+
+    def at(self, coordinate: Any) -> Any:
+        """What it asks for, N m or N."""
+        u = clip((coordinate - self.place) * (1.0 / self.width), 0.0, 1.0)
+        hump = u * (1.0 - u)
+        return (16.0 * self.force) * (hump * hump)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MechanismMotion:
+    """Motion of a mechanism: rad and rad/s, or m and m/s; and the bend of its friction's bristle, where it has one."""
+
+    coordinate: Any
+    rate: Any
+    bristle: tuple[Any, ...]
+
+
+def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any, ...]]:
+    """What spring, damping, detent, stops and friction push with (N m or N), and the rate of friction's bristle."""
+    q, rate = memory.coordinate, memory.rate
+    effort = -of.stiffness * (q - of.rest) - of.damping * rate
+    if of.detent is not None:
+        effort = effort - of.detent.at(q)
+    if _at_stop(of.lower):
+        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, stop_of(of).step_of(of.moved))
+    if _at_stop(of.upper):
+        effort = effort - stop_of(of).normal_force(q - of.upper, rate, stop_of(of).step_of(of.moved))
+    if not memory.bristle:
+        return effort, ()
+    length, (z,) = bristle_of(of), memory.bristle
+    # one axis of a contact's bristle
+    fastest = length / longest_step(of)
+    bending = Material(bristle_length=length).bristle_rate(Vec3(z, 0, 0), Vec3(rate, 0, 0), 1.0, fastest).x
+    held = of.friction / length
+    # half of critical damping: vibration of the bristle dies away
+    wanted = held * z + sqrt(held * of.moved) * bending
+    return effort - clip(wanted, -of.friction, of.friction), (bending,)
+
+
+def longest_step(of: Mechanism, *, euler: bool = False) -> Any:
+    """Longest integration step (s) that a mechanism's springs, friction and stops bear; of semi-implicit Euler's too.
+
+    That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
+    """
+    stiffness, damping = of.stiffness, of.damping
+    if type(of.friction) is not int:
+        held = of.friction / bristle_of(of)
+        stiffness, damping = stiffness + held, damping + sqrt(held * of.moved)
+    if of.detent is not None:
+        stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
+    fastest = maximum(sqrt(stiffness / of.moved), of.damping / of.moved)
+    step = minimum(divide(BRISTLE_STEP, fastest), LONGEST)
+    if euler:
+        step = minimum(step, euler_step_of(stiffness / of.moved, damping / of.moved))
+    return minimum(step, stop_of(of).step_of(of.moved)) if _at_stop(of.lower) or _at_stop(of.upper) else step
+
+
+def stop_of(of: Mechanism) -> Material:
+    """A stop as what a surface is to a point: rad and N m in place of m and N where it turns."""
+    stiffness = of.stop_stiffness
+    if type(stiffness) is int:
+        stiffness = STOP_RATE * STOP_RATE * of.moved
+        stiffness = stiffness if of.turns else maximum(stiffness, STOP_LEAST)
+    return Material(stiffness=stiffness, dissipation=of.stop_damping, friction=0.0)
+
+
+def bristle_of(of: Mechanism) -> Any:
+    """Slip at which dry friction is whole, rad or m."""
+    return BRISTLES[of.turns] if type(of.bristle) is int else of.bristle
+
+
+def _at_stop(limit: Any) -> bool:
+    """Whether there is a stop, by structure."""
+    return not (concrete(limit) and math.isinf(limit))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Kind:
+    """A kind of mechanism.
+
+    Attributes:
+        turns: whether it is a hinge; else it slides.
+        axis: of the motion, its own axes; None where the file says it.
+        sizes: what the lengths of its body may be; () for a kind whose body is made of parts.
+    """
+
+    turns: bool
+    axis: Vec3 | None = None
+    sizes: tuple[tuple[str, ...], ...] = ()
+
+
+KINDS = {
+    "hinge": Kind(turns=True),
+    "slide": Kind(turns=False),
+    "door": Kind(turns=True, axis=E_Z, sizes=(("width", "height", "thickness"),)),
+    "valve": Kind(turns=True, axis=E_Z, sizes=(("radius", "thickness"), ("length", "width", "thickness"))),
+    "drawer": Kind(turns=False, axis=E_X, sizes=(("depth", "width", "height"),)),
+    "button": Kind(turns=False, axis=-E_Z, sizes=(("radius", "height"),)),
+}
+"""Word -> how it moves. A valve of two lengths is a wheel, one of three a lever."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Solid:
+    """What of a mechanism can be touched, in its own axes, whose origin is on the hinge or in the front's middle.
+
+    Attributes:
+        shape, size: as of a surface. middle: of it, m.
+        gyration: m^2, moment of inertia about the axis of a hinge by the mass, of a uniform body.
+    """
+
+    shape: str
+    size: tuple[Any, ...]
+    middle: Vec3
+    gyration: Any
+
+
+def solid_of(kind: str, size: Sequence[Any]) -> Solid:
+    """The body of a door, valve, drawer or button.
+
+    Args:
+        kind: the word.
+        size: as many lengths as ``KINDS`` says of it, m.
+    """
+    if kind == "button":
+        radius, height = size
+        return Solid(shape="cylinder", size=(radius, height), middle=Vec3(0, 0, -0.5 * height), gyration=0.0)
+    if kind == "valve" and len(size) == 2:
+        radius, thickness = size
+        wheel = (radius, thickness)
+        return Solid(shape="cylinder", size=wheel, middle=ZERO3, gyration=0.5 * radius * radius)
+    if kind == "drawer":
+        depth, width, height = size
+        return Solid(shape="box", size=(depth, width, height), middle=Vec3(-0.5 * depth, 0, 0), gyration=0.0)
+    length, second, third = size
+    across, along = (third, second) if kind == "door" else (second, third)
+    return Solid(
+        shape="box",
+        size=(length, across, along),
+        middle=Vec3(0.5 * length, 0, 0),
+        gyration=length * length / 3.0 + across * across / 12.0,
+    )

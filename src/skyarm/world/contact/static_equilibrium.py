@@ -1,0 +1,280 @@
+"""Static equilibrium at the start of a flight: how deep, and how tilted, weight presses a vehicle and objects.
+
+A flight that begins so does not jump. A vehicle is set down from 5 cm above its position: level until the surfaces
+carry its weight, then tilted until they carry its moment, too. Each object that is said to be standing is set down in
+turn, the lowest first, as if those that are higher were not there yet: from its position, or from just above it where
+that is inside of something. Objects that then stand on each other settle together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.dynamics.energy import center_of_mass
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.files import shown
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.contact import Contact, Meeting
+from skyarm.world.contact.free_object import FreeObject, ObjectMotion
+
+Array = npt.NDArray[np.float64]
+Residual = Callable[[Array], Array]
+
+STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
+"""m, by which a vehicle is lowered until it stands, how far anything is lowered, and how far above its position a
+vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
+
+LIFT, FINEST = 0.002, 1e-4
+"""m: out of how deep inside of something an object is taken, and the smallest way down."""
+
+DEEPER = 0.1
+"""Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
+
+NEAR = 1e-7
+"""Difference by which the stiffness is found, m and rad."""
+
+FARTHEST = 0.02
+"""m and rad that a stack gives way at most: beyond, it falls, and stays as its objects were set down one by one."""
+
+
+def _least_squares(stiffness: Array, force: Array) -> Array:
+    # a ball may roll: of what nothing holds, nothing changes
+    return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-6)[0])
+
+
+def _root(
+    residual: Residual, x: Array, rounds: int, small: float, reach: float = math.inf, solve: Any = _least_squares
+) -> Array | None:
+    """Place at which a residual vanishes, by Newton's method; None where there is none within reach of the first."""
+    first = x
+    with np.errstate(all="ignore"):  # of numbers beyond measure
+        for _ in range(rounds):
+            found = residual(x)
+            if np.abs(x - first).max() > reach:
+                return None
+            if np.abs(found).max() < small:
+                return x
+            columns = [(residual(x + step) - found) / NEAR for step in NEAR * np.eye(len(x))]
+            try:
+                x = x - solve(np.stack(columns, axis=1), found)
+            except np.linalg.LinAlgError:
+                return None
+    return None
+
+
+def _turn(about_x: float, about_y: float) -> Quaternion:
+    return Quaternion.of_rotation_vector(Vec3(about_x, about_y, 0.0))
+
+
+def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: State) -> State:
+    """The state in which the vehicle rests on what is below it.
+
+    Args:
+        vehicle: the true one.
+        gravity: m/s^2.
+        contact: surfaces and points.
+        state: at rest, level but for its yaw, above the place.
+
+    Raises:
+        ValueError: one line: nothing carries it there, or it tips over.
+    """
+    memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
+
+    def at(x: Array) -> State:
+        """The state at a height (m), turned about the level axes x and y (rad)."""
+        up, about_x, about_y = (float(each) for each in x)
+        position = state.position + Vec3(0.0, 0.0, up)
+        return replace(state, position=position, quaternion=_turn(about_x, about_y) * state.quaternion)
+
+    def residual(x: Array) -> Array:
+        """Vertical force less the weight, and both level moments about the centre of mass over 1 m, by the weight."""
+        moved = at(x)
+        motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
+        force, moment = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
+        for wrench in contact.wrenches(memory, 0.0, motion, ()):
+            arm = motion.position(wrench.point, wrench.body) - middle
+            force, moment = force + wrench.force_W, moment + arm.cross(wrench.force_W) + wrench.torque_W
+        values: Any = (force.z - weight, moment.x, moment.y)
+        return np.array([float(each) for each in values]) / weight
+
+    if not weight > 0.0:
+        raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
+    if residual(np.array([ABOVE, 0.0, 0.0]))[0] > -1.0:
+        raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
+    lowered = -ABOVE
+    while residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
+        lowered += STEP
+        if lowered > LOWEST:
+            raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
+    found = _root(residual, np.array([-lowered, 0.0, 0.0]), 30, 1e-12, solve=np.linalg.solve)
+    if found is None:
+        raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
+    return at(found)
+
+
+def _nothing(what: str, position: Vec3) -> str:
+    return f"nothing carries {what} within {LOWEST:g} m below {shown([float(c) for c in position])} m"
+
+
+def with_standing_objects(contact: Contact, gravity: float) -> Contact:
+    """The contact with every object that is standing where it lies at rest.
+
+    Args:
+        contact: as read.
+        gravity: m/s^2.
+
+    Raises:
+        ValueError: one line: nothing carries the object there, it starts inside of something, or it tips over.
+    """
+    waiting = sorted(
+        (i for i, each in enumerate(contact.objects) if each.standing),
+        key=lambda i: float(contact.objects[i].position.z),
+    )
+    if waiting and not gravity > 0.0:
+        where = f"world.objects[{min(waiting)}].standing = true"
+        raise ValueError(f"{where}: must be false where plant.gravity leaves no weight to stand with")
+    while waiting:
+        i = waiting.pop(0)
+        contact = _set_down(contact, i, gravity, waiting)
+    for stack in stacks_of(contact):
+        supports = _Supports(contact, stack, gravity)
+        x = _root(supports.residual, np.zeros(3 * len(stack)), 30, 1e-9, FARTHEST)
+        if x is not None:
+            contact = supports.placed(x)
+    return contact
+
+
+def stacks_of(contact: Contact) -> list[list[int]]:
+    """Groups of two and more standing objects that touch each other, by their numbers."""
+    standing = [i for i, each in enumerate(contact.objects) if each.standing]
+    group = {i: {i} for i in standing}
+    if len(standing) > 1:
+        for each in _meetings_of(contact)(contact.start(1.0, ()).carried):
+            if each.of in group and each.by in group and float(each.touch.depth) > 0.0:
+                union = group[each.of] | group[each.by]
+                for i in union:
+                    group[i] = union
+    return list({min(each): sorted(each) for each in group.values() if len(each) > 1}.values())
+
+
+def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
+    """The contact with one object at rest; those that are set down later are away."""
+    body, supports, x = contact.objects[index], _Supports(contact, [index], gravity, away), np.zeros(3)
+    where = f"world.objects[{index}].standing = true"
+    if np.abs(supports.residual(x)).max() < 1e-9:
+        return contact
+    if supports.gap(x) < 0.0:
+        x[0] = LIFT
+    if supports.gap(x) < 0.0:
+        raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
+    carried = 0.0
+    while supports.residual(x)[0] < 0.0:
+        gap = supports.gap(x)
+        force = supports.force(x) if gap < 0.0 else 0.0
+        if force < carried or (force > 0.0 and -gap > _half_of(body)):
+            # what is below carries so much at most, until the object is half inside or through
+            most = max(force, carried) * (float(body.mass) / (float(body.mass) * gravity))
+            raise ValueError(
+                f"world.objects[{index}].mass = {shown(float(body.mass))}: must be about {most:.2g} kg or less, or the "
+                f"stiffness larger; its weight presses object {body.name!r} through what it stands on"
+            )
+        carried = force
+        x[0] -= max(gap, FINEST, DEEPER * -gap)
+        if x[0] < -LOWEST:
+            below = _nothing(f"object {body.name!r}", body.position)
+            raise ValueError(f"{where}: must be above a surface; {below}")
+    found = _root(supports.residual, x, 20, 1e-9)
+    if found is None or not np.abs(found - x).max() < 0.1:
+        raise ValueError(
+            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
+        )
+    return supports.placed(found)
+
+
+def _half_of(body: FreeObject) -> float:
+    """Half the smallest size of an object, m."""
+    radii = {("sphere", 0), ("cylinder", 0)}
+    return min(float(each) * (1.0 if (body.shape, i) in radii else 0.5) for i, each in enumerate(body.size))
+
+
+class _Supports:
+    """Forces that supports leave uncarried, by a height (m) and two small angles (rad) of each of some objects.
+
+    Args:
+        contact: surfaces and objects.
+        indices: of the objects that move.
+        gravity: m/s^2.
+        away: objects that are not there yet.
+    """
+
+    def __init__(self, contact: Contact, indices: list[int], gravity: float, away: Collection[int] = ()) -> None:
+        self._contact, self._indices, self._away = contact, indices, frozenset(away)
+        self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
+        self._weights = [float(contact.objects[i].mass) * gravity for i in indices]
+
+    def _moved(self, x: Array) -> list[Any]:
+        """Motions of every carrier; objects are turned about level axes through their centres of mass."""
+        found = list(self._first)
+        for i, (up, about_x, about_y) in zip(self._indices, x.reshape(-1, 3).tolist(), strict=True):
+            place = found[i].position + Vec3(0.0, 0.0, up)
+            found[i] = replace(found[i], position=place, attitude=_turn(about_x, about_y) * found[i].attitude)
+        return found
+
+    def _pushes(self, moved: Sequence[Any], i: int) -> list[tuple[Meeting, Vec3]]:
+        """Meetings of one object, and the force on it in each, N."""
+        pairs = ((each, {each.of, each.by}) for each in self._all(moved))
+        mine = [each for each, pair in pairs if i in pair and not pair & self._away]
+        return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
+
+    def gap(self, x: Array) -> float:
+        """m from the first object to the nearest thing."""
+        meetings = self._pushes(self._moved(x), self._indices[0])
+        return -max((float(each.touch.depth) for each, _ in meetings), default=-LOWEST)
+
+    def force(self, x: Array) -> float:
+        """Vertical force on the first object, N."""
+        return float(sum(push.z for _, push in self._pushes(self._moved(x), self._indices[0])))
+
+    def residual(self, x: Array) -> Array:
+        """Of each object the vertical force less its weight, and both level moments by its size; shares of all."""
+        moved, rows = self._moved(x), list[float]()
+        for i, weight in zip(self._indices, self._weights, strict=True):
+            force, moment = 0.0, ZERO3
+            for each, push in self._pushes(moved, i):
+                force = force + float(push.z)
+                moment = moment + (each.place - moved[i].position).cross(push)
+            length = float(max(self._contact.objects[i].size))
+            rows += [force - weight, float(moment.x) / length, float(moment.y) / length]
+        return np.array(rows) / sum(self._weights)
+
+    def placed(self, x: Array) -> Contact:
+        """The contact with the objects where they have moved to."""
+        objects, moved = list(self._contact.objects), self._moved(x)
+        for i in self._indices:
+            objects[i] = _placed(objects[i], moved[i])
+        return replace(self._contact, objects=tuple(objects))
+
+
+def _placed(of: FreeObject, memory: ObjectMotion) -> FreeObject:
+    """The object with position and angles of a motion."""
+    frame = of.frame(memory)
+    (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
+    angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
+    position = Vec3(*(float(c) for c in frame.position))
+    return replace(of, position=position, angles=Vec3(*(float(c) for c in angles)))
+
+
+def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
+    """A function of the carriers' motions: what touches among objects and surfaces, the vehicle being away."""
+    bodies, step = replace(contact, points=()), contact.largest_step
+    memory = bodies.start(1.0, ())
+    clock = (*memory.clock, 0.0)[0]
+    return lambda motions: bodies.meet(motions, (), clock, memory.bristles, step)

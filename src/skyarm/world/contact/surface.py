@@ -1,0 +1,314 @@
+"""Surfaces of the world: a plane, a box, a cylinder, a sphere or a plate with a hole, at rest or moving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.matrix import axis_rotation
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    add,
+    clip,
+    divide,
+    logical_and,
+    logical_not,
+    maximum,
+    mul,
+    neg,
+    same,
+    sign,
+    sqrt,
+    sub,
+    where,
+)
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Constant
+from skyarm.world.contact.material import Material
+from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
+
+SIZES = ("radius", "depth", "chamfer", "outer radius", "length")
+"""Lengths, m: of the hole its radius, its depth below the top and the width of its chamfer of 45 degrees at the mouth;
+of the plate its outer radius and its length along z."""
+
+
+SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",), "hole": SIZES}
+"""Shape -> what its sizes are, m. A plane's outside is along its z axis, the axis of cylinder and hole, too."""
+
+
+_CENTRE = 1e-24
+"""m^2 under a root: in the middle of a sphere or on a cylinder's axis the normal is zero instead of NaN."""
+
+
+Face = tuple[Any, Vec3]
+"""Height of a point above a face (m, negative inside) and the face's outward normal, axes of the surface."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surface:
+    """A surface is the skin of a solid body that does not give way but for its material.
+
+    Attributes:
+        name: for messages, logs and pictures. shape: one of ``SHAPES``.
+        size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane; of
+            a plate with a hole those of :mod:`skyarm.world.contact.surface`.
+        motion: what is added to the position as time goes on, m, world axes. It must have a velocity: a step is
+            passed without one.
+        mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
+    """
+
+    name: str
+    shape: str = "plane"
+    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
+    position: Annotated[
+        Vec3, Unit("m", "of its middle, of a point of a plane, of a hole's mouth, world axes", folds=True)
+    ] = ZERO3
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
+    motion: SignalVector = NO_SIGNALS
+    material: Material = field(default_factory=Material)
+    mesh: str = field(default="", metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "surface")
+        for name in ("position", "angles"):  # an exact zero of a file is structure, as that of a list
+            held = getattr(self, name)
+            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
+        if not self.name:
+            raise RecordError("surface.name = '': must not be empty")
+        if self.shape not in SHAPES:
+            raise RecordError(f"surface.shape = {shown(self.shape)}: {must_be_one_of(SHAPES, self.shape)}")
+        sizes = SHAPES[self.shape]
+        if len(self.size) != len(sizes):
+            allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
+            raise RecordError(f"surface.size = {shown(list(self.size))}: {allowed}")
+        if self.mesh and self.shape in ("plane", "hole"):
+            raise RecordError(f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}")
+        if self.shape == "hole":
+            require_hole(self.size)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a motion, by structure."""
+        signals = (self.motion.x, self.motion.y, self.motion.z)
+        return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
+
+    @property
+    def rotation(self) -> Mat3:
+        """R_WS, axes of the surface to world axes."""
+        return rotation_of(self.angles)
+
+    @property
+    def farthest(self) -> Any:
+        """Distance of its farthest place from its origin, m; of a shape with an end."""
+        if self.shape == "sphere":
+            return self.size[0]
+        if self.shape == "box":
+            x, y, z = self.size
+            return 0.5 * sqrt(x * x + y * y + z * z)
+        if self.shape == "hole":
+            outer, length = self.size[3:]
+            return sqrt(outer * outer + length * length)
+        radius, length = self.size
+        return sqrt(radius * radius + 0.25 * length * length)
+
+    def place(self, t: Any) -> tuple[Vec3, Vec3]:
+        """Position (m) and velocity (m/s) at time t (s), world axes."""
+        if not self.moves:
+            return self.position, ZERO3
+        found = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
+        return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
+
+    def _faces(self, p: Vec3) -> tuple[Face, ...]:
+        """Of a point in the surface's axes; the normals of several faces are perpendicular to each other."""
+        if self.shape == "plane":
+            return ((p.z, E_Z),)
+        if self.shape == "sphere":
+            away = sqrt(p.dot(p) + _CENTRE)
+            return ((away - self.size[0], p * divide(1.0, away)),)
+        if self.shape == "hole":  # as if it were filled
+            outer, length = self.size[3:]
+            away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
+            round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
+            return ((away - outer, round_about), _slab(p.z + 0.5 * length, length, E_Z))
+        if self.shape == "cylinder":
+            away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
+            round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
+            return ((away - self.size[0], round_about), _slab(p.z, self.size[1], E_Z))
+        return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
+
+    def depth(self, point_W: Vec3, radius: Any, t: Any) -> tuple[Any, Vec3]:
+        """How deep a ball about a point is in the surface (m, negative outside), and the outward normal, world axes.
+
+        Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
+        its middle; of a plate with a hole always the nearest place.
+
+        Args:
+            point_W: middle of the ball, m, world axes.
+            radius: of it, m; an int of 0 is a point.
+            t: s.
+        """
+        R = self.rotation
+        p = R.apply_T(point_W - self.place(t)[0])
+        if self.shape == "hole":
+            height, normal = from_plate(self.size, p)
+            return radius - height, R.apply(normal)
+        faces = self._faces(p)
+        height, normal = _nearest(faces)
+        if len(faces) > 1 and not (type(radius) is int and radius == 0):
+            height, normal = _rounded(faces, height, normal)
+        return radius - height, R.apply(normal)
+
+    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Any, t: Any) -> Any:
+        """Distance of a disc from the surface, m; negative where they may meet.
+
+        A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
+        point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
+        millimetres away where none does.
+
+        Args:
+            centre_W: middle of the disc, m, world axes.
+            axis_W: unit vector across it, world axes.
+            radius: of the disc, m; an int of 0 is a point.
+            t: s.
+        """
+        R = self.rotation
+        axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
+        known = [*faces, _rounded(faces, *_nearest(faces))] if len(faces) > 1 else faces
+        found = [height - _half_width(axis, normal, radius) for height, normal in known]
+        widest = found[0]
+        for each in found[1:]:
+            widest = maximum(widest, each)
+        return widest
+
+
+def rotation_of(angles: Vec3) -> Mat3:
+    """Rotation by roll, pitch and yaw (rad) about x, then y, then z of the outer axes; zeros of structure fold away."""
+    R = Mat3.identity()
+    for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
+        if not (type(angle) is int and angle == 0):
+            R = axis_rotation(axis, angle) @ R
+    return R
+
+
+def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:
+    """How far a disc reaches along a unit vector, m."""
+    if type(radius) is int and radius == 0:
+        return 0
+    along = axis.dot(normal)
+    return radius * sqrt(maximum(1.0 - along * along, 0.0) + _CENTRE)
+
+
+def _nearest(faces: tuple[Face, ...]) -> Face:
+    """The face that a point is highest above, or least deep below."""
+    height, normal = faces[0]
+    for above, axis in faces[1:]:
+        nearer = above > height
+        height, normal = where(nearer, above, height), _either(nearer, axis, normal)
+    return height, normal
+
+
+def _slab(c: Any, size: Any, axis: Vec3) -> Face:
+    """The nearer one of two opposite faces."""
+    return absolute(c) - 0.5 * size, axis * sign(c)
+
+
+def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+    return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+def _rounded(faces: tuple[Face, ...], height: Any, normal: Vec3) -> Face:
+    """The same where a point outside may be nearest to an edge or a corner."""
+    outside = [maximum(above, 0.0) for above, _ in faces]
+    away = sqrt(sum(each * each for each in outside) + _CENTRE)
+    way = ZERO3
+    for each, (_, axis) in zip(outside, faces, strict=True):
+        way = way + axis * divide(each, away)
+    return where(height > 0.0, away, height), _either(height > 0.0, way, normal)
+
+
+SHORTEST = 1e-6
+"""m, of any of them: a slip of units, and squares of less vanish."""
+
+
+_SMALL = 1e-24
+"""m^2 under a root: on the axis, and at a corner, a direction is zero instead of NaN."""
+
+
+def require_hole(size: Sequence[Any]) -> None:
+    """Refuse lengths between which no material is left; raises RecordError with one line."""
+    if not concrete(*size):
+        return
+    radius, depth, chamfer, outer, length = size
+    said = f"surface.size = {shown([float(each) for each in size])}"
+    if min(size) < SHORTEST:
+        raise RecordError(f"{said}: must be {SHORTEST:g} m each, or more")
+    if not chamfer < depth:
+        raise RecordError(f"{said}: chamfer must be below depth")
+    if not radius + chamfer < outer:
+        raise RecordError(f"{said}: outer radius must be above radius + chamfer")
+    if not depth < length:
+        raise RecordError(f"{said}: length must be above depth; the hole has a bottom")
+
+
+def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
+    """Height of a point above the plate (m, negative inside) and the outward normal, axes of the plate.
+
+    Args:
+        size: as ``SIZES`` says.
+        p: the point, m; the origin is in the middle of the hole's mouth, z leads out of it.
+    """
+    radius, depth, chamfer, outer, length = size
+    away = sqrt(p.x * p.x + p.y * p.y + _SMALL)
+    # start and way of each edge; a zero of structure folds away
+    edges = (
+        ((0, neg(depth)), (radius, 0)),
+        ((radius, neg(depth)), (0, depth - chamfer)),
+        ((radius, neg(chamfer)), (chamfer, chamfer)),
+        ((radius + chamfer, 0), (outer - radius - chamfer, 0)),
+        ((outer, 0), (0, neg(length))),
+        ((outer, neg(length)), (neg(outer), 0)),
+    )
+    outside = _outside(size, away, p.z)
+    nearest: Any = None
+    for start, way in edges:
+        found = _to_edge(away, p.z, start, way)
+        if nearest is None:
+            nearest = found
+            continue
+        nearer = found[0] < nearest[0]
+        nearest = tuple(a if same(a, b) else where(nearer, a, b) for a, b in zip(found, nearest, strict=True))
+    square, along, up, edge_along, edge_up = nearest
+    distance, sign = sqrt(square), where(outside, 1.0, -1.0)
+    # on the skin the way to it has no direction, the edge has
+    close = square < _SMALL
+    n, z = (
+        where(close, edge, divide(way, distance + _SMALL) * sign) for way, edge in ((along, edge_along), (up, edge_up))
+    )
+    return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
+
+
+def _outside(size: Sequence[Any], away: Any, z: Any) -> Any:
+    """Whether a point of the section is outside of the material: in the hole, or beyond the plate."""
+    radius, depth, chamfer, outer, length = size
+    beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
+    hollow = logical_and(z > -depth, away < radius + maximum(z + chamfer, 0.0))
+    return logical_not(logical_and(logical_not(beyond), logical_not(hollow)))
+
+
+def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Any, ...]:
+    """Squared distance from an edge of the section, the way from its nearest place, and its outward normal.
+
+    The material is on the right of an edge, seen along it.
+    """
+    x, y = sub(away, start[0]), sub(z, start[1])
+    square = add(mul(way[0], way[0]), mul(way[1], way[1]))
+    t = clip(add(mul(x, way[0]), mul(y, way[1])) * (1.0 / square), 0.0, 1.0)
+    along, up, scale = sub(x, mul(t, way[0])), sub(y, mul(t, way[1])), 1.0 / sqrt(square)
+    return along * along + up * up, along, up, mul(neg(way[1]), scale), mul(way[0], scale)

@@ -1,0 +1,126 @@
+"""Disturbances as signals of time: a force and a torque at any frame, and a velocity of the air.
+
+::
+
+    [[environment.forces]]
+    kind = "disturbance"
+    frame = "tip"                          # default: the base
+    axes = "world"                         # or "frame": along the frame's own axes
+    force = [0, 0, { kind = "sine", amplitude = 2.0, frequency_hz = 0.5 }]      # N, signals of time (default 0)
+    torque = [0, 0.05, 0]                                                       # N m
+    noise = { force = [0.3, 0.3, 0.3], torque = [0, 0, 0], bandwidth_hz = 2.0 } # standard deviations (default none)
+
+    [[environment.air]]
+    kind = "air_signals"
+    velocity_W = [{ kind = "ramp", start = 5, duration = 2, height = 4 }, 0, 0]   # m/s, world axes
+    noise = { velocity = [0.5, 0.5, 0.2], bandwidth_hz = 0.5 }
+
+Signals are those of references (:mod:`skyarm.reference.reference_tables`). They are held for each control period.
+Noise is a first-order Gauss-Markov process of each component (Brown, Hwang 2012, section 3.9); it has the deviations
+of what its record has: force and torque, or velocity. A wrench moves base and joints by the principle of virtual work
+(Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 3.8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.field_rules import accept_fields
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Air, Force, Wrench, require_frame
+from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scaled
+
+AXES = ("world", "frame")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Disturbance(Force):
+    """A disturbance is a force and a torque on one body of the vehicle, each a signal of time, with noise if asked.
+
+    Attributes:
+        frame: at whose origin the force acts; empty for the base's origin.
+        axes: "world", or "frame" for those of the frame, which turn with it.
+    """
+
+    frame: str = ""
+    axes: str = "world"
+    force: SignalVector = NO_SIGNALS
+    torque: SignalVector = NO_SIGNALS
+    noise: ColouredNoise | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "disturbance")
+        if self.axes not in AXES:
+            raise ValueError(f"axes = {self.axes!r}: must be one of {', '.join(AXES)}")
+        if self.noise is not None:
+            self.noise.require_only("force", "torque")
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without its frame."""
+        if self.frame:
+            require_frame(vehicle, self.frame)
+
+    @property
+    def uniforms(self) -> int:
+        """Six normal numbers a period."""
+        return 0 if self.noise is None else 6
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """Stationary noise."""
+        return () if self.noise is None else self.noise.first(draws, 6)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """Noise of the period."""
+        return memory if self.noise is None else self.noise.next(memory, dt, draws)
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """Force and torque on the frame's body."""
+        force, torque = self.force.at(t), self.torque.at(t)
+        if self.noise is not None:
+            force = force + scaled(self.noise.force, memory[:3])
+            torque = torque + scaled(self.noise.torque, memory[3:])
+        if not self.frame:
+            point, body = ZERO3, BASE
+        else:
+            point, body = motion.frame(self.frame)
+        if self.axes == "frame":
+            R = None if not self.frame else motion.vehicle.frame(self.frame).rotation
+            force, torque = (motion.turned(v if R is None else R.apply(v), body) for v in (force, torque))
+        return (Wrench(force_W=force, torque_W=torque, point=point, body=body),)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AirSignals(Air):
+    """The velocity of the air, the same everywhere, as signals of time, with noise if asked."""
+
+    velocity_W: SignalVector = NO_SIGNALS
+    noise: ColouredNoise | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "air")
+        if self.noise is not None:
+            self.noise.require_only("velocity")
+
+    @property
+    def uniforms(self) -> int:
+        """Three normal numbers a period, which come in pairs."""
+        return 0 if self.noise is None else 4
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """Stationary noise."""
+        return () if self.noise is None else self.noise.first(draws, 3)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """Noise of the period."""
+        return memory if self.noise is None else self.noise.next(memory, dt, draws)
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """Signals and noise."""
+        found = self.velocity_W.at(t)
+        return found if self.noise is None else found + scaled(self.noise.velocity, memory)

@@ -1,0 +1,174 @@
+"""Dryden turbulence of the lowest 1000 ft, drawn exactly at any step.
+
+The filters are not discretised approximately: each component is the autoregressive sequence whose autocovariance at
+whole steps *is* the continuous one,
+
+    u: sigma^2 exp(-d|k|)                     (first order, H_u = sigma sqrt(2 T/pi) / (1 + T s))
+    v, w: sigma^2 (1 - d|k|/2) exp(-d|k|)     (second order, H_v = sigma sqrt(T/pi) (1 + sqrt(3) T s) / (1 + T s)^2)
+
+with T = L/V and d = dt/T, from one normal number per component and step. Variance and correlation are therefore the
+same whatever dt is; between steps the velocity is held. (Band-limited white noise through the held filters, the common
+way, has a variance that depends on dt.)
+
+Airspeed: the model is a frozen field carried past the vehicle with the airspeed V. A hovering multirotor has almost no
+speed of its own, so V is the speed of the mean wind, at least ``minimum_airspeed`` (1 m/s, an assumption: without it a
+calm day would freeze one draw for the whole episode). V and the altitude are constant through an episode.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Z, Vec3
+from skyarm.algebra.scalars import Scalar, divide, exp, log, maximum, sqrt
+from skyarm.records.coerce import accept, unit_vector
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+
+METRES_PER_FOOT = 0.3048
+LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
+"""Altitudes the low-altitude model is written for, m."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dryden:
+    """Parameters of the turbulence; :func:`low_altitude` computes them from altitude and wind.
+
+    The components are u (along the mean wind), v (to its left) and w (up). Their scale lengths are those of
+    MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its spectra: the same turbulence).
+    """
+
+    intensity: Annotated[Vec3, Unit("m/s", "standard deviation of u, v, w", low=0.0)]
+    scale_length: Annotated[Vec3, Unit("m", "of u, v, w", low=0.0, strict=True)]
+    airspeed: Annotated[Scalar, Unit("m/s", "with which the field passes the vehicle", low=0.0, strict=True)]
+    direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of u, world axes", folds=True)] = E_X
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "turbulence")
+        accept(self, "turbulence", {"direction_W": unit_vector})
+
+
+@dataclass(frozen=True, slots=True)
+class DrydenMemory:
+    """State of the filters, in standard deviations: outputs u, v, w and the inner state of the second-order ones."""
+
+    u: Scalar
+    v: Scalar
+    w: Scalar
+    v_inner: Scalar
+    w_inner: Scalar
+
+
+def low_altitude(
+    altitude: Any, wind_20ft: Any, mean_wind: Any, direction_W: Vec3 = E_X, minimum_airspeed: Any = 1.0
+) -> Dryden:
+    """Turbulence near the ground.
+
+    Args:
+        altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); for lower flight take 3.048.
+        wind_20ft: W20, mean wind at 20 ft, m/s: 7.7 light, 15.4 moderate, 23.2 severe.
+        mean_wind: speed of the mean wind at the vehicle, m/s.
+        direction_W: horizontal unit vector of the mean wind.
+        minimum_airspeed: smallest V, m/s.
+
+    Raises:
+        ValueError: a number outside its range.
+    Source: MIL-F-8785C 1980, section 3.7.3.4, figures 10 and 11 (h in feet):
+        L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, sigma_w = 0.1 W20,
+        sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4.
+    """
+    _within("altitude", altitude, LOWEST, HIGHEST, "m (10 to 1000 ft)")
+    _within("wind_20ft", wind_20ft, 0.0, math.inf, "m/s")
+    _within("minimum_airspeed", minimum_airspeed, 1e-3, math.inf, "m/s")
+    shape = log(0.177 + 0.000823 * (altitude / METRES_PER_FOOT))
+    horizontal_length = altitude * exp(-1.2 * shape)
+    vertical = 0.1 * wind_20ft
+    horizontal = vertical * exp(-0.4 * shape)
+    return Dryden(
+        intensity=Vec3(horizontal, horizontal, vertical),
+        scale_length=Vec3(horizontal_length, horizontal_length, altitude),
+        airspeed=maximum(mean_wind, minimum_airspeed),
+        direction_W=direction_W,
+    )
+
+
+def start(first: Vec3, second: Vec3, dt: Any, *, par: Dryden) -> DrydenMemory:
+    """Memory drawn from the stationary distribution, so that the first second is like any other.
+
+    Args:
+        first: standard normal numbers.
+        second: more of them, independent of the first (second.x is not used).
+        dt: step of the sequence, s.
+        par: the turbulence.
+    """
+    inner, output = [], []
+    for d, n, m in zip(_steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True):
+        a, b, gain, h = _second_order(d)
+        correlation = divide(a * h + b * gain, gain * gain)
+        inner.append(n)
+        output.append(correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m)
+    return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])
+
+
+def step(memory: DrydenMemory, noise: Vec3, dt: Any, *, par: Dryden) -> tuple[DrydenMemory, Vec3]:
+    """Advance by one step.
+
+    Args:
+        memory: from :func:`start` or the previous step.
+        noise: independent standard normal numbers.
+        dt: s, the same at every step.
+        par: the turbulence.
+
+    Returns:
+        memory, and the turbulence velocity in world axes, m/s.
+    Source: spectra of MIL-F-8785C 1980, section 3.7.1.2; sampled exactly by factoring the autocovariance.
+    """
+    d_u, d_v, d_w = _steps(par, dt)
+    a = exp(-d_u)
+    u = a * memory.u + sqrt(1.0 - a * a) * noise.x
+    v, v_inner = _advance(memory.v, memory.v_inner, noise.y, d_v)
+    w, w_inner = _advance(memory.w, memory.w_inner, noise.z, d_w)
+    following = DrydenMemory(u, v, w, v_inner, w_inner)
+    return following, velocity(following, par=par)
+
+
+def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
+    """Turbulence velocity of a memory, world axes, m/s."""
+    sigma, left = par.intensity, E_Z.cross(par.direction_W)
+    along, across = par.direction_W * (sigma.x * memory.u), left * (sigma.y * memory.v)
+    total: Vec3 = along + across + E_Z * (sigma.z * memory.w)
+    return total
+
+
+def _steps(par: Dryden, dt: Any) -> tuple[Any, ...]:
+    """Step in units of each component's time scale, d = dt V / L."""
+    return tuple(divide(dt * par.airspeed, length) for length in par.scale_length)
+
+
+def _advance(output: Any, inner: Any, noise: Any, d: Any) -> tuple[Any, Any]:
+    """One step of a second-order filter of unit variance."""
+    a, b, gain, h = _second_order(d)
+    return a * output + b * noise + h * inner, a * inner + gain * noise
+
+
+def _second_order(d: Any) -> tuple[Any, Any, Any, Any]:
+    """Pole a, direct gain b, inner gain and coupling h of the sequence with autocovariance (1 - d|k|/2) exp(-d|k|).
+
+    The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is
+    g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2); both combinations factor,
+    g0 + 2 g1 = (1 - a)^2 (1 - a^2 - a d) = b^2 (1 + c)^2,   g0 - 2 g1 = (1 + a)^2 (1 - a^2 + a d) = b^2 (1 - c)^2,
+    which gives b and c without cancellation. The inner state has unit variance.
+    """
+    a = exp(-d)
+    rest = 1.0 - a * a
+    small = sqrt(rest - a * d)
+    b = 0.5 * ((1.0 - a) * small + (1.0 + a) * sqrt(rest + a * d))
+    gain = sqrt(rest)
+    return a, b, gain, divide((1.0 - a) * (small - b), gain)
+
+
+def _within(name: str, value: Any, low: float, high: float, unit: str) -> None:
+    if isinstance(value, (int, float)) and not low <= value <= high:
+        raise ValueError(f"{name} = {value!r}: must be from {low:g} to {high:g} {unit}")

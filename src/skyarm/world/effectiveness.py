@@ -1,0 +1,22 @@
+"""How much of its force each actuator still gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyarm.algebra.scalars import Scalar
+
+
+@dataclass(frozen=True, slots=True)
+class Effectiveness:
+    """Shares of the force of whole actuators; a structural 1 is an actuator that no fault touches and folds away.
+
+    Attributes:
+        rotors: of thrust and drag torque, one per rotor.
+        joints: of the drive's effort, one per joint; friction stays.
+        stuck: 1 for a joint that is held where it is, one number per joint; empty where none can be.
+    """
+
+    rotors: tuple[Scalar, ...]
+    joints: tuple[Scalar, ...]
+    stuck: tuple[Scalar, ...] = ()

@@ -1,0 +1,108 @@
+"""Faults of actuators: a loss of force during a flight, in the plant only, unknown to the controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+from skyarm.algebra.scalars import Scalar, clip, maximum, mul, where
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields, shown
+from skyarm.records.files.fields import list_of_tables
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_from
+from skyarm.records.units import Unit
+from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.signals import Signal
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.effectiveness import Effectiveness
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fault:
+    """A fault is the loss of force of one actuator from a time on.
+
+    Attributes:
+        rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
+        effectiveness: from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
+        start: at least 0: the flight begins at 0, and so does a fault that was there before.
+        stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loads`); its drive
+            then has no share of its effort to lose.
+        signal: of time, times the effectiveness, within 0 and 1; None for a share that does not change.
+    """
+
+    rotor: str = ""
+    joint: str = ""
+    effectiveness: Annotated[Scalar, Unit("", "share of the force that is left", low=0.0, high=1.0)] = 1.0
+    start: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    stuck: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    signal: Signal | None = field(default=None, metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        if bool(self.rotor) == bool(self.joint):
+            raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
+        if self.stuck and not self.joint:
+            raise ValueError(f"stuck = True: must be of a joint, not of the rotor {self.rotor!r}")
+        whole = self.signal is None and concrete(self.effectiveness) and self.effectiveness == 1.0
+        if self.stuck and not whole:
+            given = self.effectiveness if self.signal is None else self.signal
+            raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
+
+    @property
+    def name(self) -> str:
+        """Name of the actuator."""
+        return self.rotor or self.joint
+
+    def check(self, vehicle: Vehicle) -> None:
+        """Raise ValueError unless the vehicle has the actuator."""
+        rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
+        for kind, value, known in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
+            if value and value not in known:
+                raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(known) or 'none'}")
+
+    def share(self, t: Any) -> Any:
+        """What is left at time t, s: 1 before the start."""
+        left = self.effectiveness
+        if self.signal is not None:
+            left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)
+        return where(t >= self.start, left, 1.0)
+
+
+def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> Effectiveness | None:
+    """What faults leave of the actuators at time t (s); None without faults, at no cost.
+
+    Shares of several faults of one actuator multiply.
+    """
+    if not faults:
+        return None
+    rotors: dict[str, Any] = {rotor.name: 1 for rotor in vehicle.rotors}
+    joints: dict[str, Any] = {link.joint.name: 1 for link in vehicle.links}
+    stuck: dict[str, Any] = dict.fromkeys(joints, 0)
+    for fault in faults:
+        if fault.stuck:
+            stuck[fault.joint] = maximum(stuck[fault.joint], where(t >= fault.start, 1.0, 0.0))
+            continue
+        shares = rotors if fault.rotor else joints
+        shares[fault.name] = mul(shares[fault.name], fault.share(t))
+    held = tuple(stuck.values()) if any(fault.stuck for fault in faults) else ()
+    return Effectiveness(tuple(rotors.values()), tuple(joints.values()), held)
+
+
+def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
+    """Faults that a list of tables describes: { rotor or joint, effectiveness or stuck, start }.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    found = []
+    for fields in list_of_tables(tables, where):
+        values, share = dict(fields.table), fields.table.get("effectiveness")
+        if "stuck" not in values and share is None:
+            fields.number("effectiveness", low=0.0)  # is missing
+        signal = None
+        if isinstance(share, (dict, list)):
+            signal = signal_from(values.pop("effectiveness"), fields.at("effectiveness"))
+        found.append(replace(record_from(Fault, Fields(values, fields.where)), signal=signal))
+    return tuple(found)

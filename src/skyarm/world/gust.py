@@ -1,0 +1,54 @@
+"""A gust: something extra for a while, [start, start + duration)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, cos, mul, where
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+
+SHAPES = ("step", "one_minus_cosine")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gust:
+    """A gust is a temporary force or air velocity.
+
+    Attributes:
+        start, duration: the window [start, start + duration), half-open.
+        shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t - start)/duration)), smooth at both ends.
+    """
+
+    peak: Annotated[Vec3, Unit("N or m/s", "of a ForceWind or of MovingAir, world axes", folds=True)] = ZERO3
+    start: Annotated[Scalar, Unit("s")] = 0.0
+    duration: Annotated[Scalar, Unit("s")] = 0.0
+    shape: str = "step"
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "gust")
+        if self.shape not in SHAPES:
+            raise ValueError(f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}")
+        if isinstance(self.duration, (int, float)):
+            strict = self.shape != "step"
+            if not (self.duration > 0.0 if strict else self.duration >= 0.0):
+                raise ValueError(f"gust.duration = {self.duration!r}: must be {'above' if strict else 'at least'} 0 s")
+
+    def at(self, t: Any) -> Vec3:
+        """Value at time t (s), world axes.
+
+        Source: step as RotorS, gazebo_wind_plugin.cpp (gust window); one minus cosine as CS 25.341(a)(2).
+        """
+        since = t - self.start
+        shape: Any = 1
+        if self.shape == "one_minus_cosine":
+            shape = 0.5 * (1.0 - cos(2.0 * math.pi * since / self.duration))
+        return Vec3(*(self._windowed(t, mul(peak, shape)) for peak in self.peak))
+
+    def _windowed(self, t: Any, value: Any) -> Any:
+        if type(value) is int and value == 0:
+            return 0  # a direction without a gust stays structure
+        return where(t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0))

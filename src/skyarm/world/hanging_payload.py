@@ -1,0 +1,149 @@
+"""A payload that hangs on a cord: a point mass that swings below the frame that holds it.
+
+The cord pulls and never pushes: its tension is k (r - L) + c dr/dt where it is longer than L, and at least zero. In
+each control period the load is moved in ``SUBSTEPS`` semi-implicit Euler steps while the frame goes on with the
+velocity that it had at the beginning; the mean tension of these steps pulls the frame throughout the period. The
+vehicle gets exactly the momentum that the load loses, and the coupling is of first order in the period. It holds while
+the cord's own swing sqrt(k / m) is slow against the control rate (``FASTEST``): a cord is not stiffer than that here.
+
+Source: spherical pendulum on an elastic cord; staggered coupling as in Felippa, Park, Farhat 2001.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, maximum, mul, sqrt, where
+from skyarm.compile.tracing.lower import repeat
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.coerce import concrete
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Wrench, require_frame
+from skyarm.world.timed_payload import TimedPayload
+
+SUBSTEPS = 20
+"""Steps of the load in a control period."""
+
+FASTEST = 0.5
+"""Largest product of the cord's own angular frequency, with the load on it, and the control period."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Swing:
+    """A hanging load in a substep: its place (m) and velocity (m/s), the frame's place, the sum of tensions (N)."""
+
+    position: Vec3
+    velocity: Vec3
+    holder: Vec3
+    pull: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HangingMemory:
+    """What has become of a hanging payload.
+
+    Attributes:
+        held, caught, gone, place: as :class:`skyarm.world.timed_payload.PayloadMemory`.
+        position, velocity: of the load, m and m/s, world axes. pull: mean force of the cord on the frame, N.
+    """
+
+    held: Scalar
+    caught: Scalar
+    gone: Scalar
+    place: Vec3
+    position: Vec3
+    velocity: Vec3
+    pull: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HangingPayload(TimedPayload):
+    """A hanging payload is a point mass on a cord that is held from ``pick`` to ``drop``.
+
+    It is picked up at rest, straight below the frame, with the cord as long as its weight makes it.
+
+    Attributes:
+        stretch: of the cord under the load's weight, by its length: it says how stiff the cord is.
+    """
+
+    cord: Annotated[Scalar, Unit("m", "length without load", low=0.0, strict=True)] = 0.5
+    stretch: Annotated[Scalar, Unit("", "of the cord by the load's weight", low=0.0, high=1.0, strict=True)] = 0.02
+    damping_ratio: Annotated[Scalar, Unit("", "of the cord's own swing", low=0.0)] = 0.2
+
+    def __post_init__(self) -> None:
+        # not super(): a dataclass with slots is another class than the one that is being made here
+        TimedPayload.__post_init__(self)
+        for name in ("inertia", "com"):
+            given = tuple(getattr(self, name))
+            if any(not isinstance(each, (int, float)) or each != 0 for each in given):
+                raise ValueError(f"{name} = {shown(given)}: must be left out of a hanging payload, a point mass")
+
+    @property
+    def rigid(self) -> bool:  # type: ignore[override]
+        """No: it has a motion of its own."""
+        return False
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without its frame, and a cord that is too stiff for the control period."""
+        require_frame(vehicle, self.frame)
+        if not concrete(self.cord, self.stretch, gravity):
+            return
+        least = gravity * (period / FASTEST) ** 2 / self.cord
+        if self.stretch < least:
+            raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
+
+    def start(self, period: float, draws: Any) -> Any:
+        """Not held yet."""
+        rest = TimedPayload.start(self, period, draws)
+        still = Vec3(0.0, 0.0, 0.0)
+        return HangingMemory(
+            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, position=rest.place, velocity=still,
+            pull=still,
+        )  # fmt: skip
+
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """Memory for the period that begins at ``t`` (s): the load at its end, and the mean pull on the frame in it."""
+        at = motion.frame(self.frame or None)
+        holder, speed = motion.position(*at), motion.velocity(*at)
+        held, caught, gone, place = self.passed(memory, t, holder)
+        below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
+        first = Vec3(*(where(caught > 0.5, b, p) for b, p in zip(below, memory.position, strict=True)))
+        still = Vec3(*(where(caught > 0.5, 0.0, v) for v in memory.velocity))
+        swing = Swing(position=first, velocity=still, holder=holder, pull=Vec3(0.0, 0.0, 0.0))
+        step = dt / SUBSTEPS
+        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
+
+        def where_held(new: Vec3, old: Vec3) -> Vec3:
+            return Vec3(*(where(held > 0.5, a, b) for a, b in zip(new, old, strict=True)))
+
+        return HangingMemory(
+            held=held, caught=caught, gone=gone, place=place,
+            position=where_held(swing.position, memory.position),
+            velocity=where_held(swing.velocity, memory.velocity),
+            pull=where_held(swing.pull * (1.0 / SUBSTEPS), Vec3(0.0, 0.0, 0.0)),
+        )  # fmt: skip
+
+    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Any, dt: Any) -> Swing:
+        """One substep: tension by mass and gravity's units, so that a massless load swings, too."""
+        to_tip = now.holder - now.position
+        length = sqrt(to_tip.dot(to_tip) + 1e-24)
+        along = to_tip * (1.0 / length)
+        square = gravity / (self.stretch * self.cord)  # k / m
+        damping = 2.0 * self.damping_ratio * sqrt(square)
+        tension = square * (length - self.cord) + damping * along.dot(speed - now.velocity)
+        tension = where(length > self.cord, maximum(tension, 0.0), 0.0)
+        velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * gravity) * dt
+        return Swing(
+            position=now.position + velocity * dt, velocity=velocity, holder=now.holder + speed * dt,
+            pull=now.pull - along * mul(tension, self.mass),
+        )  # fmt: skip
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """The cord's pull on the frame."""
+        point, body = motion.frame(self.frame or None)
+        return (Wrench(force_W=memory.pull, torque_W=ZERO3, point=point, body=body),)

@@ -1,0 +1,30 @@
+"""A payload held by the vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Payload:
+    """A payload is a point mass fixed to a frame for the whole episode.
+
+    Attributes:
+        frame: name of the frame that holds it; empty for the vehicle's tip.
+    """
+
+    mass: Annotated[Scalar, Unit("kg", low=0.0)]
+    frame: str = ""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "payload")
+
+    def held_by(self, vehicle: Vehicle) -> Vehicle:
+        """Return the vehicle with this payload; raises VehicleError for an unknown frame."""
+        return vehicle.with_payload(self.mass, self.frame or None)

@@ -1,0 +1,192 @@
+"""Shapes, solids and their meshes: what stands for a body in every picture, without mass or contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files.stl_mesh import METRES, mesh_or_none
+
+Array = npt.NDArray[np.float64]
+
+Vector = tuple[float, float, float]
+
+RGBA = tuple[float, float, float, float]
+"""Red, green, blue, opacity, from 0 to 1."""
+
+Matrix = tuple[Vector, Vector, Vector]
+
+UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
+"""What a shape stands for; who draws it chooses a colour by it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A solid in the frame of its body.
+
+    Attributes:
+        name: unique among the shapes of a vehicle.
+        role: one of ROLES.
+        kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
+            along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
+            is along z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius, length; the origin is
+            in the middle of the mouth), "mesh" (its scale along its axes).
+        body: link of the vehicle, BASE for the airframe; of a surface of the world it says nothing.
+        size: m, by kind.
+        position: centre, m, axes of the body.
+        rotation: rows of R_BS, axes of the shape to those of the body.
+        mesh: path of an STL file in its place, axes of the shape, for who draws meshes; empty for none.
+    """
+
+    name: str
+    role: str
+    kind: str
+    body: int
+    size: tuple[float, ...]
+    position: Vector = (0.0, 0.0, 0.0)
+    rotation: Matrix = UPRIGHT
+    mesh: str = ""
+
+
+SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
+OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A shape in the world at N instants.
+
+    Attributes:
+        shape: kind and size.
+        position: (N, 3) of its origin in the world, m. rotation: (N, 3, 3), its axes to the world's.
+        rgba: colour.
+    """
+
+    shape: Shape
+    position: Array
+    rotation: Array
+    rgba: RGBA = SURFACE
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is elsewhere at any later instant."""
+        return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
+
+
+def between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
+    """A capsule or cylinder from one point of a body to another."""
+    along = floats(b - a for a, b in zip(start, end, strict=True))
+    centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))
+    return Shape(name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along))
+
+
+def turn_onto(axis: Vector) -> Matrix:
+    """Rotation, as rows, that turns z onto an axis of any length by the shortest way; about x where it is -z."""
+    length = math.hypot(*axis)
+    if length == 0.0:
+        return UPRIGHT
+    x, y, z = (component / length for component in axis)
+    across = x * x + y * y
+    if z < 0.0 and across == 0.0:
+        return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+    # 1 / (1 + z), which loses its digits next to the lower pole
+    k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across
+    return ((1.0 - k * x * x, -k * x * y, x), (-k * x * y, 1.0 - k * y * y, y), (-x, -y, z))
+
+
+def floats(values: Iterable[Any]) -> Vector:
+    """Three concrete numbers as floats."""
+    x, y, z = values
+    return (float(x), float(y), float(z))
+
+
+Faces = npt.NDArray[np.int64]
+
+AROUND = 24
+"""Corners of a circle."""
+
+BLADE = (0.12, 0.02)
+"""Width and height of a rotor's blade, shares of its radius."""
+
+
+def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
+    """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
+
+    Args:
+        shape: any of :data:`skyarm.world.scene.shapes`; one with a mesh whose file is there is that.
+        around: corners of a circle.
+
+    Raises:
+        ValueError: a kind of shape that there is not.
+    """
+    own, size = own_mesh(shape), shape.size
+    arc = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)]
+    if own is not None:
+        vertices, faces = own
+    elif shape.kind in ("sphere", "ellipsoid"):
+        vertices, faces = _revolve([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
+        vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
+    elif shape.kind == "cylinder":
+        radius, half = size[0], 0.5 * size[1]
+        vertices, faces = _revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
+    elif shape.kind == "capsule":
+        lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
+        vertices, faces = _revolve([*lower, *((r, -z) for r, z in reversed(lower))], around)
+    elif shape.kind == "box":
+        vertices, faces = _box(np.array(size))
+    elif shape.kind == "hole":
+        radius, depth, chamfer, outer, length = size
+        plate = [(0.0, -length), (outer, -length), (outer, 0.0), (radius + chamfer, 0.0)]
+        vertices, faces = _revolve([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
+    elif shape.kind == "patch":
+        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*size, 0.0]
+        faces = np.array([[0, 1, 2], [0, 2, 3]])
+    else:
+        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
+        raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
+    return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
+
+
+def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
+    """Vertices (m, axes of the shape) and triangles of a shape's file; None without one that can be read."""
+    if not shape.mesh:
+        return None
+    x, y, z = shape.size if shape.kind == "mesh" else METRES
+    found = mesh_or_none(shape.mesh, (x, y, z))
+    if found is None or x * y * z > 0.0:
+        return found
+    vertices, faces = found
+    return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
+
+
+def blade_mesh(radius: float) -> tuple[Array, Faces]:
+    """A rotor's blade from end to end along x, thin along z, about its hub."""
+    return _box(np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius]))
+
+
+def _box(half: Array) -> tuple[Array, Faces]:
+    """A box about the origin by its half lengths (3,)."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
+
+
+def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
+    """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
+    angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
+    vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])
+    k = np.arange(around)
+    following, faces = (k + 1) % around, []
+    for low in range(0, (len(profile) - 1) * around, around):
+        high = low + around
+        faces.append(np.stack([low + k, low + following, high + following], axis=1))
+        faces.append(np.stack([low + k, high + following, high + k], axis=1))
+    return vertices, np.concatenate(faces)

@@ -1,0 +1,249 @@
+"""Shapes of a vehicle and the poses of its bodies, at one instant or at many."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra.matrix import axis_rotation
+from skyarm.algebra.scalars import divide, sqrt
+from skyarm.compile import trace
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.program import Program
+from skyarm.dynamics.kinematics import link_poses
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Look, Vehicle
+from skyarm.world.scene.shapes import Shape, Vector, between, floats, own_mesh, turn_onto
+
+LEAST_REACH = 0.1
+"""m: scale of what has no rotors."""
+
+PAYLOAD_DENSITY = 2000.0
+"""kg/m^3: a payload is drawn as a ball of this density, between water's and aluminium's."""
+
+_ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
+def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
+    """Shapes to draw a vehicle by: meshes of its links, else guesses from its rotors and joints.
+
+    Args:
+        vehicle: with concrete numbers.
+        meshes: whether links are drawn as the meshes that their file names, where these are there.
+    """
+    reach = longest_boom(vehicle)
+    drawn = [(look, _mesh_shape(i, look)) for i, look in enumerate(vehicle.looks) if meshes]
+    drawn = [(look, shape) for look, shape in drawn if own_mesh(shape)]
+    # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
+    merged = {frame.name for frame in vehicle.frames}
+    covered = {look.link for look, _ in drawn if look.name not in merged}
+    hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
+    shapes = [] if BASE in covered else [hull]
+    shapes += _rotor_shapes(vehicle, reach)
+    shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
+    shapes += [shape for _, shape in drawn]
+    for i, link in enumerate(vehicle.moving):
+        if i not in covered:
+            shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
+        if link.joint.kind == "revolute":
+            half = 0.07 * reach
+            axis = floats(link.joint.axis)
+            ends = (floats(-half * c for c in axis), floats(half * c for c in axis))
+            shapes.append(between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
+    if vehicle.end_effector:
+        tip = vehicle.frame()
+        shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), floats(tip.position)))
+    return tuple(shapes)
+
+
+def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3) -> Shape:
+    """Ball of a payload (kg) about its centre of mass (m, axes of the frame), at a frame or the end effector."""
+    at = vehicle.frame(frame or None)
+    radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
+    return Shape("payload", "payload", "sphere", at.link, (radius,), floats(at.position + at.rotation.apply(com)))
+
+
+def rotor_radius(vehicle: Vehicle) -> float:
+    """Radius of the discs, m: neighbours leave each other a tenth of their distance, or half the longest boom."""
+    hubs = [floats(rotor.position) for rotor in vehicle.rotors]
+    apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
+    longest = 0.5 * longest_boom(vehicle)
+    # coaxial pairs are closer than their discs are wide
+    sideways = [d for d in apart if d > 0.3 * longest]
+    return min([longest, *(0.45 * d for d in sideways)])
+
+
+def longest_boom(vehicle: Vehicle) -> float:
+    """Distance of the farthest rotor from the base, m; LEAST_REACH without rotors: the scale of every shape."""
+    return max((math.hypot(*floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
+
+
+def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
+    shapes = []
+    radius = rotor_radius(vehicle)
+    for rotor in vehicle.rotors:
+        hub = floats(rotor.position)
+        if math.hypot(*hub) > 1e-6:
+            shapes.append(between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
+        disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
+        shapes.append(Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis))
+    return shapes
+
+
+def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
+    """A rod from a body's origin to each joint and frame that it carries; a last link's is to its centre of mass."""
+    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
+    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
+    role = "boom" if body == BASE else "link"
+    if body != BASE and not ends:
+        ends = [("com", vehicle.moving[body].body.com)]
+    rods = []
+    for carried, end in ends:
+        if math.hypot(*floats(end)) > 1e-6:
+            rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)))
+    return rods
+
+
+def _mesh_shape(number: int, look: Look) -> Shape:
+    """A link's mesh as its file has it."""
+    a, b, c = (floats(row) for row in look.rotation.rows)
+    role = "hull" if look.link == BASE else "link"
+    name = f"mesh{number + 1}/{look.name}"
+    return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)
+
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Bodies in the world at one instant; row 0 is the base, row 1 + i is link i.
+
+    Attributes:
+        rotations: (bodies, 3, 3), R_WB. positions: (bodies, 3), m.
+        tip: (3,), m; the base's origin where there is no tip.
+    """
+
+    rotations: Array
+    positions: Array
+    tip: Array
+
+
+@lru_cache(maxsize=16)
+def _program(vehicle: Vehicle) -> Program:
+    """Rows of R_WB and p_WB of every body, and the tip, as one program."""
+    frame = vehicle.frame() if vehicle.end_effector else None
+
+    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Any, ...]) -> tuple[Any, ...]:
+        q = quaternion
+        length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
+        R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
+        links = [(R_WB @ pose.R, position + R_WB.apply(pose.p)) for pose in link_poses(vehicle, joints)]
+        tip = position if frame is None else links[frame.link][1] + links[frame.link][0].apply(frame.position)
+        rows = [(*chain.from_iterable(R.rows), *p) for R, p in [(R_WB, position), *links]]
+        return (*chain.from_iterable(rows), *tip)
+
+    return trace(poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n)
+
+
+def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], joints: Sequence[Any]) -> Placed:
+    """Poses of all bodies at one instant, fast enough for sixty pictures a second.
+
+    Args:
+        vehicle: with concrete numbers.
+        position: (3,) of the base, m.
+        quaternion: (4,) wxyz, body to world; any length but zero.
+        joints: (n,) rad or m.
+    """
+    out = np.array(_program(vehicle).flat((*map(float, position), *map(float, quaternion), *map(float, joints))))
+    table = out[:-3].reshape(-1, 12)
+    return Placed(table[:, :9].reshape(-1, 3, 3), table[:, 9:], out[-3:])
+
+
+def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> dict[int, tuple[Array, Array]]:
+    """Poses of all bodies at N instants.
+
+    Args:
+        vehicle: with concrete numbers.
+        position: (N, 3) of the base, m.
+        quaternion: (N, 4) wxyz, body to world; any length but zero.
+        joints: (N, n) rad or m.
+
+    Returns:
+        body (BASE or index of a link) -> (R_WB (N, 3, 3), p_WB (N, 3)).
+    """
+    columns = [*position.T, *quaternion.T, *joints.T]
+    rows = evaluate(_program(vehicle), columns, len(position))[:-3].T.reshape(len(position), -1, 12)
+    return {BASE + k: (rows[:, k, :9].reshape(-1, 3, 3), rows[:, k, 9:]) for k in range(rows.shape[1])}
+
+
+def quaternions_of(rotations: Array) -> Array:
+    """Unit quaternions (N, 4) wxyz, w at least 0, of rotation matrices (N, 3, 3).
+
+    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
+    """
+    R = rotations
+    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
+    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
+    d, e, f = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
+    w, x, y, z = squares.T
+    products = np.array([[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]).transpose(2, 0, 1)
+    found: Array = products[np.arange(len(R)), squares.argmax(axis=1)]
+    upper = found * np.where(found[:, :1] < 0.0, -1.0, 1.0)
+    return np.asarray(upper / np.linalg.norm(upper, axis=1, keepdims=True))
+
+
+def rotations_of(quaternions: Array) -> Array:
+    """Rotation matrices (N, 3, 3) of quaternions (N, 4) wxyz of any length but zero."""
+    unit = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return matrices(Quaternion(*unit.T).rotation(), len(unit))
+
+
+def vectors(v: Vec3, count: int) -> Array:
+    """A vector of numbers and columns (N,) as (N, 3)."""
+    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), count) for c in v], axis=1)
+
+
+def matrices(R: Mat3, count: int) -> Array:
+    """A matrix of numbers and columns (N,) as (N, 3, 3)."""
+    entries = [np.broadcast_to(np.asarray(c, dtype=float), count) for row in R.rows for c in row]
+    return np.stack(entries, axis=1).reshape(count, 3, 3)
+
+
+def rotor_turns(vehicle: Vehicle, tilts: Array) -> dict[str, Array]:
+    """Turn of every tilting rotor about its hub, by the name of its disc's shape.
+
+    Args:
+        vehicle: with concrete numbers.
+        tilts: (N, tilting rotors) rad; of a log without angles (N, 0), and then there are none.
+
+    Returns:
+        name of the shape -> R_BB (N, 3, 3): from the base's axes as the disc is at rest to those as it is turned.
+    """
+    axes = {disc_name(rotor.name): rotor.tilt.axis for rotor in vehicle.rotors if rotor.tilt is not None}
+    if tilts.shape[1] != len(axes):
+        return {}
+    return {
+        name: matrices(axis_rotation(axis, angle), len(angle))
+        for (name, axis), angle in zip(axes.items(), tilts.T, strict=True)
+    }
+
+
+def disc_name(rotor: str) -> str:
+    """Name of the shape of a rotor's disc."""
+    return f"rotor/{rotor}"
+
+
+def shape_rotation(shape: Shape, turns: dict[str, Array]) -> Array:
+    """R_BS of a shape: (N, 3, 3) of a disc that is turned, (3, 3) of any other."""
+    still = np.array(shape.rotation)
+    return turns[shape.name] @ still if shape.name in turns else still

@@ -1,0 +1,102 @@
+"""Vectors whose components are signals of time, and coloured noise that is added to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, exp, mul, sqrt
+from skyarm.algebra.scalars.philox import normals
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.signals import Constant, Signal
+
+NONE = Constant(0)
+"""A component that is not there: a structural zero."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SignalVector:
+    """Three signals of time, one for each axis; in a file a list of three, each a number, a table or a list."""
+
+    x: Signal = NONE
+    y: Signal = NONE
+    z: Signal = NONE
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "vector of signals")
+
+    @classmethod
+    def from_table(cls, entry: Any, where: str) -> SignalVector:
+        """Read what a file holds; raises ValueError with one line."""
+        if not isinstance(entry, list) or len(entry) != 3:
+            raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
+        return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in zip("xyz", entry, strict=True)})
+
+    def at(self, t: Any) -> Vec3:
+        """Value at time t, s."""
+        return Vec3(*(signal.derivatives(t)[0] for signal in (self.x, self.y, self.z)))
+
+
+def _signal(entry: Any, where: str) -> Signal:
+    """A signal; an exact zero is structure and costs nothing."""
+    return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
+
+
+NO_SIGNALS = SignalVector()
+
+
+DEVIATIONS = ("force", "torque", "velocity")
+"""What noise may be of."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ColouredNoise:
+    """First-order Gauss-Markov noise of up to six components, sampled exactly once per control period and held in it.
+
+    Its standard deviation does not depend on the control period, its spectrum is flat up to ``bandwidth_hz`` and falls
+    with 20 dB per decade above: the autocovariance is sigma^2 exp(-2 pi bandwidth |tau|).
+
+    Source: Brown, Hwang 2012, section 3.9 (first-order Gauss-Markov process).
+    """
+
+    force: Annotated[Vec3, Unit("N", "standard deviation of the force", low=0.0, folds=True)] = ZERO3
+    torque: Annotated[Vec3, Unit("N m", "standard deviation of the torque", low=0.0, folds=True)] = ZERO3
+    velocity: Annotated[Vec3, Unit("m/s", "standard deviation of the velocity of the air", low=0.0, folds=True)] = ZERO3
+    bandwidth_hz: Annotated[Scalar, Unit("Hz", "where its spectrum has fallen to a half", low=0.0, strict=True)]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "noise")
+
+    def require_only(self, *own: str) -> None:
+        """Refuse deviations of what its owner has not; a zero is none.
+
+        Raises:
+            ValueError: one line with the field, its value and what there is.
+        """
+        for name in DEVIATIONS:
+            value = getattr(self, name)
+            if name not in own and not all(concrete(each) and each == 0.0 for each in value):
+                has = " and ".join(f"noise.{each}" for each in own)
+                raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
+
+    def first(self, draws: Sequence[Any], count: int) -> tuple[Any, ...]:
+        """Stationary from the start: that many unit normal numbers."""
+        return tuple(normals(draws)[:count])
+
+    def next(self, memory: Sequence[Any], dt: Any, draws: Sequence[Any]) -> tuple[Any, ...]:
+        """Unit noise of the next period."""
+        left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
+        fresh = sqrt(1.0 - left * left)
+        return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
+
+
+def scaled(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
+    """Unit noise times standard deviations; none where a deviation is a structural zero."""
+    return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

@@ -1,0 +1,148 @@
+"""Payloads with a time: a rigid load that the vehicle picks up and sets down during the flight.
+
+A load that is not held rests on something and is no part of the plant. It is grasped at an instant, or as soon as the
+frame that grasps it is within reach of the place where it lies; from then on it is a part of that frame's body: its
+mass, its centre of mass and its moments of inertia enter the equations of motion. It is let go at an instant, or within
+reach of a place, once.
+
+A load at rest that is grasped by a frame that moves takes momentum: body and load go on together (inelastic capture,
+:mod:`skyarm.plant.loads`). A load that is let go takes along what momentum it has, and the vehicle's velocities stay.
+What happens to it afterwards is not simulated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, logical_and, mul, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Column, Component, require_frame
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reach:
+    """A sphere in the world: a place, and how near to it counts."""
+
+    within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
+    of: Annotated[Vec3, Unit("m", "world axes")]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "reach")
+
+    def holds(self, position_W: Vec3) -> Any:
+        """Whether a place (m, world axes) lies within it."""
+        away = position_W - self.of
+        return away.dot(away) <= mul(self.within, self.within)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PayloadMemory:
+    """What has become of a payload.
+
+    Attributes:
+        held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
+        place: where it lies, m, world axes: before the grasp where it is to be grasped, after it where it was let go.
+    """
+
+    held: Scalar
+    caught: Scalar
+    gone: Scalar
+    place: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimedPayload(Component):
+    """A timed payload is a rigid load that is held from ``pick`` to ``drop``.
+
+    With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
+    period that does not begin before: a load is held for whole control periods.
+
+    Attributes:
+        name: for logs and pictures; empty for its number.
+        frame: that holds it; empty for the vehicle's tip.
+        pick_place, drop_place: where the frame must be; None for anywhere.
+        believed: of a task whose phases wait: the law is told of it as the task has it, at the reference's time.
+    """
+
+    name: str = ""
+    mass: Annotated[Scalar, Unit("kg", low=0.0)]
+    inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, axes of its frame", low=0.0)] = ZERO3
+    com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = ZERO3
+    frame: str = ""
+    pick: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    pick_place: Reach | None = None
+    drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
+    drop_place: Reach | None = None
+    believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+
+    @property
+    def rigid(self) -> bool:  # type: ignore[override]
+        """Whether it is a part of the body that holds it."""
+        return True
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "payload")
+        if self.drop_place is not None and isinstance(self.drop, float) and math.isinf(self.drop):
+            object.__setattr__(self, "drop", 0.0)  # at any time within its reach
+        moments = tuple(self.inertia)
+        if all(isinstance(each, (int, float)) for each in moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
+            raise ValueError(f"inertia = {list(moments)}: no moment may be larger than the sum of the other two")
+        instants = isinstance(self.pick, (int, float)) and isinstance(self.drop, (int, float))
+        if instants and self.drop_place is None and not self.pick < self.drop:
+            raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
+
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without the frame that holds it."""
+        require_frame(vehicle, self.frame)
+
+    def start(self, period: float, draws: Any) -> Any:
+        """Not held yet."""
+        place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
+        return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
+
+    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+        """Grasp and release at the beginning of a control period."""
+        held, caught, gone, place = self.passed(memory, t, motion.position(*motion.frame(self.frame or None)))
+        return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Mass that is held."""
+        return (("payload_mass", self.name, ""),)
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Mass that is held, kg."""
+        return (mul(self.mass, memory.held),)
+
+    def passed(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
+        """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
+        held, gone = memory.held > 0.5, memory.gone > 0.5
+        pick, drop = self.reached(t, position_W)
+        caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
+        dropped = where(held, where(drop, 1.0, 0.0), 0.0)
+        now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
+        place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
+        return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
+
+    def reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
+        """Whether instant and place of the grasp and of the release are reached, with the frame at a place (m)."""
+        pick, drop = t >= self.pick, t >= self.drop
+        if self.pick_place is not None:
+            pick = logical_and(pick, self.pick_place.holds(position_W))
+        if self.drop_place is not None:
+            drop = logical_and(drop, self.drop_place.holds(position_W))
+        return pick, drop
+
+    def body(self, vehicle: Vehicle, share: Any = 1) -> tuple[int, Body]:
+        """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""
+        at = vehicle.frame(self.frame or None)
+        moments = Sym3(*(mul(each, share) for each in self.inertia)).rotated(at.rotation)
+        return at.link, Body(mass=mul(self.mass, share), com=at.position + at.rotation.apply(self.com), inertia=moments)

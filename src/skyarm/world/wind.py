@@ -1,0 +1,135 @@
+"""Wind in two honest modes: a force and an air speed typed apart (RotorS), or an air velocity that causes drag."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars.philox import normals
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.world import dryden
+from skyarm.world.component import Air, Component, Force, Wrench
+from skyarm.world.dryden import Dryden
+from skyarm.world.effectiveness import Effectiveness
+from skyarm.world.gust import Gust
+
+
+@dataclass(frozen=True, slots=True)
+class WindSample(Component):
+    """What the vehicle feels of its surroundings at one instant; as a component, surroundings that never change.
+
+    Attributes:
+        force_W: force on the base, world axes, N.
+        point_B: point of the base where it acts, base frame, m.
+        air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
+        effectiveness: what faults leave of the actuators (:mod:`skyarm.world.faults`); None for whole ones.
+        numbers: of all components for the log, in the order of their ``columns``.
+    """
+
+    force_W: Vec3 = ZERO3
+    point_B: Vec3 = ZERO3
+    air_velocity_W: Vec3 = ZERO3
+    effectiveness: Effectiveness | None = None
+    numbers: tuple[Scalar, ...] = ()
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """The same everywhere and always."""
+        return self.air_velocity_W
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """The force on the base."""
+        return (Wrench(force_W=self.force_W, point=self.point_B),)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceWind(Force):
+    """A force wind is a force and an air velocity as independent inputs, as RotorS's wind plugin has it.
+
+    A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
+
+    Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
+    """
+
+    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True)] = ZERO3
+    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
+    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True)] = ZERO3
+    gust: Gust | None = None
+    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "wind")
+        for gust in all_gusts(self):
+            if gust.shape != "step":
+                raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """The constant wind that the rotors feel."""
+        return self.air_velocity_W
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """Mean and gust force on the base."""
+        force = self.force_W
+        for gust in all_gusts(self):
+            force = force + gust.at(t)
+        return (Wrench(force_W=force, point=self.point_B),)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MovingAir(Air):
+    """Moving air has a velocity from which rotor drag and body drag are computed; there is no direct force.
+
+    Attributes:
+        gust: additional air velocity. gusts: more of them, which add up.
+        turbulence: parameters of the Dryden model; None for smooth air.
+    """
+
+    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True)] = ZERO3
+    gust: Gust | None = None
+    turbulence: Dryden | None = None
+    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "wind")
+
+    @property
+    def uniforms(self) -> int:
+        """Three normal numbers a period, which come in pairs."""
+        return 0 if self.turbulence is None else 4
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """Stationary from the first period on."""
+        if self.turbulence is None:
+            return ()
+        numbers = normals(draws)
+        return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """The turbulence of the next period."""
+        if self.turbulence is None:
+            return memory
+        return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """Mean + gust + turbulence."""
+        velocity = self.velocity_W
+        for gust in all_gusts(self):
+            velocity = velocity + gust.at(t)
+        return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
+
+
+def all_gusts(wind: Any) -> tuple[Gust, ...]:
+    """Every gust of a wind: the one, then the others."""
+    return wind.gusts if wind.gust is None else (wind.gust, *wind.gusts)
+
+
+Wind = ForceWind | MovingAir
+
+NO_WIND = MovingAir()
+"""Calm air: every component is a structural zero and folds away."""

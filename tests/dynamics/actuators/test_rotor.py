@@ -1,0 +1,200 @@
+"""One rotor against the numbers of RotorS's motor plugin, worked out by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from rotor_layouts import HUMMINGBIRD, K_F, K_M, hummingbird_rotor
+
+from skyarm.algebra import Vec3
+from skyarm.compile import trace
+from skyarm.dynamics.actuators import rotor_force, rotor_forces, speed_after
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+ROTOR = hummingbird_rotor()
+UP = [(0.01, 0.449329), (0.005, 0.670320), (0.002, 0.852144), (0.001, 0.923116)]
+DOWN = [(0.01, 0.670320), (0.005, 0.818731), (0.002, 0.923116), (0.001, 0.960789)]
+STILL = Vec3(0.0, 0.0, 0.0)
+
+
+def array(v):
+    return np.array(tuple(v), dtype=float)
+
+
+@pytest.mark.parametrize(("dt", "left"), UP)
+def test_a_rising_speed_lags_by_the_short_time_constant(dt, left):
+    # the table has six digits
+    assert speed_after(ROTOR, 0.0, 1.0, dt) == pytest.approx(1.0 - left, abs=1e-6)
+    assert speed_after(ROTOR, 300.0, 500.0, dt) == pytest.approx(500.0 - 200.0 * left, abs=2e-4)
+
+
+@pytest.mark.parametrize(("dt", "left"), DOWN)
+def test_a_falling_speed_lags_by_the_long_time_constant(dt, left):
+    assert speed_after(ROTOR, 1.0, 0.0, dt) == pytest.approx(left, abs=1e-6)
+    assert speed_after(ROTOR, 500.0, 300.0, dt) == pytest.approx(300.0 + 200.0 * left, abs=2e-4)
+
+
+def test_the_lag_is_a_semigroup():
+    """Two half periods are one period, as only the exact solution has it."""
+    for speed, command in ((200.0, 700.0), (700.0, 200.0), (500.0, 500.0)):
+        halves = speed_after(ROTOR, speed_after(ROTOR, speed, command, 0.0025), command, 0.0025)
+        assert halves == pytest.approx(speed_after(ROTOR, speed, command, 0.005), rel=1e-15)
+
+
+def test_a_held_speed_stays():
+    assert speed_after(ROTOR, 485.08, 485.08, 0.005) == 485.08
+
+
+def test_a_command_above_the_limit_is_the_limit():
+    assert speed_after(ROTOR, 700.0, 5000.0, 0.005) == speed_after(ROTOR, 700.0, 838.0, 0.005)
+    assert speed_after(ROTOR, 0.0, 1e9, 10.0) == pytest.approx(838.0, rel=1e-12)
+    # a limit decides the direction too: a rotor above it slows down with the long time constant
+    assert speed_after(ROTOR, 900.0, 5000.0, 0.005) == pytest.approx(838.0 + 62.0 * 0.818731, abs=1e-4)
+
+
+def test_four_rotors_at_hover_speed_carry_the_weight():
+    thrust = sum(rotor_force(rotor, 485.08, STILL).force.z for rotor in HUMMINGBIRD.rotors)
+    assert thrust == pytest.approx(0.82103 * 9.8, rel=2e-5)  # the speed has five digits
+
+
+def test_four_rotors_at_the_limit_give_24_newtons():
+    thrust = sum(rotor_force(rotor, 838.0, STILL).force.z for rotor in HUMMINGBIRD.rotors)
+    assert thrust == pytest.approx(24.01, abs=0.005)
+
+
+@pytest.mark.parametrize(("direction", "sign"), [(1, -1.0), (-1, 1.0)])
+def test_the_drag_torque_is_against_the_rotation(direction, sign):
+    force = rotor_force(hummingbird_rotor(direction=direction), 500.0, STILL)
+    thrust = 8.54858e-6 * 250000.0
+    np.testing.assert_allclose(array(force.force), [0.0, 0.0, thrust], rtol=1e-15)
+    np.testing.assert_allclose(array(force.torque), [0.0, 0.0, sign * 0.016 * thrust], rtol=1e-15)
+
+
+def test_thrust_lifts_the_side_of_the_hub():
+    """Positive roll lifts +y; positive pitch lowers +x."""
+    left = rotor_force(hummingbird_rotor(position=Vec3(0.0, 0.17, 0.01)), 500.0, STILL)
+    front = rotor_force(hummingbird_rotor(position=Vec3(0.17, 0.0, 0.01)), 500.0, STILL)
+    moment = 0.17 * 8.54858e-6 * 250000.0
+    np.testing.assert_allclose(array(left.torque)[:2], [moment, 0.0], rtol=1e-15, atol=1e-18)
+    np.testing.assert_allclose(array(front.torque)[:2], [0.0, -moment], rtol=1e-15, atol=1e-18)
+
+
+def test_hub_drag_is_against_the_motion_in_the_plane_of_the_rotor():
+    force = rotor_force(ROTOR, 492.2, Vec3(2.0, -1.0, 5.0))
+    c = 8.06428e-5 * 492.2
+    np.testing.assert_allclose(array(force.force)[:2], [-2.0 * c, 1.0 * c], rtol=1e-14)
+    assert force.force.z == pytest.approx(8.54858e-6 * 492.2**2, rel=1e-14)  # no loss of thrust in climb
+
+
+def test_hub_drag_in_two_metres_per_second_of_wind_is_that_of_the_spec():
+    """Four rotors at 492.2 rad/s, tilted -0.2804 rad into 2 m/s: 0.2932 N along the wind, 0.0845 N of lift."""
+    c, s = math.cos(-0.2804), math.sin(-0.2804)
+    still_air_B = Vec3(-2.0 * c, 0.0, -2.0 * s)  # R_y^T (-2, 0, 0)
+    total = np.zeros(3)
+    for rotor in HUMMINGBIRD.rotors:
+        force = rotor_force(rotor, 492.2, still_air_B).force
+        total += [force.x, force.y, force.z - 8.54858e-6 * 492.2**2]
+    along, lift = c * total[0] + s * total[2], -s * total[0] + c * total[2]
+    assert along == pytest.approx(0.2932, abs=1e-4)
+    assert lift == pytest.approx(0.0845, abs=1e-4)
+
+
+def test_the_rolling_moment_is_against_the_motion_in_the_plane_of_the_rotor():
+    torque = rotor_force(ROTOR, 500.0, Vec3(3.0, -2.0, 7.0)).torque
+    np.testing.assert_allclose(array(torque)[:2], [-3.0 * 5e-4, 2.0 * 5e-4], rtol=1e-14)
+
+
+def test_hub_drag_at_a_raised_hub_pitches_the_vehicle():
+    """Drag 0.01 m above the origin: r x F = (0, 0.01 F_x, 0), beside the rolling moment."""
+    rotor = hummingbird_rotor(position=Vec3(0.0, 0.0, 0.01))
+    torque = rotor_force(rotor, 500.0, Vec3(2.0, 0.0, 0.0)).torque
+    drag = -8.06428e-5 * 500.0 * 2.0
+    np.testing.assert_allclose(array(torque)[:2], [-2.0 * 5e-4, 0.01 * drag], rtol=1e-14)
+
+
+def test_a_tilted_rotor_is_a_turned_rotor():
+    """Everything of a rotor with a turned axis, turned back, is that of the upright rotor."""
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(5)
+    for seed in range(20):
+        R = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        position, velocity = rng.normal(size=3), 3.0 * rng.normal(size=3)
+        upright = hummingbird_rotor(position=Vec3(*position.tolist()), direction=-1)
+        turned = hummingbird_rotor(
+            position=Vec3(*(R @ position).tolist()), axis=Vec3(*(R @ [0.0, 0.0, 1.0]).tolist()), direction=-1
+        )
+        a = rotor_force(upright, 400.0, Vec3(*velocity.tolist()))
+        b = rotor_force(turned, 400.0, Vec3(*(R @ velocity).tolist()))
+        np.testing.assert_allclose(array(b.force), R @ array(a.force), atol=1e-14)
+        np.testing.assert_allclose(array(b.torque), R @ array(a.torque), atol=1e-14)
+
+
+def test_air_only_takes_energy_from_a_moving_rotor():
+    """Hub drag and the rolling moment of a hub that moves without turning: power = F v is never positive."""
+    rng = np.random.default_rng(6)
+    for _ in range(100):
+        axis = rng.normal(size=3)
+        rotor = hummingbird_rotor(axis=Vec3(*(axis / np.linalg.norm(axis)).tolist()))
+        velocity = Vec3(*rng.normal(size=3).tolist())
+        moving, still = rotor_force(rotor, 500.0, velocity), rotor_force(rotor, 500.0, STILL)
+        assert (moving.force - still.force).dot(velocity) < 0.0
+
+
+def test_a_rotor_at_rest_does_nothing():
+    force = rotor_force(hummingbird_rotor(position=Vec3(0.1, 0.2, 0.3)), 0.0, Vec3(3.0, 2.0, 1.0))
+    np.testing.assert_array_equal(array(force.force), np.zeros(3))
+    np.testing.assert_array_equal(array(force.torque), np.zeros(3))
+
+
+def test_a_batch_is_a_loop_of_singles():
+    rng = np.random.default_rng(7)
+    rotor = hummingbird_rotor(position=Vec3(0.1, -0.2, 0.03), axis=Vec3(0.6, 0.0, 0.8))
+    speed, command = rng.uniform(0.0, 838.0, size=(2, 32))
+    velocity = rng.normal(size=(3, 32))
+    force, after = rotor_force(rotor, speed, Vec3(*velocity)), speed_after(rotor, speed, command, 0.005)
+    for lane in range(32):
+        single = rotor_force(rotor, float(speed[lane]), Vec3(*velocity[:, lane].tolist()))
+        np.testing.assert_array_equal([c[lane] for c in force.force], array(single.force))
+        np.testing.assert_array_equal([c[lane] for c in force.torque], array(single.torque))
+        assert after[lane] == speed_after(rotor, float(speed[lane]), float(command[lane]), 0.005)
+
+
+def test_an_upright_rotor_needs_few_products():
+    """W W, k W^2, thrust k_m, two of drag, two of the rolling moment and their coefficients: nothing with 0 or 1."""
+    program = trace(lambda speed, v: rotor_force(ROTOR, speed, v), 1.0, STILL)
+    tilted = trace(lambda speed, v: rotor_force(hummingbird_rotor(axis=Vec3(0.6, 0.0, 0.8)), speed, v), 1.0, STILL)
+    assert program.operations()["mul"] == 3 + 2 + 2 + 2
+    assert tilted.operations()["mul"] > 2 * program.operations()["mul"]
+
+
+def test_the_coefficients_are_those_of_the_spec():
+    assert (K_F, K_M) == (8.54858e-6, 0.016)
+
+
+def vectors_of(rotor, speed, velocity, rate):
+    """Torque and force of one rotor in NumPy, straight from the motor plugin's lines."""
+    r, n = array(rotor.position), array(rotor.axis)
+    hub = velocity + np.cross(rate, r)
+    across = hub - (hub @ n) * n
+    thrust = rotor.thrust_coefficient * speed**2
+    force = thrust * n - rotor.drag_coefficient * speed * across
+    torque = -rotor.direction * rotor.moment_coefficient * thrust * n
+    return np.cross(r, force) + torque - rotor.rolling_moment_coefficient * speed * across, force
+
+
+@pytest.mark.parametrize("name", ["hummingbird", "hexarotor_arm6", "octo_coaxial_two_arms", "tilted_hexarotor"])
+def test_forces_of_many_rotors_are_the_sum_of_each_ones(name):
+    """Alike, coaxial, tilted, and one of them with a drag of its own; rounding only."""
+    rng = np.random.default_rng(8)
+    rotors = load_vehicle(name).rotors
+    for vehicle in (rotors, (dataclasses.replace(rotors[0], drag_coefficient=3e-4), *rotors[1:])):
+        speeds, velocity, rate = rng.uniform(200.0, 700.0, len(rotors)), rng.normal(size=3) * 5.0, rng.normal(size=3)
+        found = rotor_forces(vehicle, speeds.tolist(), Vec3(*velocity.tolist()), Vec3(*rate.tolist()))
+        each = [vectors_of(rotor, speed, velocity, rate) for rotor, speed in zip(vehicle, speeds, strict=True)]
+        torque, force = (sum(parts) for parts in zip(*each, strict=True))
+        assert np.allclose(array(found.torque), torque, rtol=0.0, atol=1e-13)
+        assert np.allclose(array(found.force), force, rtol=0.0, atol=1e-13)

@@ -1,0 +1,115 @@
+"""Every quantity that is counted on the fly, against its definition at one instant far from its goal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import trace
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.log.metrics.accumulate import QUANTITIES, Goal, Instant, quantity, roll_and_pitch, tilt
+
+TURN = Rotation.from_euler("ZYX", [0.9, -0.7, 0.4])
+NOW = {"position": [0.7, -0.4, 1.9], "tool": [0.8, -0.6, 1.5], "joints": [0.5, -0.9], "rate": [0.3, -1.2, 0.8]}
+HELD = {"position": [0.2, 0.3, 2.4], "tool": [0.35, 0.15, 2.2], "joints": [0.1, 0.4]}
+SMOOTH = {"position": [-0.3, 0.9, 1.2], "tool": [-0.1, 0.6, 1.1], "joints": [-0.6, 0.2]}
+COMMANDED, BEFORE, EFFORTS = [470.0, 520.0, 455.0, 500.0], [480.0, 500.0, 485.0, 503.0], [0.07, -0.02]
+
+
+def goal(where):
+    return Goal(position=Vec3(*where["position"]), joints=tuple(where["joints"]), tool=Vec3(*where["tool"]))
+
+
+def instant():
+    x, y, z, w = TURN.as_quat().tolist()
+    state = State(
+        position=Vec3(*NOW["position"]),
+        quaternion=Quaternion(w, x, y, z),
+        velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(*NOW["rate"]),
+        joints=tuple(NOW["joints"]),
+        joint_rates=(0.0, 0.0),
+        rotor_speeds=(480.0,) * 4,
+    )
+    return Instant(
+        state=state,
+        tool=Vec3(*NOW["tool"]),
+        command=Command(rotor_speeds=tuple(COMMANDED), efforts=tuple(EFFORTS)),
+        before=tuple(BEFORE),
+        held=goal(HELD),
+        continuous=goal(SMOOTH),
+        lag=0.35,
+        phase=2.0,
+    )
+
+
+def expected(wanted):
+    """Definitions by NumPy and SciPy."""
+    off = {name: np.subtract(NOW[name], wanted[name]) for name in wanted}
+    _, pitch, roll = TURN.as_euler("ZYX")
+    change = np.subtract(COMMANDED, BEFORE)
+    return {
+        "position": np.linalg.norm(off["position"]),
+        "joint": np.linalg.norm(off["joints"]),
+        "ee": np.linalg.norm(off["tool"]),
+        "ee_outside": float(np.linalg.norm(off["tool"]) > 0.05),
+        "x": off["position"][0],
+        "ee_x": off["tool"][0],
+        "height": -off["position"][2],
+        "altitude": abs(off["position"][2]),
+        "roll": roll,
+        "pitch": pitch,
+        "pitch_size": abs(pitch),
+        "tilt": np.arccos(TURN.as_matrix()[2, 2]),
+        "lag": 0.35,
+        "phase": 2.0,
+        "rate_square": np.sum(np.square(NOW["rate"])),
+        "jitter_size": np.mean(np.abs(change)),
+        "jitter_square": np.mean(change**2),
+    }
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize(("suffix", "wanted"), [("", HELD), ("_continuous", SMOOTH)])
+def test_a_quantity_is_what_its_name_says(name, suffix, wanted):
+    assert quantity(name + suffix, instant()) == pytest.approx(expected(wanted)[name], rel=1e-12)
+
+
+def test_an_effort_is_that_of_its_joint():
+    assert [quantity(f"effort{i}", instant()) for i in range(2)] == EFFORTS
+
+
+UPRIGHT = np.sqrt(0.5)
+"""Twice its square is 1 + 2e-16: the sine of a pitch of a right angle, rounded up."""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("length", [1.0, 1.0 + 1e-12])
+def test_a_nose_that_points_straight_up_or_down_has_a_pitch(sign, length):
+    """Rounding, or the integrator's 1e-12 of length, makes the sine larger than 1: no error, no NaN, in any engine."""
+    assert 2.0 * UPRIGHT * UPRIGHT > 1.0
+    q = Quaternion(UPRIGHT * length, 0.0, sign * UPRIGHT * length, 0.0)
+    traced = trace(lambda q: roll_and_pitch(q)[1], q)
+    for pitch in (roll_and_pitch(q)[1], traced(q)):
+        assert pitch == pytest.approx(sign * 0.5 * np.pi, abs=1e-15)
+
+
+@pytest.mark.parametrize("length", [1.0, 1.0 + 1e-12])
+def test_a_vehicle_upside_down_has_a_tilt(length):
+    q = Quaternion(0.0, 0.6 * length, 0.8 * length, 0.0)
+    traced = trace(tilt, q)
+    for found in (tilt(q), traced(q)):
+        assert found == pytest.approx(np.pi, abs=1e-15)
+
+
+def test_pitch_has_its_sign_and_range_on_the_whole_sphere():
+    """Within 1e-7 rad: the arcsine loses half the digits where the nose is straight up."""
+    for rotation in Rotation.random(300, random_state=5):
+        x, y, z, w = rotation.as_quat().tolist()
+        roll, pitch = roll_and_pitch(Quaternion(w, x, y, z))
+        _, wanted_pitch, wanted_roll = rotation.as_euler("ZYX")
+        assert pitch == pytest.approx(wanted_pitch, abs=1e-7)
+        assert np.cos(roll - wanted_roll) == pytest.approx(1.0, abs=1e-7)

@@ -1,0 +1,100 @@
+"""Libraries below their floors: named in one line where they are installed, with what is needed and what to do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed
+
+
+def distribution(folder: Path, *names: str) -> str:
+    for name in names:
+        (folder / f"{name}.dist-info").mkdir(parents=True)
+    return str(folder)
+
+
+@pytest.mark.parametrize(
+    ("there", "line"),
+    [
+        ("typer-0.12.5", "typer 0.12.5 is installed: must be at least 0.20; python -m pip install"),
+        ("llvmlite-0.44.0", "llvmlite 0.44.0 is installed: must be at least 0.45; python -m pip install"),
+        ("numpy-1.9.3", "numpy 1.9.3 is installed"),  # 9 is below 26
+        ("rich-12.6.0", "rich 12.6.0 is installed"),
+        ("jinja2-2.11.0rc1", "jinja2 2.11.0rc1 is installed"),
+        ("mujoco_core-3.9.0", "mujoco-core 3.9.0 is installed: must be at least 4.0; python -m pip install"),
+        ("matplotlib-unknown", "matplotlib unknown is installed"),
+    ],
+)
+def test_a_version_below_its_floor_is_named_with_what_is_needed(tmp_path: Path, there: str, line: str) -> None:
+    found = installed(FLOORS, [distribution(tmp_path, there, "click-8.5.1")])
+    assert line in (below_floor(found) or "")
+
+
+def test_an_unsplit_mujoco_whose_files_are_those_of_the_core_is_named(tmp_path: Path) -> None:
+    there = installed((*FLOORS, UNSPLIT), [distribution(tmp_path, "mujoco-3.3.7", "mujoco_core-4.0.0")])
+    line = below_floor(there) or ""
+    assert line.startswith("mujoco 3.3.7 is installed, whose files are those of mujoco-core")
+    assert "pip uninstall --yes mujoco" in line
+    split = installed((*FLOORS, UNSPLIT), [distribution(tmp_path / "split", "mujoco-4.0.0", "mujoco_core-4.0.0")])
+    assert below_floor(split) is None
+
+
+@pytest.mark.parametrize("there", ["typer-0.20", "typer-0.20.0", "typer-1.0a1", "rich-13.0.0", "numpy-2.0.0+local"])
+def test_a_version_at_its_floor_or_above_is_fine(tmp_path: Path, there: str) -> None:
+    found = installed(FLOORS, [distribution(tmp_path, there)])
+    assert len(found) == 1
+    assert below_floor(found) is None
+
+
+def test_the_first_folder_counts_and_in_it_the_newer_of_two(tmp_path: Path) -> None:
+    first = distribution(tmp_path / "a", "typer-0.12.0", "typer-0.29.1")
+    second = distribution(tmp_path / "b", "typer-0.1.0", "Rich-14.0.0")
+    assert installed(FLOORS, ["nowhere", first, second]) == {"typer": "0.29.1", "rich": "14.0.0"}
+
+
+def test_what_is_installed_here_is_what_importlib_finds() -> None:
+    from importlib.metadata import version
+
+    assert installed(FLOORS) == {name: version(name) for name in FLOORS}
+
+
+def command(*words: str, path: Path) -> subprocess.CompletedProcess[str]:
+    program = f"import sys; sys.path.insert(0, {str(path)!r}); from skyarm.cli.main import main; main()"
+    return subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=False)
+
+
+def test_a_command_with_an_old_library_is_one_line_not_silence(tmp_path: Path) -> None:
+    distribution(tmp_path, "typer-0.12.5")
+    done = command("list", path=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("skyarm: typer 0.12.5 is installed: must be at least 0.20; ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_doctor_looks_at_the_rest_beside_an_old_library(tmp_path: Path) -> None:
+    program = f"import sys; sys.path.insert(0, {distribution(tmp_path, 'numpy-1.0')!r})\n"
+    program += "from skyarm.cli import doctor; doctor.TRIALS = {'machine code': (\"print('LLVM')\", '', True)}\n"
+    program += "from skyarm.cli.main import main; main()"
+    done = subprocess.run([sys.executable, "-c", program, "doctor"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "machine code" in done.stdout
+    assert "numpy: python -m pip install --upgrade 'numpy>=1.26'" in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+def test_a_library_with_which_the_doctor_cannot_run_is_one_line(tmp_path: Path) -> None:
+    distribution(tmp_path, "typer-0.12.5")
+    (tmp_path / "typer.py").write_text("", "utf-8")
+    done = command("doctor", path=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("skyarm: typer 0.12.5 is installed: must be at least 0.20; ")
+
+
+def test_an_old_llvmlite_stops_nothing_that_does_without_it(tmp_path: Path) -> None:
+    distribution(tmp_path, "llvmlite-0.44.0")
+    done = command("--version", path=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,182 @@
+"""A check of a scenario counts every load of its flight: payloads, grips, changes, wind, forces, faults, pressing."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.reference.signals import Constant, Ramp
+from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.scenario.scenario_record import Change
+from skyarm.studies.assess.along_reference import along_reference, follow
+from skyarm.studies.assess.finding import FAULT, OK, worst_level
+from skyarm.studies.assess.flight_loads import flight_parts
+from skyarm.studies.assess.push_limits import push_limits
+from skyarm.world import Fault, ForceWind, HangingPayload, MovingAir, Reach, TimedPayload
+from skyarm.world.disturbance_signals import Disturbance
+from skyarm.world.signal_vector import SignalVector
+from thorough import sampled
+
+EXAMPLES = tuple(
+    str(file) for file in sorted(Path("examples").glob("*.toml")) if file.name != "press_in_four_worlds.toml"
+)
+
+
+@pytest.fixture(scope="module")
+def hover():
+    """The paper's vehicle on its reference's first 6 s, a hover with the arm hanging, in calm air."""
+    return skyarm.load_scenario("case3", duration=4.0)
+
+
+def found(scenario):
+    return {each.question: each for each in along_reference(scenario)}
+
+
+def demand(scenario):
+    return follow(flight_parts(scenario)).demand
+
+
+def thrust(scenario):
+    """Of all rotors, (K,), N."""
+    factors = np.array([float(rotor.thrust_coefficient) for rotor in scenario.plant.vehicle.rotors])
+    return factors @ demand(scenario).squared
+
+
+def weight(scenario):
+    return float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
+
+
+@pytest.mark.parametrize("kind", [TimedPayload, HangingPayload])
+def test_a_payload_that_is_too_heavy_is_a_fault_of_thrust_and_along_the_reference(hover, kind):
+    heavy = dataclasses.replace(hover, payloads=(kind(mass=8.0, name="anvil"),))
+    said = found(heavy)
+    assert said["thrust margin with 8 kg (anvil)"].level == FAULT
+    assert said["rotors along the reference"].level == FAULT
+    assert thrust(heavy) == pytest.approx(weight(hover) + 8.0 * float(hover.plant.gravity))
+    assert worst_level(along_reference(hover)) != FAULT
+
+
+def test_a_payload_counts_while_it_is_held(hover):
+    held = dataclasses.replace(hover, payloads=(TimedPayload(mass=0.2, pick=1.0, drop=3.0),))
+    parts = flight_parts(held)
+    assert [(part.start, part.stop, part.words) for part in parts] == [
+        (0.0, 1.0, ""), (1.0, 3.0, " with 0.2 kg (payloads[0])"), (3.0, 4.0, "")
+    ]  # fmt: skip
+    assert "thrust margin with 0.2 kg (payloads[0])" in found(held)
+    time, wanted = demand(held).time, weight(hover)
+    more = thrust(held) - wanted
+    assert more[(time > 1.0) & (time < 3.0)] == pytest.approx(0.2 * float(hover.plant.gravity))
+    assert more[(time < 1.0) | (time > 3.0)] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_payload_is_picked_where_the_reference_comes_to_its_place():
+    scenario = skyarm.load_scenario("case3", duration=20.0)
+    beside = Reach(within=0.1, of=Vec3(-0.3, 0.0, 0.7))
+    placed = dataclasses.replace(scenario, payloads=(TimedPayload(mass=0.1, pick_place=beside),))
+    (_, held) = flight_parts(placed)
+    angle = 2.0 * math.pi * 0.08 * (held.start - 6.0)  # of the circle of 0.3 m, and half a turn to the other side
+    assert 0.75 * math.pi < angle < math.pi
+    never = dataclasses.replace(
+        placed, payloads=(TimedPayload(mass=0.1, pick_place=Reach(within=0.1, of=Vec3(9, 9, 9))),)
+    )
+    assert [part.words for part in flight_parts(never)] == [""]
+
+
+@pytest.mark.parametrize("duration", [20.0, 600.0])
+def test_a_place_that_is_passed_fast_is_found_in_a_flight_of_any_length(duration):
+    """At 2.5 m/s a sphere of 0.1 m takes 80 ms, 16 control periods of which a long flight may skip none."""
+    scenario = skyarm.load_scenario("case3", duration=duration)
+    vehicle = scenario.plant.vehicle
+    across = Ramp(start=duration - 10.0, duration=3.0, height=7.5)
+    passing = dataclasses.replace(scenario.reference, x=across, y=Constant(0.0), joints=(Constant(0.0),) * vehicle.n)
+    tip = passing.at(duration - 8.45).position + frame_pose(vehicle, vehicle.frame(), (0.0,) * vehicle.n).p
+    payload = TimedPayload(mass=8.0, pick_place=Reach(within=0.1, of=tip))
+    placed = dataclasses.replace(scenario, reference=passing, payloads=(payload,))
+    assert [part.words for part in flight_parts(placed)] == ["", " with 8 kg (payloads[0])"]
+
+
+@pytest.mark.parametrize("duration", [15.0, 600.0])
+def test_what_a_gripper_takes_is_held_until_it_opens(duration):
+    parts = flight_parts(skyarm.load_scenario("pick_and_carry", duration=duration))
+    assert [part.words for part in parts] == ["", " with 0.1 kg (box)", ""]
+    assert parts[1].start == pytest.approx(4.0, abs=1.5)
+    assert parts[1].stop == pytest.approx(11.2, abs=0.01)
+
+
+def test_a_scheduled_payload_counts_from_its_instant(hover):
+    later = dataclasses.replace(hover, changes=(Change(at=2.0, path="plant.payload.mass", value=8.0),))
+    said = found(later)["rotors along the reference"]
+    assert said.level == FAULT
+    assert "saturates first at 2" in said.text
+    believed = dataclasses.replace(hover, changes=(Change(at=2.0, path="model.payload.mass", value=8.0),))
+    assert worst_level(along_reference(believed)) != FAULT
+
+
+def test_a_force_of_the_wind_tilts_the_thrust(hover):
+    pushed = dataclasses.replace(hover, wind=ForceWind(force_W=Vec3(3.0, 4.0, 0.0)))
+    assert thrust(pushed) == pytest.approx(math.hypot(weight(hover), 5.0))
+    beside = dataclasses.replace(hover, wind=ForceWind(force_W=Vec3(0.0, 0.0, -2.0), point_B=Vec3(0.0, 0.05, 0.0)))
+    tilting = demand(beside).squared - demand(hover).squared
+    assert thrust(beside) == pytest.approx(weight(hover) + 2.0)
+    left, right = (i for i, rotor in enumerate(hover.plant.vehicle.rotors) if abs(float(rotor.position.y)) > 0.1)
+    sides = sorted((left, right), key=lambda i: float(hover.plant.vehicle.rotors[i].position.y))
+    assert np.all(tilting[sides[1]] > tilting[sides[0]] + 1.0)
+
+
+def test_air_that_moves_drags(hover):
+    blown = dataclasses.replace(hover, wind=MovingAir(velocity_W=Vec3(0.0, 10.0, 0.0)))
+    tilt = demand(blown).tilt
+    assert np.all(tilt > 0.05)
+    assert thrust(blown) * np.cos(tilt) == pytest.approx(weight(hover), rel=0.1)
+
+
+def test_a_force_at_the_tip_loads_the_joints(hover):
+    down = SignalVector(z=Constant(-2.0))
+    pulled = dataclasses.replace(hover, forces=(Disturbance(frame="tip", force=down),))
+    held = dataclasses.replace(hover, payloads=(TimedPayload(mass=2.0 / float(hover.plant.gravity), frame="tip"),))
+    bent = dataclasses.replace(hover.reference, joints=(Constant(0.4), Constant(0.5)))
+    pulled, held = (dataclasses.replace(each, reference=bent) for each in (pulled, held))
+    assert demand(pulled).efforts == pytest.approx(demand(held).efforts, abs=1e-9)
+    assert thrust(pulled) == pytest.approx(weight(hover) + 2.0)
+
+
+def test_a_rotor_that_gives_half_turns_faster_and_one_that_gives_none_is_a_fault(hover):
+    name = hover.plant.vehicle.rotors[1].name
+    weak = dataclasses.replace(hover, faults=(Fault(rotor=name, effectiveness=0.5),))
+    ratio = demand(weak).squared / demand(hover).squared
+    assert ratio == pytest.approx(np.array([[1.0], [2.0], [1.0], [1.0]]) * np.ones_like(ratio), rel=1e-5)
+    assert worst_level(along_reference(weak)) == OK
+    dead = dataclasses.replace(hover, faults=(Fault(rotor=name, effectiveness=0.0, start=1.0),))
+    assert found(dead)["rotors along the reference"].level == FAULT
+
+
+def test_a_wanted_contact_is_borne_by_the_rotors():
+    scenario = skyarm.load_scenario("examples/press_and_slide.toml")
+    time, force = demand(scenario).time, thrust(scenario)
+    pressing = (time > 2.0) & (time < 4.5)
+    assert force[pressing] == pytest.approx(math.hypot(weight(scenario), 1.0), rel=1e-4)
+    assert force[time < 0.9] == pytest.approx(weight(scenario))
+
+
+@pytest.mark.parametrize(
+    "wind", [MovingAir(velocity_W=Vec3(1e160, 0.0, 0.0)), ForceWind(force_W=Vec3(1e200, 0.0, 0.0))]
+)
+def test_a_demand_that_is_no_number_is_a_fault(hover, wind):
+    said = found(dataclasses.replace(hover, wind=wind))["rotors along the reference"]
+    assert said.level == FAULT
+    assert "a demand that is no finite number" in said.text
+
+
+@pytest.mark.parametrize("name", sampled((*list_scenarios(), *EXAMPLES), 29, keep=["pick_and_carry", "slide_up"]))
+def test_no_shipped_scenario_has_a_fault(name):
+    scenario = skyarm.load_scenario(name)
+    alarms = [each for each in (*along_reference(scenario), *push_limits(scenario)) if each.level == FAULT]
+    assert alarms == []
+    assert [each for each in along_reference(scenario) if each.level != OK and each.question != "reference"] == []

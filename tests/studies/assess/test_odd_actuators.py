@@ -1,0 +1,227 @@
+"""Numbers of servos, batteries and rotors in other units, and drives and batteries that a flight asks too much of."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.text import Text
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.cli.show_command import _sheet, vehicle_facts
+from skyarm.dynamics.actuators.hover import hover_trim, time_aloft
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.unlikely_numbers import no_load_speed, unlikely_in_vehicle
+from skyarm.studies.assess.along_reference import along_reference
+from skyarm.studies.assess.arm_poses import arm_poses
+from skyarm.studies.assess.endurance import aloft_for, speed_share
+from skyarm.studies.assess.endurance import time_aloft as assessed_time
+from skyarm.studies.assess.joints import joint_torques, servo_stiffness
+from skyarm.studies.assess.layout import crowded, disc_radius, rotor_layout
+from skyarm.vehicle.battery import Battery, CellCurve
+from skyarm.vehicle.thrust_table import ThrustTable
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+
+
+@cache
+def arm():
+    """Two servos on a quadrotor of 2.3 kg, with a battery of four cells."""
+    curve = CellCurve(charge=(0.0, 0.1, 0.5, 0.9, 1.0), voltage=(3.3, 3.6, 3.8, 4.05, 4.2))
+    pack = Battery(cells=4, capacity=5.0, resistance=0.02, open_circuit=curve, reference_voltage=14.8)
+    return dataclasses.replace(skyarm.load_vehicle(DATA / "servo_arm.toml"), battery=pack)
+
+
+def with_servo(**fields):
+    """The arm whose first servo has other numbers."""
+    first = dataclasses.replace(arm().drives[0], drive=dataclasses.replace(arm().drives[0].drive, **fields))
+    return dataclasses.replace(arm(), drives=(first, *arm().drives[1:]))
+
+
+def with_battery(**fields):
+    return dataclasses.replace(arm(), battery=dataclasses.replace(arm().battery, **fields))
+
+
+def test_the_arm_as_it_is_raises_no_line():
+    assert unlikely_in_vehicle(arm()) == ()
+
+
+SERVOS = [
+    ({"gear": 1.0}, "gear = 1: without load"),
+    ({"torque_constant": 0.073}, "torque_constant = 0.073 N m/A: the motor turns no faster"),
+    ({"voltage": 12000.0}, "voltage = 12000 V: is that of the mains"),
+    ({"speed_limit": 0.001}, "speed_limit = 0.001 rad/s: a move by 1 takes 1e"),
+]
+
+
+@pytest.mark.parametrize(("fields", "words"), SERVOS, ids=[next(iter(fields)) for fields, _ in SERVOS])
+def test_a_servo_in_other_units_is_told_of_by_its_field(fields, words):
+    (line,) = unlikely_in_vehicle(with_servo(**{"speed_limit": 5.0, **fields}))
+    assert line.startswith(f"drives.{arm().drives[0].name}.{words}")
+
+
+BATTERIES = [
+    (lambda b: {"capacity": 1000.0 * b.capacity}, "battery.capacity = "),
+    (lambda b: {"resistance": 1000.0 * b.resistance}, "battery.resistance = "),
+    (
+        lambda b: {"cells": 1, "reference_voltage": 14.8},
+        "battery.cells = 1: reference_voltage = 14.8 V is 14.8 V a cell",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fields", "words"), BATTERIES, ids=["mA h", "mohm", "cells"])
+def test_a_battery_in_other_units_is_told_of_by_its_field(fields, words):
+    (line,) = unlikely_in_vehicle(with_battery(**fields(arm().battery)))
+    assert line.startswith(words)
+
+
+def test_a_rotor_s_inertia_is_less_than_the_base_s():
+    rotors = [dataclasses.replace(rotor, inertia=600.0) for rotor in arm().rotors]
+    (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), rotors=tuple(rotors)))
+    assert line.startswith(f"rotors[{rotors[0].name}].inertia = 600 kg m^2: is a part of the base's")
+
+
+def test_one_cause_in_all_rotors_is_one_line_and_a_link_without_mass_is_named_by_its_mass():
+    slow = [dataclasses.replace(rotor, time_constant_up=40.0) for rotor in arm().rotors]
+    (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), rotors=tuple(slow)))
+    assert line.startswith(f"rotors[{slow[0].name}].time_constant_up = 40 s: is slow (and {len(slow) - 1} more rotors)")
+    links = list(arm().links)
+    links[0] = dataclasses.replace(links[0], body=dataclasses.replace(links[0].body, mass=0.0))
+    (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), links=tuple(links)))
+    assert line.startswith(f"links[{links[0].name}].mass = 0 kg: has an inertia of")
+
+
+def test_a_base_com_beside_the_airframe_is_named():
+    base = dataclasses.replace(arm().base, com=Vec3(0.0, 0.0, 5.0))
+    lines = unlikely_in_vehicle(dataclasses.replace(arm(), base=base))
+    assert [line[:8] for line in lines] == ["base.com"]
+
+
+def test_a_current_in_milliamperes_is_told_of():
+    speeds = (200.0, 400.0, 600.0)
+    rotor = arm().rotors[0]
+    kf, km = float(rotor.thrust_coefficient), float(rotor.moment_coefficient)
+    thrust = tuple(kf * w * w for w in speeds)
+    # motors of 70 %
+    current = tuple(km * f * w / 0.7 / 14.8 for f, w in zip(thrust, speeds, strict=True))
+
+    def lines(factor):
+        table = ThrustTable(speed=speeds, thrust=thrust, current=tuple(factor * each for each in current))
+        rotors = tuple(dataclasses.replace(each, table=table) for each in arm().rotors)
+        return unlikely_in_vehicle(dataclasses.replace(arm(), rotors=rotors))
+
+    assert lines(1.0) == ()
+    (line,) = lines(1e3)
+    assert line.startswith(f"rotors[{rotor.name}].thrust_table.current = ")
+
+
+def test_a_soft_servo_bends_by_torque_over_stiffness_and_an_integral_holds_it():
+    poses = arm_poses(arm(), 8)
+    static = next(each for each in joint_torques(arm(), poses, 9.81) if "static" in each.question)
+    assert static.field == f"drives.{arm().drives[0].name}", "what limits the joint is its drive"
+
+    def bent(**fields):
+        return [each for each in joint_torques(with_servo(**fields), poses, 9.81) if "weight" in each.question]
+
+    soft = static.value / 0.6
+    (found,) = bent(stiffness=soft)
+    assert (found.level, found.value) == ("warning", pytest.approx(0.6, rel=1e-12))
+    assert found.field.endswith(".stiffness")
+    assert not bent(stiffness=soft, integral=1.0)
+    assert not bent(stiffness=static.value / 0.4)
+
+
+def test_a_servo_s_inertia_far_below_the_joint_s_is_warned_of():
+    fields = [each.field for each in servo_stiffness(with_servo(inertia=8e-9)) if each.level != "ok"]
+    assert fields == [f"drives.{arm().drives[0].name}.inertia"]
+
+
+def test_a_rotor_that_points_down_and_one_in_another_ones_place_are_named():
+    rotors = list(arm().rotors)
+    down = dataclasses.replace(rotors[0], axis=Vec3(0.0, 0.0, -1.0))
+    found = rotor_layout(dataclasses.replace(arm(), rotors=(down, *rotors[1:])), 9.81)
+    assert next(each for each in found if each.level == "fault").field == f"rotors[{down.name}].axis"
+    hexa = skyarm.load_vehicle("hexarotor_arm6")
+    assert crowded(hexa) is None
+    p = hexa.rotors[1].position
+    near = dataclasses.replace(hexa.rotors[0], position=Vec3(0.8 * p.x, 0.8 * p.y, p.z))
+    wrong = dataclasses.replace(hexa, rotors=(near, *hexa.rotors[1:]))
+    assert crowded(wrong) == (0, 1)
+    assert disc_radius(wrong) == pytest.approx(disc_radius(hexa), rel=0.3)
+    faults = [each.field for each in rotor_layout(wrong, 9.81) if each.level == "fault"]
+    assert f"rotors[{near.name}].position, rotors[{hexa.rotors[1].name}].position" in faults
+
+
+def test_discs_of_staggered_rotors_may_overlap():
+    vehicle = skyarm.load_vehicle("hummingbird")
+    places = [Vec3(0.1, 0.06, 0.06), Vec3(-0.1, 0.06, 0.02), Vec3(-0.1, -0.06, 0.06), Vec3(0.1, -0.06, 0.02)]
+    rotors = [dataclasses.replace(r, position=p) for r, p in zip(vehicle.rotors, places, strict=True)]
+    assert disc_radius(dataclasses.replace(vehicle, rotors=tuple(rotors))) == pytest.approx(math.hypot(0.1, 0.06))
+
+
+def test_a_battery_that_holds_no_hover_is_told_what_it_lacks():
+    for fields, field in (
+        ({"charge": 0.0}, "battery.charge"),
+        ({"resistance": 20.0}, "battery.resistance, battery.cells"),
+        ({"reference_voltage": 60.0}, "battery.cells"),
+    ):
+        (found,) = assessed_time(with_battery(**fields), 9.81)
+        assert (found.level, found.field) == ("fault", field), fields
+
+
+def test_the_battery_over_a_flight_is_held_against_its_duration_and_sags_the_margin():
+    seconds = time_aloft(arm()).seconds
+    (short,), (long,) = (aloft_for(arm(), 9.81, share * seconds) for share in (0.99, 1.01))
+    assert (short.level, long.level, long.field) == ("ok", "fault", "battery.capacity")
+    low = with_battery(charge=0.05)
+    rotors, battery = low.rotors, low.battery
+    share = speed_share(low, 9.81)
+    assert 0.5 < share < 1.0
+    # the voltage that is left is the idle one less what the load's current takes in the resistance
+    power = float(battery.power(rotors, hover_trim(low, (0.0,) * low.n, 9.81).speeds))
+    volts = share * battery.reference_voltage
+    idle = float(battery.open_circuit_voltage(0.05))
+    assert volts == pytest.approx(idle - battery.resistance * power / volts, rel=1e-9)
+    assert speed_share(dataclasses.replace(arm(), battery=None), 9.81) == 1.0
+
+
+def test_a_reference_faster_than_a_servo_is_a_fault_with_both_speeds():
+    scenario = load_scenario(DATA / "servo_flight.toml")
+    slow = dataclasses.replace(scenario.plant, vehicle=with_servo(speed_limit=0.1))
+    found = {e.question: e for e in along_reference(dataclasses.replace(scenario, plant=slow)) if "speed" in e.question}
+    first, second = (found[f"joints[{each.name}] servo's speed"] for each in arm().drives)
+    assert (first.level, first.limit, second.level) == ("fault", 0.1, "ok")
+    sine = tomllib.loads((DATA / "servo_flight.toml").read_text("utf-8"))["reference"]["joints"][0]
+    fastest = sine["amplitude"] * 2.0 * math.pi * sine["frequency_hz"]
+    assert first.value == pytest.approx(fastest, rel=1e-3)
+    assert first.field == f"drives.{arm().drives[0].name}.speed_limit"
+
+
+def test_the_speed_without_load_is_where_the_torque_ends():
+    servo = PositionServo(stiffness=1.0, inertia=0.01, gear=200.0, torque_constant=0.01, resistance=5.0, voltage=12.0)
+    assert no_load_speed(servo) == pytest.approx(6.0, rel=1e-15)
+    assert servo.bounds(no_load_speed(servo))[1] == pytest.approx(0.0, abs=1e-12)
+    assert np.isinf(no_load_speed(dataclasses.replace(servo, voltage=math.inf)))
+
+
+def test_show_has_drives_and_battery():
+    facts = vehicle_facts(arm(), 9.81)
+    assert [each["joint"] for each in facts["drives"]] == [each.name for each in arm().drives]
+    assert facts["drives"][0]["stiffness"] == arm().drives[0].drive.stiffness
+    assert facts["battery"]["capacity"] == arm().battery.capacity
+    assert facts["battery"]["open_circuit"]["voltage"] == list(arm().battery.open_circuit.voltage)
+    bare = dataclasses.replace(arm(), drives=(), battery=None)
+    assert vehicle_facts(bare, 9.81)["battery"] is None
+    shown, without = (
+        {title.plain.split(":")[0] for part in parts for title in part.renderables if isinstance(title, Text)}
+        for parts in (_sheet(arm(), facts), _sheet(bare, vehicle_facts(bare, 9.81)))
+    )
+    assert shown - without == {"drives", "battery"}

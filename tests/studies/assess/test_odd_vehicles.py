@@ -1,0 +1,273 @@
+"""A check of vehicles that are out of the ordinary: no rotors, no hover, fingers, limits on one side."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.cli.check_command import _sheet as sheet
+from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators.hover import time_aloft as hover_time
+from skyarm.dynamics.actuators.servo import VelocityServo
+from skyarm.dynamics.array_front import mass_matrix
+from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
+from skyarm.studies.assess.assessment import Assessment, _finding, assess_vehicle
+from skyarm.studies.assess.assessment_page import assessment_page
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.studies.assess.joints import frequency, joint_torques, servo_stiffness
+from skyarm.studies.assess.layout import field_of_mass
+from skyarm.studies.assess.thrust import locked_inertia, torque_authority
+from skyarm.vehicle.linkage import Joint
+
+PELICAN = skyarm.load_vehicle("pelican_arm2")
+HEXAROTOR12 = skyarm.load_vehicle("hexarotor12_arm5")
+FEW = 8
+
+
+def answer(found: Assessment, question: str) -> Finding:
+    (one,) = [each for each in found.findings if each.question == question]
+    return one
+
+
+def with_base(vehicle, **values):
+    return dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, **values))
+
+
+def test_a_vehicle_without_rotors_and_with_a_tip_has_an_answer_and_a_page():
+    found = assess_vehicle(dataclasses.replace(PELICAN, rotors=()), poses=FEW)
+    assert [each.question for each in found.alarms()] == ["rotors"]
+    assert "cannot fly" in assessment_page(found)
+
+
+@pytest.mark.parametrize("rotors", [0, 3], ids=["no rotors", "too few rotors"])
+def test_a_battery_without_rotors_that_hover_is_not_to_blame(rotors):
+    found = assess_vehicle(dataclasses.replace(HEXAROTOR12, rotors=HEXAROTOR12.rotors[:rotors]), poses=FEW)
+    assert answer(found, "time aloft").level == NOTE
+
+
+def test_a_vehicle_too_heavy_to_hover_does_not_lack_charge():
+    found = assess_vehicle(with_base(HEXAROTOR12, mass=30.0), poses=FEW)
+    assert answer(found, "thrust margin").level == FAULT
+    aloft = answer(found, "time aloft")
+    assert (aloft.level, aloft.field) == (NOTE, "rotors")
+
+
+def test_a_vehicle_of_which_a_rotor_would_pull_down_does_not_lack_charge():
+    found = assess_vehicle(with_base(HEXAROTOR12, mass=3.0, com=Vec3(-0.8, 0.0, 0.0)), poses=FEW)
+    assert answer(found, "balance of the rotors").level == FAULT
+    assert answer(found, "time aloft").level == NOTE
+
+
+def test_an_empty_battery_is_to_blame_where_the_rotors_hover():
+    empty = dataclasses.replace(HEXAROTOR12, battery=dataclasses.replace(HEXAROTOR12.battery, charge=0.0))
+    with pytest.raises(ValueError, match="battery"):
+        hover_time(empty)
+    assert answer(assess_vehicle(empty, poses=FEW), "time aloft").level == FAULT
+
+
+def test_a_base_far_ahead_within_the_polygon_is_named_and_not_said_to_be_outside():
+    found = answer(
+        assess_vehicle(with_base(HEXAROTOR12, com=Vec3(-0.45, 0.0, 0.0)), poses=FEW), "balance of the rotors"
+    )
+    assert (found.level, found.field) == (FAULT, "base.com")
+    assert "base.com" in found.remedy
+    assert "outside" not in found.text
+
+
+def test_the_base_is_to_blame_where_more_than_half_of_the_moment_is_its_own():
+    # arm held out: 1 kg at 0.2 m of 2 kg, so 0.1 m; the base's share is a half of its own offset
+    def field(base_x, swing):
+        forearm = PELICAN.links[0]
+        body = dataclasses.replace(forearm.body, mass=1.0, com=Vec3(0.0, 0.0, -0.2))
+        joint = dataclasses.replace(forearm.joint, position=Vec3(0.0, 0.0, 0.0))
+        arm = dataclasses.replace(forearm, body=body, joint=joint)
+        vehicle = dataclasses.replace(PELICAN, links=(arm,), frames=(), end_effector="")
+        return field_of_mass(with_base(vehicle, mass=1.0, com=Vec3(base_x, 0.0, 0.0)), np.array([swing]))
+
+    # on the arm's side or on the other one, 0.25 m of the base is more than the arm's 0.2 m
+    assert {field(x, s * math.pi / 2.0) for x in (0.25, -0.25) for s in (1.0, -1.0)} == {"base.com"}
+    assert field(0.15, 0.0) == "base.com"
+    assert {field(x, s * math.pi / 2.0) for x in (0.15, -0.15) for s in (1.0, -1.0)} == {"links.com"}
+
+
+def test_nothing_that_can_be_held_is_an_alarm():
+    found = answer(assess_vehicle(with_base(HEXAROTOR12, mass=30.0), poses=FEW), "largest payload")
+    assert found.level == WARNING
+    assert found.text.startswith("none: ")
+    assert found.remedy
+
+
+@pytest.mark.parametrize("name", ["hexarotor12_arm5", "pelican_arm2"])
+def test_no_pose_has_less_angular_acceleration_than_the_one_found(name):
+    vehicle = skyarm.load_vehicle(name)
+    poses, allocation = arm_poses(vehicle, 256), Allocation.of(make_mixer(vehicle))
+    joints = arm_poses(vehicle, 2000, seed=5).joints
+    squared, inertia = allocation.squared(hover_efforts(vehicle, 9.81, joints)), locked_inertia(vehicle, joints)
+    for axis, found in enumerate(torque_authority(vehicle, allocation, poses, 9.81)):
+        room = np.minimum(*(allocation.room(squared, sign * np.eye(4)[axis]) for sign in (1.0, -1.0)))
+        assert found.value <= 1.001 * (room / inertia[:, axis, axis]).min()
+
+
+def test_the_least_angular_acceleration_is_that_of_a_search_by_other_means():
+    # differential evolution over forces and bodies put together from the file alone: roll 41.75, pitch 35.35 rad/s^2
+    allocation = Allocation.of(make_mixer(HEXAROTOR12))
+    roll, pitch, _ = torque_authority(HEXAROTOR12, allocation, arm_poses(HEXAROTOR12), 9.81)
+    assert (roll.value, pitch.value) == pytest.approx((41.75, 35.35), rel=2e-3)
+
+
+def finger():
+    joint = Joint(
+        name="finger",
+        kind="prismatic",
+        axis=Vec3(0, 1, 0),
+        position=Vec3(0, 0, -0.1),
+        lower=0.0,
+        upper=0.04,
+        armature=0.05,
+    )
+    forearm = PELICAN.links[-1]
+    link = dataclasses.replace(forearm, name="finger", parent=len(PELICAN.links) - 1, joint=joint)
+    return dataclasses.replace(PELICAN, links=(*PELICAN.links, link))
+
+
+def test_a_dynamic_effort_is_had_in_the_pose_that_is_shown_and_of_a_slide_in_metres():
+    vehicle = finger()
+    found = joint_torques(vehicle, arm_poses(vehicle, 64), 9.81)
+    texts = {each.question: each.text for each in found}
+    assert "0.1 m in 2 s" in texts["joints[finger] dynamic effort"]
+    assert "1 rad in 2 s" in texts["joints[elbow] dynamic effort"]
+    for i, name in enumerate(("shoulder", "elbow", "finger")):
+        (one,) = [each for each in found if each.question == f"joints[{name}] dynamic effort"]
+        assert bound_of_effort(vehicle, i, one.joints) == pytest.approx(one.value, rel=1e-9)
+
+
+def bound_of_effort(vehicle, i, q):
+    """Weight, inertia against every joint's acceleration, and friction."""
+    joints = np.array([q])
+    still = hover_efforts(vehicle, 9.81, joints)[4 + i, 0]
+    sweep = np.array([1.0 if link.joint.kind == "revolute" else 0.1 for link in vehicle.links])
+    bound = abs(still)
+    for j in range(vehicle.n):
+        moving = np.zeros(vehicle.n)
+        moving[j] = 10.0 / math.sqrt(3.0) / 4.0 * sweep[j]
+        bound += abs(hover_efforts(vehicle, 9.81, joints, moving)[4 + i, 0] - still)
+    joint = vehicle.links[i].joint
+    return bound + float(joint.damping) * sweep[i] * 1.875 / 2.0 + float(joint.coulomb)
+
+
+def test_the_workspace_of_a_planar_arm_ends_where_it_is_stretched_out():
+    # 0.1 m below the base, two links: -0.23 ... 0.23 m to the sides, 0.27 m down
+    text = answer(assess_vehicle(PELICAN, poses=2), "workspace").text
+    assert "x -0.23 ... 0.23" in text
+    assert "z -0.27" in text
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "expected"),
+    [
+        ("prismatic", (1.5, math.inf), (1.5, 2.5)),
+        ("prismatic", (-math.inf, -3.0), (-4.0, -3.0)),
+        ("prismatic", (-3.0, 2.0), (-3.0, 2.0)),
+        ("prismatic", (-math.inf, math.inf), (-1.0, 1.0)),
+        ("revolute", (-math.inf, math.inf), (-math.pi, math.pi)),
+        ("revolute", (4.0, 5.0), (4.0, 5.0)),
+        ("revolute", (-0.5, math.inf), (-0.5, math.pi)),
+        ("revolute", (-20.0, 1.0), (1.0 - 2.0 * math.pi, 1.0)),
+        ("revolute", (-2.0, 3.5), (-2.0, 3.5)),
+    ],
+)
+def test_poses_lie_within_the_limits_that_are_stated(kind, limits, expected):
+    joint = Joint(name="j", kind=kind, axis=Vec3(0, 0, 1), lower=limits[0], upper=limits[1])
+    assert joint_range(joint) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("line", "field", "remedy"),
+    [
+        ("mass = 700 kg: is that of a car; kg, not g?", "mass", "kg, not g?"),
+        ("reference.base reaches 1275 m from the origin: m, not mm?", "reference.base", "m, not mm?"),
+        ("reference.tip: asks for a tilt of 1.2 rad; slower?", "reference.tip", "slower?"),
+        (
+            "reference.joints[0] reaches 90 rad: is more than a turn; rad, not degrees?",
+            "reference.joints[0]",
+            "rad, not degrees?",
+        ),
+        (
+            "rotors: max_speed = 9e3 rad/s: lifts 90 times; rad/s, not rev/min?",
+            "rotors.max_speed",
+            "rad/s, not rev/min?",
+        ),
+    ],
+)
+def test_a_line_about_units_becomes_field_and_remedy(line, field, remedy):
+    found = _finding(line, "units", WARNING)
+    assert (found.field, found.remedy) == (field, f"check {field}: {remedy}")
+
+
+def test_an_alarm_without_a_number_shows_none(capsys):
+    from rich.console import Console
+
+    console = Console(width=300)
+    console.print(*sheet(assess_vehicle(with_base(HEXAROTOR12, mass=700.0), poses=FEW)))
+    assert "(-," not in (said := capsys.readouterr().out)
+    assert "limit -" not in said
+
+
+def test_a_remedy_names_each_field_once():
+    heavy = [dataclasses.replace(rotor, position=rotor.position * 0.01) for rotor in PELICAN.rotors]
+    found = assess_vehicle(dataclasses.replace(PELICAN, rotors=tuple(heavy)), poses=FEW)
+    told = [each for each in found.alarms() if "authority" in each.question]
+    assert told
+    assert all(each.remedy.count("base.inertia") == 1 for each in told)
+
+
+def with_servo(armature, stiffness):
+    """A shipped vehicle whose servos have another stiffness, and whose joints another armature."""
+    vehicle = skyarm.load_vehicle("quadrotor_roll_arm2").with_joints(armature=armature)
+    drives = (
+        dataclasses.replace(each, drive=dataclasses.replace(each.drive, stiffness=stiffness)) for each in vehicle.drives
+    )
+    return dataclasses.replace(vehicle, drives=tuple(drives))
+
+
+def test_a_stiff_servo_on_a_joint_without_armature_is_warned_of_and_with_it_is_not():
+    stiff = [each for each in servo_stiffness(with_servo(0.0, 600.0)) if each.level == WARNING]
+    assert [each.field for each in stiff] == ["joints[roll].armature", "joints[pitch].armature"]
+    assert all("armature" in each.remedy for each in stiff)
+    assert {each.level for each in servo_stiffness(with_servo(0.045, 600.0))} == {OK}
+    assert {each.level for each in servo_stiffness(with_servo(0.0, 60.0))} == {OK}
+    (roll, _) = servo_stiffness(with_servo(0.045, 6000.0))
+    assert (roll.level, roll.field) == (WARNING, "drives.roll")
+    assert servo_stiffness(PELICAN) == []
+
+
+def test_the_frequency_of_a_servo_is_that_of_its_joint_let_go_on_its_spring():
+    vehicle = with_servo(0.0, 600.0)
+    frequencies = {}
+    for found in servo_stiffness(vehicle):
+        frequencies[found.question] = found.value
+    # the stiffest joint of the poses at zero: accelerations of the free vehicle under the spring's torque by 1 rad
+    M = mass_matrix(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2))
+    for i, name in enumerate(("roll", "pitch")):
+        acceleration = np.linalg.solve(M, 600.0 * np.eye(8)[6 + i])[6 + i]
+        assert frequencies[f"joints[{name}] servo"] >= math.sqrt(acceleration) * (1.0 - 1e-9)
+        assert frequencies[f"joints[{name}] servo"] < 2.0 * math.sqrt(acceleration)
+    velocity = VelocityServo(gain=3.0, inertia=1e-3)
+    assert frequency(velocity, 0.01) == pytest.approx(300.0)
+
+
+@pytest.mark.parametrize("undefined", [0.0, np.nan, np.inf])
+def test_a_servo_is_judged_where_its_joint_can_be_moved_and_a_joint_without_one_is_not(undefined, monkeypatch):
+    from skyarm.studies.assess import joints as module
+
+    vehicle = with_servo(0.0, 600.0)
+    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([undefined, 1e4]), np.diag([undefined, 1e3])])
+    assert {each.field for each in servo_stiffness(vehicle)} == {"joints[pitch].armature"}
+    one = dataclasses.replace(vehicle, drives=vehicle.drives[:1])
+    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([1e4, 1e4])])
+    assert {each.field for each in servo_stiffness(one)} == {"joints[roll].armature"}

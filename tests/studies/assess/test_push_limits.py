@@ -1,0 +1,177 @@
+"""A check of a scenario says what its push asks of joints and yaw, and whether its law presses at all."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.control.catalogue import preset
+from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.kinematics import frame_pose, link_poses
+from skyarm.scenario.numbers import with_numbers
+from skyarm.studies.assess.finding import FAULT, OK, WARNING
+from skyarm.studies.assess.push_limits import push_limits
+from skyarm.vehicle.vehicle_files import LIBRARY
+
+POSE = (-0.45, -0.9)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return skyarm.load_scenario("examples/press_and_slide.toml")
+
+
+def found(scenario, **numbers):
+    changed = with_numbers(scenario, {f"reference.push.{name}": value for name, value in numbers.items()})
+    return {each.question: each for each in push_limits(changed)}
+
+
+def test_the_joint_bears_the_force_by_its_lever(scenario):
+    vehicle = scenario.plant.vehicle
+    height = link_poses(vehicle, POSE)[0].p.z - frame_pose(vehicle, vehicle.frame(), POSE).p.z
+    question, limit = "joints while pressing", float(vehicle.links[0].joint.effort_limit)
+    shares = {force: found(scenario, **{"force.value": force})[question].value for force in (1.0, 2.0, 3.0)}
+    assert np.diff(list(shares.values())) * limit == pytest.approx([height, height])
+    # what the joint of that flight gives at 2 N on a wall without friction: 0.425 N m
+    assert shares[2.0] * limit == pytest.approx(0.425, abs=0.003)
+    levels = [found(scenario, **{"force.value": force})[question].level for force in (1.0, 2.0, 3.0)]
+    assert levels == [OK, WARNING, FAULT]
+    assert found(scenario, **{"force.value": 3.0})[question].joints == POSE
+    assert " of 0.5 N m at joint joint1" in found(scenario, **{"force.value": 3.0})[question].text
+    early = found(scenario, **{"force.value": 3.0, "force.start": 0.0, "force.stop": 0.5})
+    assert early[question].value == pytest.approx(shares[3.0])
+
+
+def test_friction_sideways_turns_the_vehicle(scenario):
+    vehicle = scenario.plant.vehicle
+    question, ahead = "yaw while pressing", frame_pose(vehicle, vehicle.frame(), POSE).p.x
+    said = found(scenario)[question]
+    assert said.value == pytest.approx(0.3 * 1.0 * ahead)
+    assert said.level == WARNING
+    # of several surfaces the roughest counts
+    contact = scenario.world
+    smooth = [dataclasses.replace(contact.surfaces[0].material, friction=mu) for mu in (0.1, 0.2)]
+    beside = [dataclasses.replace(contact.surfaces[0], name=f"{m.friction}", material=m) for m in smooth]
+    several = dataclasses.replace(contact, surfaces=(beside[0], *contact.surfaces, beside[1]))
+    assert found(dataclasses.replace(scenario, world=several))[question].value == said.value
+    assert found(scenario, **{"force.value": 0.5})[question].level == OK
+    # on a ceiling or floor it is sideways, too; a wall beside the tip turns the vehicle by the push itself; of one that
+    # leans, friction has the largest part that is across the normal
+    upward = {"normal.0": 0.0, "normal.2": 1.0}
+    assert found(scenario, **upward)[question].value == pytest.approx(0.3 * ahead)
+    beside = {"normal.0": 0.0, "normal.1": 1.0}
+    assert found(scenario, **beside)[question].value == pytest.approx(ahead)
+    assert found(scenario, **beside | {"normal.1": -1.0})[question].value == pytest.approx(ahead)
+    leaning = {"normal.0": 0.0, "normal.1": 0.6, "normal.2": 0.8}
+    assert found(scenario, **leaning)[question].value == pytest.approx((0.6 + 0.3 * 0.8) * ahead)
+    assert found(scenario, **{"force.value": 0.0}) == {}
+    # half of the yaw torque that rotors can add to hover: two rotors slow down to nothing or two speed up
+    inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
+    arm = zip(vehicle.links, link_poses(vehicle, POSE), strict=True)
+    moment = 9.81 * sum(float(link.body.mass) * float(pose.apply(link.body.com).x) for link, pose in arm)
+    hover = inverse[:, 3] * float(vehicle.mass) * 9.81 - inverse[:, 1] * moment
+    assert said.limit == pytest.approx(0.5 * np.min(hover / np.abs(inverse[:, 2])), rel=0.02)
+
+
+def test_a_turned_vehicle_has_the_same_levers(scenario):
+    turned = dataclasses.replace(
+        scenario, reference=dataclasses.replace(scenario.reference, yaw=skyarm.reference.Constant(np.pi / 2.0))
+    )
+    there, here = found(turned, **{"normal.0": 0.0, "normal.1": -1.0}), found(scenario)
+    assert [there[name].value for name in here] == pytest.approx([each.value for each in here.values()])
+
+
+def test_a_law_of_motions_alone_is_named_and_without_a_push_nothing_is_said(scenario):
+    other = preset("centroidal_tip", scenario.controller.par.model, {})
+    (said, *_) = push_limits(dataclasses.replace(scenario, controller=other))
+    assert (said.question, said.level) == ("pressing", WARNING)
+    assert "pressing" not in found(scenario)
+    still = dataclasses.replace(scenario.reference, push=None)
+    assert push_limits(dataclasses.replace(scenario, reference=still)) == []
+
+
+PRESS = """
+schema = 1
+name = "press"
+duration = 4.0
+
+[plant]
+vehicle = "{vehicle}"
+
+[controller]
+law = "centroidal"
+mode = "tip"
+preset = "robust"
+interaction = [0.3, 0.1]
+{more}
+
+[reference]
+base = {{ kind = "signals", z = 1.5 }}
+joints = {joints}
+
+[reference.push]
+force = {{ kind = "constant", value = {force}, start = 1.0 }}
+normal = [-1.0, 0.0, 0.0]
+"""
+
+
+def pressing(folder, vehicle, joints, force, more=""):
+    file = folder / "press.toml"
+    file.write_text(PRESS.format(vehicle=vehicle, joints=joints, force=force, more=more), "utf-8")
+    return {each.question: each for each in push_limits(skyarm.load_scenario(file))}
+
+
+SERVO_ARMS = (("quadrotor_roll_arm2", [0.0, -0.8]), ("hexarotor12_arm5", [0.0, -0.8, -0.6, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(("vehicle", "joints"), SERVO_ARMS)
+def test_servos_whose_setpoints_predict_a_free_joint_are_a_fault(vehicle, joints, tmp_path):
+    said = pressing(tmp_path, vehicle, joints, 5.0)["servos while pressing"]
+    assert said.level == FAULT
+    assert said.field.startswith("drives.")
+    sensed = "force_sensor = true\n\n[sensors.wrist]\nkind = 'force_torque'"
+    assert "servos while pressing" not in pressing(tmp_path, vehicle, joints, 5.0, sensed)
+
+
+def servo_vehicle(folder, servo):
+    shipped = (Path(str(LIBRARY)) / "hummingbird_arm2_rotors.toml").read_text("utf-8")
+    drives = "".join(f"[drives.{joint}]\n{servo}\n\n" for joint in ("joint1", "joint2"))
+    file = folder / "servos.toml"
+    file.write_text(
+        shipped.replace("[links.joint]\n", "[links.joint]\narmature = 2e-3\n").replace(
+            "[sources]", drives + "[sources]"
+        )
+    )
+    return file.name
+
+
+@pytest.mark.parametrize(
+    ("servo", "share"),
+    # force over the wanted 1 N, less 1, of flights of 10 s without noise
+    [
+        ("kind = 'position_servo'\nstiffness = 0.5\ndamping = 0.02\ninertia = 2e-3", 0.011),
+        ("kind = 'position_servo'\nstiffness = 6.9\ndamping = 0.235\ninertia = 2e-3\nlatency = 0.003", 0.245),
+        ("kind = 'velocity_servo'\ngain = 0.5\ninertia = 2e-3", 0.218),
+    ],
+)
+def test_what_servos_miss_is_the_error_of_the_force_in_flight(servo, share, tmp_path):
+    said = pressing(tmp_path, servo_vehicle(tmp_path, servo), list(POSE), 1.0)["servos while pressing"]
+    assert said.value == pytest.approx(share, abs=0.003)
+    assert said.level == (FAULT if share > 0.05 else OK)
+
+
+def test_joints_of_torque_have_no_servos_to_ask_about(scenario):
+    assert "servos while pressing" not in found(scenario)
+
+
+def test_the_mass_of_the_tip_is_that_of_the_arm_and_its_armature(scenario, tmp_path):
+    said = found(scenario)["mass of the tip while pressing"]
+    assert said.level == OK
+    assert said.text == "1 N press with a tip that weighs 0.076 kg along the normal"  # docs/pressing.md
+    heavy = pressing(tmp_path, *SERVO_ARMS[1], 1.0)["mass of the tip while pressing"]
+    assert (heavy.level, heavy.field) == (FAULT, "links.joint.armature")
+    assert heavy.value == pytest.approx(0.2 * pressing(tmp_path, *SERVO_ARMS[1], 5.0)[heavy.question].value)

@@ -1,0 +1,143 @@
+"""Episodes in contact against MuJoCo with its own contacts, and against the same episodes without a world.
+
+Two scenes. In the first a vehicle stands on four skids all the time: MuJoCo's plant alone moves the same bodies with
+the same points and the same steps, which is in its favour. In the second a tip presses on a wall under the centroidal
+law; there MuJoCo moves the bodies in the whole closed loop, as ``kind = "mujoco_contacts"``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.session import Session
+from skyarm.studies.bench.engines import Flight, rollout_of, stepped_model
+from skyarm.studies.bench.timing import Contender
+
+PATHS = ("plant.vehicle.base.mass",)
+"""Numbers that differ from lane to lane."""
+
+SKIDS = ((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1))
+"""m, of the skids in the base's axes, ahead and to the left."""
+
+
+TOUCHED = 2.5
+"""s, after which the tip of the task presses."""
+
+
+def standing(duration: float, **replaced: Any) -> Scenario:
+    """The paper's vehicle stands on four skids, its rotors turning as the law wants them for 11 cm less."""
+    lower = {"kind": "ramp", "start": 0.0, "duration": 0.1, "height": -0.1, "shape": "linear"}
+    skids = [{"name": f"skid_{i}", "body": "base", "position": [x, y, -0.22]} for i, (x, y) in enumerate(SKIDS)]
+    return scenario_from(
+        {
+            "schema": 1,
+            "name": "standing",
+            "duration": duration,
+            "plant": {"vehicle": "hummingbird_arm2_rotors"},
+            "model": {"vehicle": "hummingbird_arm2"},
+            "controller": {"preset": "paper_ct"},
+            "initial": {"standing": True},
+            "reference": {"base": {"kind": "signals", "z": [0.21, lower]}, "joints": [-1.2, 0.3]},
+            "world": {
+                "surfaces": [{"name": "ground", "shape": "plane", "material": {"friction": 0.6}}],
+                "points": skids,
+            },
+        },
+        "standing",
+        replaced=replaced,
+    )
+
+
+def pressing(duration: float, **replaced: Any) -> Scenario:
+    """The shipped task ``press_and_hold``; the tip is at the wall after some two seconds."""
+    return load_scenario("press_and_hold", duration=duration, **replaced)
+
+
+def standing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
+    """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one; then closed loops."""
+    scenario = standing(duration)
+    count, seconds = int(_plant(scenario).substeps(0.005)), 1.0 / scenario.rates.control
+    theirs = standing(duration, plant="mujoco_contacts")
+    return [
+        *bare_mujoco(theirs, seconds / count, threads),
+        closed_loop(theirs, "closed loop, paper_ct"),
+        *ours(scenario, threads, blocks),
+    ]
+
+
+def pressing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
+    """The whole closed loop on MuJoCo with its contacts, which is the baseline, and ours."""
+    theirs = pressing(duration, plant="mujoco_contacts")
+    return [closed_loop(theirs, "closed loop, press_and_hold", TOUCHED), *ours(pressing(duration), threads, blocks)]
+
+
+def _plant(scenario: Scenario) -> RigidBodyPlant:
+    around = first_surroundings(scenario, first_loop_state(scenario))
+    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+
+
+def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400) -> list[Contender]:
+    """MuJoCo's vehicle and world without a controller, from the scenario's start.
+
+    Args:
+        scenario: on ``mujoco_contacts``.
+        step: s, of MuJoCo's semi-implicit Euler method.
+        threads: of the batch.
+        steps: of an episode.
+    """
+    from skyarm.plant.mujoco_contacts import MujocoContactPlant
+
+    first = first_loop_state(scenario)
+    model = MujocoContactPlant(scenario.plant, first_surroundings(scenario, first), scenario.integrator).model
+    model.opt.timestep = step
+    at, words = first.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
+    start = [*at.position, *at.quaternion, *at.joints]
+    return [
+        rollout_of(model, start, threads, steps, words, "mujoco.rollout"),
+        stepped_model(model, start, steps, words),
+    ]
+
+
+def closed_loop(scenario: Scenario, words: str, begin: float = 0.0, periods: int = 100) -> Contender:
+    """Some control periods on ``mujoco_contacts``, again and again the same ones; what is made once is not timed.
+
+    Args:
+        scenario: on ``mujoco_contacts``.
+        words: for the table.
+        begin: s, of the flight, from which on it is timed.
+        periods: how many.
+    """
+    session, rate = Session(scenario), scenario.rates.control
+    while session.time < begin:
+        session.step()
+    there = session.snapshot()
+
+    def fly() -> float:
+        session.restore(there)
+        for _ in range(periods):
+            session.step()
+        return periods / rate
+
+    return Contender("mujoco_contacts", f"{words}, MuJoCo's contacts, Euler 1 ms, one core", fly)
+
+
+def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
+    """The closed loop as machine code, in contact and without the world, in double and single precision."""
+    found = []
+    free = scenario.with_words(world=None)
+    for name, each in (("contact", scenario), ("free", free)):
+        plant = _plant(each)
+        flight, steps = Flight.of(each, plant.substeps, paths=PATHS), int(plant.substeps(1.0 / each.rates.control))
+        for single in (False, True):
+            lanes = Lanes(host_width(single=single), single=single, contract=True)
+            fly = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
+            what = f"{steps} steps of Verlet's method a period" if name == "contact" else "the same without the world"
+            label = f"{name} f{32 if single else 64}, {threads} threads"
+            found.append(Contender(label, f"closed loop, {what}", fly))
+    return found

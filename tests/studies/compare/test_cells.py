@@ -1,0 +1,250 @@
+"""Cells of the comparison: a batch is its flights one by one; files are flown once; summaries count right."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+
+import numpy as np
+import pytest
+
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.files import unpacked
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.simulate import Delays, Window
+from skyarm.studies.compare import run_suite
+from skyarm.studies.compare.cells import Cell, Cells, Flights, episode_scenario, fly, fly_episode, key
+from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.comparison_report import comparison_report
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.perturbed_plants import Spread
+from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
+from skyarm.studies.compare.summary import SUCCESS_METRIC, paired, pairs, summary
+
+EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ShortCase(Case):
+    """Two seconds of a case."""
+
+    def build(self):
+        # not super(): a dataclass with slots is a new class
+        return dataclasses.replace(Case.build(self), duration=2.0)
+
+
+SHORT = ShortCase(name="case3_wind", title="two seconds", scenario="case3_wind", windows=EARLY)
+WRONG = Condition(name="plants_noisy", title="wrong", noisy=True, episodes=4, cases=("case3_wind",), spread=Spread())
+NOISY = Condition(name="noisy", title="noise", noisy=True, episodes=3, cases=("case3_wind",))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def flights(condition=NOISY, **changes):
+    return Flights(entrant=ENTRANTS["paper_ct"], case=SHORT, condition=condition, seed=5, **changes)
+
+
+WHOLE = dataclasses.replace(WRONG, spread=Spread(delay=0.0))
+"""Single flights have delays of whole milliseconds: this one has none."""
+
+
+@pytest.mark.parametrize("condition", [NOISY, WHOLE], ids=lambda each: each.name)
+def test_a_batch_is_its_flights_one_by_one(condition):
+    planned = flights(condition)
+    single = Cell.of([fly_episode(planned, k) for k in range(condition.episodes)])
+    cell = fly(planned)
+    assert list(single.status) == list(cell.status) == ["completed"] * condition.episodes
+    assert set(single.metrics) == set(cell.metrics)
+    for name, numbers in single.metrics.items():
+        # a batch takes the integration steps of its stiffest plant, a single flight its own
+        assert np.allclose(cell.metrics[name], numbers, rtol=1e-4, atol=1e-9), name
+
+
+def test_single_flights_round_their_delay_to_physics_steps(monkeypatch):
+    planned = flights(WRONG)
+    drawn = planned.values(planned.scenario())
+    for late, rounded in ((0.0094, 0.009), (0.0091, 0.009), (0.0004, 0.0)):
+        monkeypatch.setattr(Flights, "values", lambda *_, t=late: drawn | {"delays.command": np.full(4, t)})
+        assert episode_scenario(planned, 1).delays == Delays(command=rounded)
+
+
+FORGED = {
+    "no archive": b"no archive",
+    "nothing in it": {},
+    "no status": {"identity": None, "x": np.zeros(2)},
+    "objects": {"identity": None, "status": np.array([{}, {}], dtype=object)},
+    "numbers for words": {"identity": None, "status": np.zeros(2)},
+    "other lengths": {"identity": None, "status": np.array(["completed"]), "x": np.zeros(2)},
+    "words for numbers": {"identity": None, "status": np.array(["completed"]), "x": np.array(["y"])},
+}
+
+
+def test_a_forged_cell_that_unpacks_to_too_much_counts_as_not_flown(tmp_path, monkeypatch):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({SUCCESS_METRIC: np.zeros(10_000)}, np.array(["completed"] * 10_000)))
+    assert cells.get(flights()) is not None
+    monkeypatch.setattr(unpacked, "LARGEST", 1000)
+    monkeypatch.setattr(unpacked, "RATIO", 0)
+    assert cells.get(flights()) is None
+
+
+def test_a_forged_cell_behind_a_checksum_that_fits_counts_as_not_flown(tmp_path):
+    own = key(flights())
+    for name, held in FORGED.items():
+        content = held
+        if isinstance(held, dict):
+            stream = io.BytesIO()
+            np.savez(stream, **{field: own if value is None else value for field, value in held.items()})
+            content = stream.getvalue()
+        (tmp_path / f"{flights().label}.cell").write_bytes(hashlib.sha256(content).digest() + content)
+        assert Cells(tmp_path).get(flights()) is None, name
+
+
+def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
+    cells, cell = Cells(tmp_path), Cell({SUCCESS_METRIC: np.array([0.1, 0.2])}, np.array(["completed", "diverged"]))
+    assert cells.get(flights()) is None
+    cells.put(flights(), cell)
+    found = cells.get(flights())
+    assert np.array_equal(found.metrics[SUCCESS_METRIC], cell.metrics[SUCCESS_METRIC])
+    assert list(found.status) == list(cell.status)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"condition": dataclasses.replace(NOISY, episodes=4)},
+        {"case": dataclasses.replace(SHORT, wind=0.1)},
+        {"seed": 6},
+        {"entrant": dataclasses.replace(ENTRANTS["paper_pd"], name="paper_ct")},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_a_cell_of_other_flights_is_flown_again(tmp_path, change):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({}, np.array(["completed"])))
+    other = dataclasses.replace(flights(), **change)
+    assert other.label == flights().label
+    assert key(other) != key(flights())
+    assert cells.get(other) is None
+
+
+def test_a_damaged_cell_is_flown_again(tmp_path):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({}, np.array(["completed"])))
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    assert cells.get(flights()) is None
+
+
+def test_a_comparison_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
+    flown = []
+
+    def counted(planned, threads):
+        flown.append(planned.label)
+        if len(flown) == 3:
+            raise KeyboardInterrupt
+        return Cell({SUCCESS_METRIC: np.array([0.001])}, np.array(["completed"]))
+
+    monkeypatch.setattr(run_suite, "fly", counted)
+    columns = {"noisy": dataclasses.replace(NOISY, cases=("case1", "case2"))}
+    todo = Comparison(conditions=columns).flights()
+    with pytest.raises(KeyboardInterrupt):
+        run_suite.fly_all(todo, tmp_path)
+    begun = flown[:2]
+    run_suite.fly_all(todo, tmp_path)
+    assert len(flown) == 3 + 2 * len(ENTRANTS) - 2
+    assert not set(begun) & set(flown[3:])
+
+
+def made(errors, status):
+    return Cell({SUCCESS_METRIC: np.array(errors)}, np.array(status))
+
+
+def test_a_success_flies_to_its_end_near_its_reference():
+    found = summary(made([0.019, 0.021, 0.001, np.nan], ["completed", "completed", "ground", "completed"]))
+    assert (found["episodes"], found["completed"], found["success"]) == (4, 3, 1)
+    assert found["endings"] == {"completed": 3, "ground": 1}
+    assert found["metrics"][SUCCESS_METRIC]["mean"] == pytest.approx(0.020)
+
+
+def test_a_cell_in_which_nobody_flew_to_the_end_has_no_means():
+    assert summary(made([0.1], ["diverged"]))["metrics"][SUCCESS_METRIC] is None
+
+
+def test_pairs_are_episodes_that_both_flew():
+    a = made([1.0, 2.0, 3.0], ["completed", "completed", "ground"])
+    b = made([2.0, 4.0, 0.0], ["completed", "completed", "completed"])
+    found = paired(a, b, SUCCESS_METRIC)
+    assert (found["mean"], found["first_smaller"]) == (-1.5, 1.0)
+
+
+def test_tables_have_a_row_for_every_law_that_flew():
+    cells = {"noisy": {"case3_wind": {"paper_ct": summary(fly(flights()))}}}
+    found = {"summaries": cells, "step_times": {}}
+    text = comparison_report(found, ENTRANTS, {"noisy": conditions()["noisy"]}).markdown()
+    assert "| paper_ct |" in text
+    assert "| paper_pd |" not in text
+    assert CASES["case3_wind_side"].title in text
+
+
+def test_conditions_are_what_their_titles_say():
+    every = conditions()
+    plain, noisy = (every[name].apply(CASES["case3_wind"].build()) for name in ("perfect", "noisy"))
+    assert (plain.noise, plain.delays) == (SensorNoise(), Delays())
+    assert (noisy.noise, noisy.delays) == (NOISE, Delays(measurement=0.005))
+    spread = every["plants_noisy"].apply(CASES["case3_wind"].build())
+    assert (spread.noise, spread.delays) == (NOISE, Delays(longest_command=0.010))
+    assert every["plants"].apply(CASES["case3"].build()).noise == SensorNoise()
+    wrong = every["wrong"].apply(CASES["case3_wind"].build()).plant.vehicle
+    truth = CASES["case3_wind"].build().plant.vehicle
+    assert wrong.rotors[0].thrust_coefficient == pytest.approx(0.9 * truth.rotors[0].thrust_coefficient)
+    assert wrong.mass == pytest.approx(truth.mass + 0.2 * sum(link.body.mass for link in truth.links) + 0.05)
+
+
+def test_cases_turn_the_wind_and_carry_the_load():
+    side, quarter = CASES["case3_wind_side"].build().wind, CASES["case3_wind_45"].build().wind
+    assert tuple(side.force_W) == pytest.approx((0.0, 2.0, 0.0))
+    assert tuple(quarter.air_velocity_W) == pytest.approx((2.0**0.5, 2.0**0.5, 0.0))
+    loaded, bare = (CASES[name].build().plant.vehicle.mass for name in ("case3_wind_payload", "case3_wind"))
+    assert loaded - bare == pytest.approx(0.05)
+
+
+def test_laws_that_can_use_a_known_delay_are_told_of_it_where_there_is_noise():
+    model = CASES["case3"].build().controller.par.model
+    assert ENTRANTS["centroidal_tip"].controller(model, noisy=True).par.delay_periods == 1
+    assert ENTRANTS["centroidal_tip"].controller(model, noisy=False).par.delay_periods == 0
+    assert ENTRANTS["centroidal_tip without prediction"].controller(model, noisy=True).par.delay_periods == 0
+
+
+def test_a_cell_with_one_bit_changed_is_flown_again(tmp_path):
+    cells = Cells(tmp_path)
+    cells.put(flights(), made([0.1], ["completed"]))
+    (file,) = tmp_path.iterdir()
+    content = bytearray(file.read_bytes())
+    for place in range(0, len(content), 41):
+        content[place] ^= 4
+        file.write_bytes(bytes(content))
+        assert cells.get(flights()) is None
+        content[place] ^= 4
+    file.write_bytes(b"")
+    assert cells.get(flights()) is None
+
+
+def test_differences_are_from_the_first_law_on_the_same_flights():
+    first, second = made([0.2, 0.4], ["completed"] * 2), made([0.1, 0.1], ["completed"] * 2)
+    found = pairs({("noisy", "case3", "a"): first, ("noisy", "case3", "b"): second})
+    assert found["noisy"]["case3"]["b"]["from"] == "a"
+    assert found["noisy"]["case3"]["b"]["mean"] == pytest.approx(-0.2)
+
+
+def test_peaks_to_either_side_are_no_small_peak():
+    peaks = np.array([-0.012, 0.011])
+    cell = Cell({SUCCESS_METRIC: np.zeros(2), "gust_ee_peak_x_continuous": peaks}, np.array(["completed"] * 2))
+    found = summary(cell)["metrics"]["gust_ee_peak_x_continuous"]
+    assert (found["mean"], found["max"]) == pytest.approx((0.0115, 0.012))

@@ -1,0 +1,100 @@
+"""A comparison's folder: every file is there, holds what was flown, and its own choices reach the flights."""
+
+from __future__ import annotations
+
+import base64
+import json
+
+import numpy as np
+import pytest
+
+from skyarm.studies.compare import comparison as results
+from skyarm.studies.compare import run_suite
+from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.compare.suite import conditions
+from skyarm.studies.compare.summary import SUCCESS_METRIC, pairs, table
+
+EVERY = conditions(plants=2, seeds=2)
+LAWS = {name: ENTRANTS[name] for name in ("paper_ct", "centroidal_tip")}
+COLUMNS = {name: EVERY[name] for name in ("perfect", "plants_noisy")}
+TIMES = {name: {"p50_us": 2.0, "p99_us": 3.0} for name in LAWS}
+
+
+def flown():
+    numbers = {"position_error_mean_continuous": 0.1, "ee_error_mean_continuous": 0.2, SUCCESS_METRIC: 0.01}
+    return {
+        (condition.name, case, name): Cell(
+            {metric: np.array([value, 2.0 * value + k]) for metric, value in numbers.items()},
+            np.array(["completed"] * 2),
+        )
+        for condition in COLUMNS.values()
+        for case in condition.cases
+        for k, name in enumerate(LAWS)
+    }
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What the comparison asks for; nothing is flown."""
+    kept = {}
+
+    def fly_all(todo, *positional, **named):
+        kept["flown"] = ([each.name for each in todo], positional, named)
+        return [flown()[each.name] for each in todo]
+
+    def step_times(*positional):
+        kept["step_times"] = positional
+        return TIMES
+
+    monkeypatch.setattr(run_suite, "fly_all", fly_all)
+    monkeypatch.setattr(results, "step_times", step_times)
+    return kept
+
+
+def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
+    comparison = Comparison(entrants=LAWS, conditions=COLUMNS, seed=7, plant="mujoco", one_by_one=3)
+    folder = tmp_path / "deep" / "comparison"
+    found = fly_suite(comparison, folder, threads=2, progress=print)
+    names, positional, named = asked["flown"]
+    assert set(names) == set(flown())
+    assert (positional, named) == ((folder / "cells",), {"threads": 2, "progress": print})
+    assert {(each.seed, each.plant, each.one_by_one) for each in comparison.flights()} == {(7, "mujoco", 3)}
+    assert asked["step_times"] == (LAWS, COLUMNS["perfect"])
+    assert sorted(path.name for path in folder.iterdir()) == [
+        *("cells", "flights.parquet", "laws.png", "report.html", "results.json", "tables.md")
+    ]
+    assert json.loads((folder / "results.json").read_text()) == found
+    assert (found["schema"], found["suite"], found["seed"], found["plant"]) == (1, "paper-suite", 7, "mujoco")
+    assert found["summaries"] == table(flown())
+    assert {key: set(each) for key, each in found["paired"].items()} == {
+        key: set(each) for key, each in pairs(flown()).items()
+    }
+    assert found["step_times"] == TIMES
+    assert (folder / "tables.md").read_text() == comparison.report(found).markdown()
+    picture = (folder / "laws.png").read_bytes()
+    assert picture.startswith(b"\x89PNG\r\n\x1a\n")
+    page = (folder / "report.html").read_text()
+    assert base64.b64encode(picture).decode() in page
+    assert all(name in page for name in LAWS)
+
+
+def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
+    rows = parquet.read_table(tmp_path / "flights.parquet").to_pylist()
+    assert len(rows) == sum(cell.status.size for cell in flown().values())
+    wanted = flown()["plants_noisy", "case3_wind", "centroidal_tip"]
+    found = [row for row in rows if (row["condition"], row["case"], row["law"])
+             == ("plants_noisy", "case3_wind", "centroidal_tip")]  # fmt: skip
+    assert [row[SUCCESS_METRIC] for row in found] == list(wanted.metrics[SUCCESS_METRIC])
+    assert [(row["trial"], row["status"]) for row in found] == [(0.0, "completed"), (1.0, "completed")]
+
+
+def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkeypatch):
+    monkeypatch.setattr(results, "step_times", lambda *_: {"paper_ct": {"p50_us": float("nan"), "p99_us": 1.0}})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
+    assert not (tmp_path / "results.json").exists()

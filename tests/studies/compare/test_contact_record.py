@@ -1,0 +1,117 @@
+"""What counts as a success of a task in contact, and what a flight lacked, from metrics made by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.contact_report import HANDLES, NUMBERS, cell_record, handle_rows, lacks
+from skyarm.studies.compare.contact_suite import ContactSuite
+from skyarm.studies.compare.contact_tasks import TASKS
+from skyarm.studies.compare.run_suite import write_suite
+from skyarm.view.pages import number
+
+GOOD = {
+    "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
+    "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
+    **{metric: 0.5 for metric, *_ in NUMBERS.values()}, **{metric: np.nan for metric, *_ in HANDLES.values()},
+}  # fmt: skip
+WEIGHT = 10.0
+
+
+def cell(*status, **changed):
+    """A cell of one flight for each ending, in all of which some metrics are changed."""
+    names = status or ("completed",)
+    return Cell({name: np.full(len(names), changed.get(name, value)) for name, value in GOOD.items()}, np.array(names))
+
+
+def lacked(task, found):
+    return [word for word, flags in lacks(TASKS[task], found, WEIGHT, 3).items() if flags[0]]
+
+
+@pytest.mark.parametrize("task", ["press_and_hold", "push_button", "peg_in_hole", "pick_and_carry", "perch_on_shelf"])
+def test_a_flight_that_does_all_of_it_succeeds(task):
+    assert lacked(task, cell()) == []
+
+
+@pytest.mark.parametrize(
+    ("task", "word", "changed"),
+    [
+        ("press_and_hold", "force", {"contact_held": 0.89}),
+        ("press_and_hold", "force", {"contact_held": np.nan}),
+        ("press_and_hold", "phases", {"phases_done": 2.0}),
+        ("press_and_hold", "lost", {"tilt_max": 1.4}),
+        ("pick_and_carry", "lost", {"ee_error_last_mean_continuous": 0.501}),
+        ("pick_and_carry", "lost", {"ee_error_last_mean_continuous": np.nan}),
+        ("open_door", "opening", {"mechanism_furthest": 0.95}),
+        ("pull_door", "opening", {"mechanism_furthest": 0.95}),
+        ("turn_valve", "opening", {"mechanism_furthest": 1.39}),
+        ("push_button", "opening", {"mechanism_furthest": 0.0029}),
+        ("peg_in_hole", "depth", {"tip_lowest": 0.7731}),
+        ("pick_and_carry", "place", {"object_last_x": 0.61}),
+        ("pick_and_carry", "place", {"object_last_y": 0.0101}),
+        ("perch_on_shelf", "standing", {"contact_last": 0.99}),
+        ("perch_on_shelf", "place", {"ee_error_last_mean_continuous": 0.051}),
+    ],
+)
+def test_what_is_missing_is_named(task, word, changed):
+    assert lacked(task, cell(**changed)) == [word]
+
+
+def test_a_flight_that_lacks_several_counts_once_under_the_first():
+    found = cell("completed", "phase_failed", "rotor_contact", "completed")
+    found.metrics["contact_held"][2:] = 0.1
+    told = cell_record(TASKS["press_and_hold"], found, WEIGHT, 3, np.array([0.001, 0.002, 0.006, 0.005]))
+    assert told["causes"] == {"phases": 1, "rotor_contact": 1, "force": 1}
+    assert (told["flights"], told["successes"], told["success_rate"]) == (4, 1, 0.25)
+    assert told["soon"] == {"flights": 3, "successes": 1}
+    low, high = told["success_interval"]
+    assert 0.0 < low < 0.25 < high < 1.0
+
+
+def test_numbers_are_medians_over_whole_flights_and_none_where_there_are_none():
+    found = cell("completed", "completed", "completed", "lost")
+    found.metrics["contact_error_mean"][:] = [-0.1, 0.2, np.nan, 9.0]
+    told = cell_record(TASKS["press_and_hold"], found, WEIGHT, 3, np.zeros(4))
+    assert told["force_error"] == pytest.approx(0.15), "by its size"
+    assert cell_record(TASKS["press_and_hold"], cell("lost"), WEIGHT, 3, np.zeros(1))["peak"] is None
+
+
+def test_handles_have_a_median_and_what_nearly_all_stay_below():
+    count = 21
+    found = cell(*["completed"] * count, "lost")
+    for name, *_ in HANDLES.values():
+        found.metrics[name][:] = [*np.arange(count), 1e3]
+    told = cell_record(TASKS["pull_door"], found, WEIGHT, 3, np.zeros(count + 1))
+    assert (told["radial"], told["radial_most"], told["lag_most"]) == (10.0, 19.0, 19.0)
+    conditions = {"perfect": {"centroidal": told}, "noisy": {}}
+    record = {"tasks": {"pull_door": {"title": "pull", "conditions": conditions}}, "laws": ["centroidal"]}
+    assert handle_rows(record, "perfect") == [["pull", "centroidal", "10.0", "19.0", number(math.degrees(19.0))]]
+    assert handle_rows(record, "noisy") == []
+    told["radial"] = None
+    assert handle_rows(record, "perfect") == []
+
+
+def test_tables_page_and_files_tell_the_same(tmp_path):
+    task = TASKS["press_and_hold"]
+    flown = cell_record(task, cell("completed", "rotor_contact"), WEIGHT, 3, np.zeros(2))
+    conditions = {"perfect": {"centroidal": flown}, "noisy": {}}
+    found = {
+        "suite": "contact-suite", "seed": 0, "plant": "rigid_body", "worlds": 2, "laws": ["centroidal", "paper_ct"],
+        "not_flown": {"<b> in press_and_hold": "has no <gains>"},
+        "tasks": {task.name: {"title": task.title, "worlds": 2, "drawn": 3, "discarded": 1, "conditions": conditions}},
+    }  # fmt: skip
+    suite = ContactSuite(worlds=2)
+    text, page = suite.report(found).markdown(), suite.report(found).html()
+    assert "| press 1 N and hold | 1 of 2 |" in text
+    assert "press_and_hold 1 of 3" in text
+    assert "rotor_contact 1" in text
+    assert "noisy measurements" not in text, "a condition that nobody flew has no table"
+    assert "1 of 2" in page
+    assert "<gains>" not in page
+    write_suite(suite, found, {}, tmp_path)
+    assert json.loads((tmp_path / "contact.json").read_text()) == found

@@ -1,0 +1,105 @@
+"""Flights one by one in processes: the numbers and the order of one process; how many; what their steps take."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+
+import numpy as np
+
+from skyarm.log.metrics.windows import Windows
+from skyarm.simulate import Window
+from skyarm.studies.bench.latency import flown_latency
+from skyarm.studies.compare import comparison
+from skyarm.studies.compare.cells import Cell, Flights, fly
+from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.comparison_report import comparison_report, plants_rows, step_rows
+from skyarm.studies.compare.entrants import ENTRANTS
+from skyarm.studies.compare.perturbed_plants import Spread
+from skyarm.studies.compare.run_suite import fly_all
+from skyarm.studies.compare.suite import Case, Condition
+from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
+
+EARLY = Windows(steady=Window(0.1, 0.4), gust=Window(0.1, 0.4), last=0.1)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ShortCase(Case):
+    """The beginning of a case."""
+
+    def build(self):
+        return dataclasses.replace(Case.build(self), duration=0.4)
+
+
+SHORT = ShortCase(name="case3_wind", title="0.4 s", scenario="case3_wind", windows=EARLY)
+WRONG = Condition(name="plants_noisy", title="wrong", noisy=True, episodes=4, cases=("case3_wind",), spread=Spread())
+NOISY = Condition(name="noisy", title="noise", noisy=True, episodes=2, cases=("case3_wind",))
+
+
+def flights(condition=NOISY, law="nmpc", **changes):
+    return Flights(entrant=ENTRANTS[law], case=SHORT, condition=condition, seed=5, **changes)
+
+
+def same(one: Cell, other: Cell) -> bool:
+    return list(one.status) == list(other.status) and all(
+        np.array_equal(one.metrics[name], other.metrics[name], equal_nan=True) for name in one.metrics
+    )
+
+
+def test_flights_in_processes_are_those_of_one_process_in_order(tmp_path):
+    """Single flights of a law that is called with floats and of MuJoCo's plant, and a whole batch."""
+    todo = [flights(), flights(law="paper_ct", plant="mujoco"), flights(WRONG, law="paper_ct")]
+    told = []
+    found = fly_all(todo, tmp_path, threads=2, progress=lambda *heard: told.append(heard[:2]))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert [len(cell.status) for cell in found] == [2, 2, 4]
+    for planned, cell in zip(todo, found, strict=True):
+        assert same(cell, fly(planned)), planned.label
+    assert len({float(value) for value in found[0].metrics["ee_error_mean_continuous"]}) == 2
+
+
+def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
+    def count(planned):
+        return planned.episodes(planned.scenario())
+
+    assert count(flights(one_by_one=2)) == NOISY.episodes
+    assert count(flights(WRONG, one_by_one=2)) == 2
+    assert count(flights(WRONG, one_by_one=9)) == WRONG.episodes
+    assert count(flights(WRONG, law="paper_ct", one_by_one=2)) == WRONG.episodes
+    assert count(flights(WRONG, law="paper_ct", one_by_one=2, plant="mujoco")) == 2
+    every = Comparison(entrants={"nmpc": ENTRANTS["nmpc"]}, one_by_one=3).flights()
+    assert {planned.one_by_one for planned in every} == {3}
+
+
+def test_every_cell_of_the_comparison_travels_to_a_process():
+    for each in Comparison().flights():
+        assert pickle.loads(pickle.dumps(each)) == each
+
+
+def test_steps_that_solve_have_a_row_of_their_own(monkeypatch):
+    entrants = {name: ENTRANTS[name] for name in ("nmpc", "paper_ct")}
+    times = comparison.step_times(entrants, NOISY, calls=200, seconds=0.5)
+    for each in (times["nmpc"], times["nmpc"]["solving"], times["paper_ct"]):
+        assert each["p99_us"] >= each["p50_us"] > 0.0
+    # every other step only applies the feedback
+    assert times["nmpc"]["solving"]["p50_us"] > times["nmpc"]["p50_us"]
+    assert "solving" not in times["paper_ct"]
+    rows = step_rows({"step_times": times})
+    assert [row[0] for row in rows] == ["nmpc", "nmpc, solving", "paper_ct"]
+    text = comparison_report({"summaries": {}, "step_times": times}, entrants, {}).markdown()
+    assert f"| nmpc, solving | {times['nmpc']['solving']['p50_us']:.2f} |" in text
+
+
+def test_a_share_of_fewer_flights_than_others_flew_says_of_how_many():
+    def flown(count):
+        return summary(Cell({SUCCESS_METRIC: np.full(count, 0.001)}, np.full(count, "completed")))
+
+    found = {"case3_wind": {"paper_ct": flown(50), "nmpc": flown(20)}}
+    rows = {row[0]: row[1] for row in plants_rows(found, ENTRANTS, ["case3_wind"])}
+    assert rows["nmpc"].endswith("] of 20")
+    assert rows["paper_ct"].endswith("]")
+
+
+def test_a_law_without_plans_solves_nothing():
+    planned = flights(law="paper_ct")
+    assert flown_latency(dataclasses.replace(planned.scenario(), duration=0.1))["solving"] is None

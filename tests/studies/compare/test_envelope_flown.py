@@ -1,0 +1,181 @@
+"""An envelope flown: a batch is a loop of flights, cells are kept, laws of a folder stay, files are whole."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.scenario.numbers import with_numbers
+from skyarm.studies.compare import run_suite
+from skyarm.studies.compare.cells import fly, key
+from skyarm.studies.compare.envelope import Envelope, axis_flights, fly_envelope, with_laws_of
+from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widened
+from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.compare.perturbed_plants import Spread, draw
+
+QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
+FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A quick envelope and its folder."""
+    folder = tmp_path_factory.mktemp("envelope")
+    told = []
+    return fly_envelope(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
+
+
+def test_every_file_is_there_and_holds_what_was_flown(flown):
+    found, folder, told = flown
+    assert sorted(path.name for path in folder.iterdir() if path.is_file()) == FILES
+    assert json.loads((folder / "envelope.json").read_text()) == found
+    assert found["laws"] == ["paper_pd", "paper_ct"]
+    assert list(found["axes"]) == ["circle", "step", "measurement_delay"]
+    assert found["axes"]["measurement_delay"]["values"] == [0.0, 30.0]
+    for axis in found["axes"].values():
+        assert [len(points) for points in axis["laws"].values()] == [len(axis["values"])] * 2
+    # one cell a batch, one for each value where values are no data
+    assert told[-1] == (8, 8)
+    assert len(list((folder / "cells").iterdir())) == 8
+
+
+def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_carry(flown):
+    found, _, _ = flown
+    axis, setting = AXES["circle"], QUICK.setting
+    (planned_cell,) = axis_flights("paper_ct", QUICK.axis("circle"), setting)
+    easiest = planned_cell.scenario()
+    speed = planned_cell.points[-1]
+    log = skyarm.run(with_numbers(easiest, axis.numbers(setting, speed)))
+    vehicle = setting.truth
+    level = np.zeros((len(log.time), 4))
+    level[:, 0] = 1.0
+    at = axis.scenario(setting, speed).reference.at(log.time)
+    wanted = np.stack([np.broadcast_to(c, log.time.shape) for c in at.position], axis=1)
+    joints = np.stack([np.broadcast_to(c, log.time.shape) for c in at.joints], axis=1)
+    tip, _ = frame_pose_world(vehicle, log.position, log.quaternion, log.joints)
+    goal, _ = frame_pose_world(vehicle, wanted, level, joints)
+    error = np.linalg.norm(tip - goal, axis=1)[log.time >= 7.0]
+    point = found["axes"]["circle"]["laws"]["paper_ct"][-1]
+    assert point["tip_mean"] == pytest.approx(error.mean(), rel=1e-6)
+    assert point["tip_max"] == pytest.approx(error.max(), rel=1e-6)
+    assert point["tip_max"] > point["tip_mean"] > 0.3
+
+
+def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
+    found, _, _ = flown
+    (cell,) = axis_flights("paper_ct", QUICK.axis("step"), QUICK.setting)
+    log = skyarm.run(with_numbers(cell.scenario(), {"reference.x.height": 3.0}))
+    beyond = log.position[log.time > 1.0, 0].max() - 3.0
+    assert found["axes"]["step"]["laws"]["paper_ct"][-1]["judged"] == pytest.approx(beyond, rel=1e-6)
+    assert beyond > 0.0
+
+
+def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypatch):
+    found, folder, _ = flown
+    todo, _ = QUICK.planned()
+    again = []
+    honest = run_suite.fly
+    monkeypatch.setattr(run_suite, "fly", lambda each, threads: again.append(each.label) or honest(each))
+    cells = run_suite.fly_all(todo, folder / "cells")
+    assert again == []
+    broken = folder / "cells" / f"{todo[0].label}.cell"
+    broken.write_bytes(broken.read_bytes()[:-1])
+    repaired = run_suite.fly_all(todo, folder / "cells")
+    assert again == [todo[0].label]
+    assert np.array_equal(cells[0].metrics[TIP], repaired[0].metrics[TIP])
+    assert repaired[0].metrics[TIP_MAX][-1] == found["axes"]["circle"]["laws"]["paper_pd"][-1]["tip_max"]
+
+
+def test_a_law_that_a_folder_holds_stays_in_its_tables(flown, monkeypatch):
+    _, folder, _ = flown
+    monkeypatch.setattr(run_suite, "fly", None)
+    monkeypatch.setattr(run_suite, "write_suite", lambda *_: None)
+    one = dataclasses.replace(QUICK, laws=("paper_ct",))
+    assert fly_envelope(one, folder)["laws"] == ["paper_pd", "paper_ct"]
+    # of another seed it holds nothing
+    assert with_laws_of(folder, dataclasses.replace(one, seed=1)).laws == ("paper_ct",)
+
+
+def test_every_value_meets_the_same_noise():
+    axis = dataclasses.replace(AXES["payload"], values=(0.0, 0.0, 0.2))
+    (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 5.0))
+    lanes, alone = (fly(each).metrics["rotor_jitter"] for each in (cell, dataclasses.replace(cell, points=(0.0,))))
+    assert lanes[0] == lanes[1] == alone[0] != lanes[2]
+
+
+def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_the_same_ones():
+    (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
+    scenario = cell.scenario()
+    values = cell.values(scenario)
+    half, once = draw(scenario, widened(Spread(), 0.5), PLANTS, seed=0), draw(scenario, Spread(), PLANTS, seed=0)
+    mass, delay = "plant.vehicle.links.1.body.mass", "delays.command"
+    for path in values:
+        assert np.array_equal(values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])), path
+    assert widened(Spread(), 0.5).thrust == (-0.05, 0.025)
+    nominal = scenario.plant.vehicle.links[1].body.mass
+    assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
+    few = dataclasses.replace(cell, points=(2.0,))
+    assert np.array_equal(few.values(scenario)[mass], values[mass][-PLANTS:])
+    flown = fly(few)
+    assert flown.status.shape == (PLANTS,)
+    numbers = {path: float(column[-1]) for path, column in few.values(scenario).items()}
+    numbers[delay] = round(1e3 * numbers[delay]) * 1e-3
+    log = skyarm.run(with_numbers(scenario, numbers))
+    assert log.status == flown.status[-1]
+    # a batch rounds the delay to its own step
+    assert flown.metrics[TIP][-1] == pytest.approx(skyarm.score(log, [TIP], few.case.windows)[TIP], rel=1e-2)
+
+
+def test_wrong_plants_of_another_vehicle_are_its_own_spread():
+    (cell,) = axis_flights("centroidal_tip", AXES["wrong_plants"], setting_of("hexarotor_arm6", 8.0))
+    scenario = cell.scenario()
+    masses = cell.values(scenario)["plant.payload.mass"]
+    weight = float(scenario.plant.vehicle.mass)
+    assert 0.1 < masses.max() / (2.0 * 0.1 * weight / 0.806) <= 1.0
+    assert masses[:PLANTS] == pytest.approx(0.25 * masses[-PLANTS:])
+
+
+def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):
+    setting = setting_of(PAPER, 10.0)
+    axis = QUICK.axis("circle")
+    (one,) = axis_flights("paper_ct", axis, setting)
+    (other,) = axis_flights("paper_ct", dataclasses.replace(axis, values=(0.5, 2.0)), setting)
+    (seeded,) = axis_flights("paper_ct", axis, setting, seed=1)
+    (longer,) = axis_flights("paper_ct", axis, setting_of(PAPER, 12.0))
+    assert len({key(each) for each in (one, other, seeded, longer)}) == 4
+
+
+def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
+    asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle",), vehicle="crazyflie_arm1", quick=True)
+    todo, refused = asked.planned()
+    assert {each.entrant.name for each in todo} == {"centroidal_tip"}
+    assert "2 values, must be 1" in refused["paper_ct"]
+
+
+def test_joints_with_servos_do_not_fly_the_lag_of_torques():
+    asked = Envelope(vehicle="quadrotor_roll_arm2", quick=True)
+    assert set(AXES) - set(asked.flown) == {"joint_lag"}
+
+
+@pytest.mark.thorough
+def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
+    found, _, _ = flown
+    assert fly_envelope(QUICK, tmp_path, threads=2) == found
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("vehicle", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2"])
+def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
+    envelope = Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True)
+    found = fly_envelope(envelope, tmp_path, threads=2)
+    assert list(found["axes"]) == list(envelope.flown)
+    for name in ("circle", "vertical", "swing", "payload", "noise"):
+        easiest, hardest = found["axes"][name]["laws"]["centroidal_tip"]
+        assert not easiest["lost"], name
+        # the Crazyflie's single joint swings at any of the frequencies with less than 1 mm at the tip
+        assert hardest["lost"] or hardest["judged"] > easiest["judged"] or easiest["judged"] < 1e-3, name

@@ -1,0 +1,64 @@
+"""A comparison on a scenario: its own law first, then those that are named, each law once by whatever name."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from added_components import registry_kept
+from skyarm.cli.compare_command import _entrants
+from skyarm.control.catalogue import ControllerError, require_different
+from skyarm.records.registry.plugins import register_law_of_file
+from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
+from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.sweep import StudyError
+from sweeps import small_study
+
+OWN = Path(__file__).parents[3] / "examples" / "own_law.py"
+
+
+def flights(laws=LAWS, scenario="case3"):
+    return OwnScenario(scenario=scenario, laws=laws, seeds=1).planned()[0]
+
+
+def test_the_own_law_is_the_first_row_whoever_is_named() -> None:
+    def names(laws):
+        return [each.entrant.name for each in flights(laws)]
+
+    assert names(LAWS) == ["own", *LAWS]
+    assert names(["indi", "paper_ct"]) == ["own", "indi", "paper_ct"]
+    assert names(["own"]) == ["own"]
+    own, named = flights(["paper_pd"], "case1")
+    assert own.scenario().controller.name != named.scenario().controller.name
+
+
+@pytest.mark.parametrize("pair", [("indi", "indi"), ("paper_ct", "own_law.py")])
+def test_two_names_of_one_law_are_refused_everywhere(pair, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(OWN, tmp_path / "own_law.py")
+    if pair[1].endswith(".py"):
+        pair = ("own_law.py:make_lqr", f"{tmp_path / 'own_law.py'}:make_lqr")
+    with registry_kept():
+        for name in pair:
+            register_law_of_file(name)
+        line = f".*: must be a list of different presets or laws; '{pair[0]}' and '{pair[1]}' are one"
+        with pytest.raises(ControllerError, match=line):
+            flights(list(pair))
+        with pytest.raises(ControllerError, match=line):
+            _entrants(",".join(pair))
+        with pytest.raises(StudyError, match=f"controllers = {line}"):
+            small_study(controllers=list(pair))
+
+
+def test_other_makers_and_files_are_other_laws() -> None:
+    require_different(["a.py:make", "a.py:other", "b.py:make", "sub/a.py:make", "paper_ct", "indi", "indi_tuned"], "x")
+
+
+def test_the_table_says_own(tmp_path: Path) -> None:
+    found = fly_suite(OwnScenario(scenario="case3", laws=["paper_pd"]), tmp_path)
+    rows = [line.split("|")[1].strip() for line in (tmp_path / "tables.md").read_text().splitlines() if "|" in line]
+    assert rows == ["law", "---", "own", "paper_pd"]
+    assert list(found["summaries"]["given"]["case3"]) == ["own", "paper_pd"]
+    assert "Means over the flights" in (tmp_path / "report.html").read_text("utf-8")

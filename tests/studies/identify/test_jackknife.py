@@ -1,0 +1,25 @@
+"""Scores of blocks, of residuals of the fit without them: against fits in which each block is really left out."""
+
+import numpy as np
+import pytest
+
+from skyarm.studies.identify.whitened_fit import _jackknifed
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_scores_of_a_block_are_those_of_a_fit_without_it(rows):
+    rng = np.random.default_rng(1)
+    slope, error, blocks = rng.standard_normal((80, rows, 4)), rng.standard_normal((80, rows)), 8
+    # one parameter that is moved in the first block alone as a rule
+    slope[10:, :, 3] *= 0.2
+    flat, wanted = slope.reshape(-1, 4), error.ravel()
+    found = np.linalg.lstsq(flat, wanted, rcond=None)[0]
+    curvature = np.linalg.inv(flat.T @ flat)
+    scores = _jackknifed(slope, (wanted - flat @ found).reshape(80, rows), curvature, blocks)
+    part = np.repeat(np.arange(blocks), 10 * rows)
+    for b in range(blocks):
+        inside = part == b
+        without = np.linalg.lstsq(flat[~inside], wanted[~inside], rcond=None)[0]
+        assert scores[b] == pytest.approx(flat[inside].T @ (wanted[inside] - flat[inside] @ without))
+        # what is left out: the shift of the parameters that the block makes
+        assert curvature @ scores[b] == pytest.approx(found - without)

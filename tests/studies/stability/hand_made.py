@@ -1,0 +1,34 @@
+"""A double integrator under sampled PD, whose margins are known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skyarm.studies.stability import OpenLoop
+
+KP, KD, T = 160.0, 18.0, 0.005
+
+
+def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop:
+    """x = [position, velocity], u = acceleration held from ``late`` on, all in closed form."""
+    lates = np.arange(5) * 0.001
+    x_x = np.array([[[1.0, T], [0.0, 1.0]]] * 5)
+    new = [[[0.5 * (T - late) ** 2], [T - late]] for late in lates]
+    old = [[[0.5 * late**2 + late * (T - late)], [late]] for late in lates]
+    nothing = np.zeros((0, 0))
+    return OpenLoop(
+        period=T,
+        rotors=1,
+        lates=lates,
+        x_x=x_x,
+        x_old=np.array(old),
+        x_new=np.array(new),
+        y_x=np.eye(2),
+        y_old=np.zeros((2, 1)),
+        m_m=nothing,
+        m_y=np.zeros((0, 2)),
+        u_m=np.zeros((1, 0)),
+        u_y=np.array([[-KP, -KD]]),
+        measurement_delay=measured_late,
+        command_delay=delay,
+    )

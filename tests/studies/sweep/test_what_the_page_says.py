@@ -1,0 +1,114 @@
+"""The page of a study says whether it is complete, and ties of two controllers are shared between them."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import re
+
+import numpy as np
+import pytest
+
+from skyarm.studies.sweep.stats import SHARES, _paired
+from skyarm.studies.sweep.store import Manifest
+from skyarm.studies.sweep.study_page import Pictures, page
+
+STUDY = {
+    "name": "small",
+    "design": "random",
+    "seed": 5,
+    "precision": "double",
+    "vary": None,
+    "episodes": 12,
+    "chunk": 12,
+}
+MANIFEST = Manifest(
+    title="",
+    success={},
+    versions={"skyarm": "1.2.3"},
+    study=STUDY,
+    scenarios={"law": "a", "other": "b"},
+)
+
+
+def found(*, complete, paired=None, deterministic=False):
+    one = {"status": {"completed": 11, "fell": 1}, "success_rate": 0.75, "success_interval": (0.4, 0.9)}
+    return {
+        "complete": complete,
+        "deterministic": deterministic,
+        "rows": 24 if complete else 20,
+        "rows_planned": 24,
+        "files_not_counted": [],
+        "episodes": 12 if complete else 10,
+        "limits": {},
+        "confidence": 0.95,
+        "controllers": {"law": {**one, "metrics": {}}},
+        "paired": paired or {},
+    }
+
+
+def text(complete):
+    return html.unescape(re.sub(r"<[^>]*>", " ", page(found(complete=complete), MANIFEST, Pictures())))
+
+
+def test_a_page_says_that_a_study_is_not_complete_and_only_then():
+    whole, part = text(True), text(False)
+    assert "24 rows of 12 episodes;" in whole
+    assert "incomplete" not in whole
+    assert "incomplete: 20 of 24 rows, 10 episodes so far;" in part
+
+
+def test_a_page_without_pairs_and_maps_has_no_empty_sections():
+    bare = page(found(complete=True), MANIFEST, Pictures())
+    for title in ("Paired differences", "Robustness maps", "Metrics over what varied"):
+        assert title not in bare
+    assert "Robustness maps" in page(found(complete=True), MANIFEST, Pictures(maps={"law": b"png"}))
+    assert "Metrics over what varied" in page(found(complete=True), MANIFEST, Pictures(curves={"pitch_rms": b"png"}))
+
+
+def test_a_study_without_a_title_is_called_by_its_name():
+    assert "<title>small</title>" in page(found(complete=True), MANIFEST, Pictures())
+    assert "<title>A title</title>" in page(
+        found(complete=True), dataclasses.replace(MANIFEST, title="A title"), Pictures()
+    )
+
+
+def test_a_map_that_is_the_same_everywhere_is_a_sentence():
+    pictures = Pictures(maps={"one": b"png"}, constant={"law": 1.0, "other": 0.0, "third": 0.25})
+    text = page(found(complete=True), MANIFEST, pictures)
+    assert text.count("<img") == 1
+    for words in ("law: every episode succeeds", "other: no episode succeeds", "third: 25.0% succeed"):
+        assert f"<p>{words}, in every cell of the map.</p>" in text
+
+
+def test_a_grid_without_chance_has_no_intervals_and_says_why():
+    given = found(complete=True, deterministic=True)
+    given["controllers"]["law"]["success_interval"] = None
+    spread = {"count": 11, "mean": 0.5, "quantiles": {str(share): 0.25 for share in SHARES}, "intervals": None}
+    given["controllers"]["law"]["metrics"] = {"ee_error_mean": spread, "pitch_rms": None}
+    text = html.unescape(page(given, MANIFEST, Pictures()))
+    assert "nothing is drawn at random, and the numbers have no intervals" in text
+    assert not re.search(r"[Bb]ootstrap|Wilson|\[0|interval<", text)
+    assert '<th scope="row">mean tip error [m]</th><td>ee_error_mean</td>' in text
+
+
+def test_figures_name_their_metric_with_its_unit_and_all_but_the_first_are_folded():
+    curves = {"ee_error_mean": b"png", "tau1_rms": b"png", "my_own": b"png"}
+    text = page(found(complete=True), MANIFEST, Pictures(curves=curves))
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", text)
+    assert captions == [
+        "mean tip error [m] over each varied number",
+        "RMS torque of joint 1 [N m] over each varied number",
+        "my own over each varied number",
+    ]
+    assert re.findall(r'<img alt="(.*?)"', text) == captions
+    assert text.index(captions[0]) < text.index("<summary>More metrics") < text.index(captions[1])
+
+
+def test_ties_are_shared_between_both_controllers():
+    """Of ten differences three are below zero and four are zero: two of these count for each side."""
+    difference = np.array([-1.0, -2.0, -3.0, 0.0, 0.0, -0.0, 0.0, 1.0, 2.0, 3.0])
+    assert _paired(difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _paired(-difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _paired(np.zeros(4), 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _paired(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0, 0.95)["first_smaller"] == pytest.approx(0.4)

@@ -1,0 +1,138 @@
+"""The search on costs that need no flight: it finds a known minimum, repeats, goes on, looks at few margins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skyarm.records.files import unpacked, write_atomically
+from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
+from skyarm.studies.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
+from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.tuning import Archive, ArchiveError
+
+KNOBS = tuple(
+    Knob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),)) for i, unit in enumerate(("1/s^2", "1/s", "rad/s", ""))
+)
+EFFORT = Effort(scatter=60, population=8, rounds=12, plants=4, first_plants=2)
+BEST = np.array([0.7, -0.4, 0.2, 1.1])
+
+
+def scores_of(logs):
+    """Error a bowl about BEST, jitter grows with the first gain, lost beyond a wall."""
+    away = np.sum((logs - BEST) ** 2, axis=1)
+    none = np.zeros(len(logs))
+    lost = np.where(logs[:, 1] > 1.0, 0.5, 0.0)
+    return Scores(
+        error=0.01 * np.exp(away), tip=none, jitter=np.exp(logs[:, 0]), effort=none, lost=lost, short=none.copy()
+    )
+
+
+def test_the_stiffest_strategy_finds_the_minimum_and_the_calmest_gives_error_for_jitter():
+    logs, found = search(KNOBS, EFFORT, lambda _number, asked, _plants: scores_of(asked), seed=1)
+    assert logs.shape == (EFFORT.candidates, len(KNOBS))
+    stiff, calm = (logs[costs(found, weight).argmin()] for weight in (min(WEIGHTS), max(WEIGHTS)))
+    # the minimum of |x - b|^2 + w x_0 is b_0 - w / 2
+    assert stiff == pytest.approx(BEST - [0.5 * min(WEIGHTS), 0, 0, 0], abs=0.15)
+    assert calm == pytest.approx(BEST - [0.5 * max(WEIGHTS), 0, 0, 0], abs=0.15)
+    assert np.abs(logs).max() <= BOX + 1e-6
+
+
+def test_a_search_asks_the_same_questions_again_and_other_ones_with_another_seed():
+    asked = {}
+    for name, seed in (("first", 3), ("again", 3), ("other", 4)):
+        asked[name] = search(KNOBS, EFFORT, lambda _number, logs, _plants: scores_of(logs), seed=seed)[0]
+    np.testing.assert_array_equal(asked["first"], asked["again"])
+    assert not np.array_equal(asked["first"], asked["other"])
+
+
+def test_an_interrupted_search_goes_on_from_its_archive_with_the_same_bits(tmp_path):
+    facts = {"seed": 3}
+
+    def judged(folder, stop=None):
+        archive, flown = Archive(folder, facts), []
+
+        def judge(number, logs, _plants):
+            there = archive.get(number, logs)
+            if there is None:
+                if number == stop:
+                    raise KeyboardInterrupt
+                flown.append(number)
+                there = scores_of(logs)
+                archive.put(number, logs, there)
+            return there
+
+        return search(KNOBS, EFFORT, judge, seed=3)[0], flown
+
+    (tmp_path / "whole").mkdir()
+    (tmp_path / "cut").mkdir()
+    whole, _ = judged(tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        judged(tmp_path / "cut", stop=7)
+    # a file that was cut off is flown again
+    write_atomically(tmp_path / "cut" / "round_006.npz", (tmp_path / "cut" / "round_006.npz").read_bytes()[:200])
+    rest, flown = judged(tmp_path / "cut")
+    np.testing.assert_array_equal(whole, rest)
+    assert flown == list(range(6, EFFORT.rounds + 1))
+
+
+def test_a_round_that_unpacks_to_too_much_is_judged_again(tmp_path, monkeypatch):
+    archive, asked = Archive(tmp_path, {}), np.zeros((100, len(BEST)))
+    archive.put(0, asked, scores_of(asked))
+    assert archive.get(0, asked) is not None
+    monkeypatch.setattr(unpacked, "LARGEST", 1000)
+    monkeypatch.setattr(unpacked, "RATIO", 0)
+    assert archive.get(0, asked) is None
+
+
+def test_an_archive_of_something_else_is_refused_by_what_differs(tmp_path):
+    Archive(tmp_path, {"seed": 1, "law": "a"})
+    Archive(tmp_path, {"seed": 1, "law": "a"})
+    with pytest.raises(ArchiveError, match=r"--out = .*a search of something else \(law: 'a', now 'b'\)"):
+        Archive(tmp_path, {"seed": 1, "law": "b"})
+
+
+def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth():
+    points = scatter(KNOBS, 60, seed=0)
+    np.testing.assert_array_equal(points[0], 0.0)
+    # on the line a stiffness moves as the square of a damping, or all gains alike
+    np.testing.assert_allclose(points[2:25:2, 0], 2.0 * points[2:25:2, 1], atol=1e-12)
+    np.testing.assert_allclose(points[1:25:2], np.repeat(points[1:25:2, :1], len(KNOBS), axis=1), atol=1e-12)
+    # gains three times too high or too low are near the right ones somewhere on it
+    for off in (np.log(3.0), -np.log(3.0)):
+        assert np.abs(points[1:25:2, 0] + off).min() < 0.2
+    known = scatter(KNOBS, 60, seed=0, starts=np.array([[1.0] * 4, [0.0] * 4]))
+    np.testing.assert_allclose(known[2:26, 0], 2.0 * known[2:26, 1], atol=1e-12)
+    assert np.abs(points).max() <= BOX + 1e-6
+
+
+def test_a_share_of_one_never_grows_beyond_it():
+    share = Knob(path="lag_share", unit="", numbers=((("lag_share",), 0.5),))
+    assert np.exp(scatter((share,), 60, seed=0)).max() * 0.5 <= 1.0 + 1e-6
+
+
+def test_margins_are_looked_at_only_where_they_change_who_leads():
+    logs = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 4))
+    scored, looked = scores_of(logs), []
+    truth = np.where(logs[:, 2] > 0.0, 4.0, 0.0)
+
+    def short(asked):
+        looked.extend(asked.tolist())
+        return np.where(asked[:, 2] > 0.0, 4.0, 0.0)
+
+    groups = [(weight, slice(20 * i, 20 * (i + 1)), 5) for i, weight in enumerate((0.1, 1.0))]
+    found = with_margins(scored, logs, groups, short)
+    assert len(looked) < 40
+    for weight, which, count in groups:
+        wanted = (scored.cost(weight) + truth)[which].argsort(kind="stable")[:count]
+        np.testing.assert_array_equal(found.cost(weight)[which].argsort(kind="stable")[:count], wanted)
+
+
+def test_an_effort_flies_about_as_many_candidates_as_are_requested():
+    each_round = Effort().population * len(WEIGHTS)
+    for candidates in (200, 500, 1400, 5000):
+        found = Effort().scaled(candidates, 6)
+        assert abs(found.candidates - candidates) <= each_round / 2
+        assert (found.plants, found.first_plants, found.population) == (6, 6, Effort().population)
+    assert Effort().scaled(Effort().candidates, Effort().plants) == Effort()
+    assert Effort().scaled(10, 24).rounds == 2, "the second round is the first that learns of another"

@@ -1,0 +1,153 @@
+"""The scenario's own motion among those of a search: which plants fly it, what their flights say, where it counts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.leaves import parts
+from skyarm.reference import Constant
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.studies.tune import candidate_flights, tuning
+from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shortened, with_own
+from skyarm.studies.tune.excitation import KINDS, draw_plants, eased, excited, of_vehicle
+from skyarm.studies.tune.gain_search import Effort
+from skyarm.studies.tune.law_knobs import find_knobs
+from skyarm.studies.tune.tuning import FURTHER, POOL, Archive, Plan, Tuner
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+
+@pytest.fixture(scope="module")
+def short():
+    """A second of drawn motion with a gust's window, and one of an own motion, of a vehicle without an arm."""
+    scenario = of_vehicle(load_vehicle("hummingbird"), "decoupled_pd")
+    path = dataclasses.replace(scenario.reference, x=eased(8.0, 1.0), z=Constant(5.0))
+    own = excited(dataclasses.replace(scenario, reference=path, duration=1.0), own_motion=True)
+    windows = Windows(steady=Window(0.2, 0.5), gust=Window(0.5, 1.0))
+    return dataclasses.replace(excited(scenario), duration=1.0, windows=windows), shortened(own)
+
+
+@pytest.mark.parametrize(
+    ("duration", "steady", "flown", "window"),
+    [
+        (30.0, (10.0, 20.0), 15.0, (10.0, 15.0)),
+        (30.0, (3.0, 20.0), 8.0, (3.0, 8.0)),
+        (90.0, (40.0, 90.0), 15.0, (10.0, 15.0)),
+        (30.0, (9.0, 12.0), 12.0, (9.0, 12.0)),
+        (6.0, None, 6.0, (2.0, 6.0)),
+        # a third of it is no whole number of control periods
+        (16.0, None, 10.335, (16.0 / 3.0, 16.0 / 3.0 + 5.0)),
+        (30.0, (9.0, 12.002), 12.005, (9.0, 12.002)),
+    ],
+)
+def test_a_search_flies_the_own_motion_until_enough_of_it_was_looked_at(duration, steady, flown, window):
+    windows = Windows(steady=steady and Window(*steady), transient=Window(0.0, 6.0))
+    case = excited(load_scenario("case3"), own_motion=True)
+    found = shortened(dataclasses.replace(case, duration=duration, windows=windows))
+    assert (found.duration, found.windows.steady) == (flown, Window(*window))
+    assert found.reference == case.reference
+
+
+def test_every_fourth_plant_flies_the_own_motion_and_the_other_kinds_stay_balanced(short):
+    drawn = draw_plants(short[0], 24, seed=3, mixed=True)
+    plants = with_own(drawn)
+    assert np.flatnonzero(plants.kinds == OWN).tolist() == [3, 7, 11, 15, 19, 23]
+    assert np.bincount(plants.kinds).tolist() == [6] * (len(KINDS) + 1)
+    assert with_own(draw_plants(short[0], 7, seed=3, mixed=True)).kinds.tolist() == plants.kinds[:7].tolist()
+    assert drawn.kinds.max() < OWN
+
+
+@pytest.mark.thorough
+def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypatch):
+    """Each column is that of the same plant where one batch flies one motion, and the table is in the plants' order."""
+    flight, own = short
+    knobs = find_knobs(flight.controller, "decoupled_pd")
+    drawn = draw_plants(flight, 12, seed=3, mixed=True)
+    plants, logs = with_own(drawn), np.array([[0.0] * len(knobs), [0.3] * len(knobs)])
+    flights = CandidateFlights(flight, knobs, plants, own=own, seed=4, gust=True)
+    lanes = []
+    real = CandidateFlights._flown
+    monkeypatch.setattr(CandidateFlights, "_flown", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
+    found, first = flights.fly(logs), flights.fly(logs, 7)
+    # more lanes than there are plants would be more flights
+    assert [each.error.shape for each in lanes] == [(2, 9), (2, 3), (2, 6), (2, 1)]
+    alone = real(flights, logs, drawn.taken(np.flatnonzero(plants.kinds != OWN)))
+    mine = candidate_flights._without_motions(drawn.taken(np.array([3, 7, 11])))
+    for name, table in parts(real(flights._own, logs, mine)).items():
+        np.testing.assert_array_equal(getattr(found, name)[..., [3, 7, 11]], table if name != "kinds" else OWN)
+    for name, table in parts(found).items():
+        np.testing.assert_array_equal(table[..., plants.kinds != OWN], getattr(alone, name))
+        np.testing.assert_array_equal(getattr(of_drawn(found), name), getattr(alone, name))
+        # the first plants do not depend on how many fly
+        np.testing.assert_array_equal(table[..., :7], getattr(first, name))
+    # there is a gust along drawn motions, whose window counts as much as the first one
+    assert ((found.error == found.base) == (plants.kinds == OWN)).all()
+    # an own motion of 8 m at 1 Hz that no drawn one comes near
+    assert found.base[:, plants.kinds == OWN].min() > 2.0 * found.base[:, plants.kinds != OWN].max()
+    # no plant may be left of a kind
+    np.testing.assert_array_equal(flights.fly(logs, others=plants.taken(np.arange(3))).error, found.error[:, :3])
+    flights.close()
+
+
+class NoMargins:
+    """Of a loop that cannot be linearised."""
+
+    def __init__(self, *_):
+        pass
+
+    def costs(self, logs):
+        return np.zeros(len(logs))
+
+
+class Told:
+    """In place of flights: errors of 1 mm along drawn motions, 16 mm along the scenario's own."""
+
+    flown: list[tuple[int, int]] = []  # noqa: RUF012  (asked, plants), cleared by the test
+
+    def __init__(self, flight, knobs, plants, *, own, threads, seed, gust):
+        self.plants = plants
+
+    def fly(self, logs, plants=None, others=None):
+        kinds = (others or self.plants).kinds[:plants]
+        self.flown.append((len(logs), len(kinds)))
+        table = np.ones((len(logs), len(kinds)))
+        error = 1e-3 * np.where(kinds == OWN, 16.0, 1.0) * table
+        rest = dict.fromkeys(("base", "jitter", "effort", "saturated"), table)
+        return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
+
+    def close(self):
+        pass
+
+
+def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_finalists(short, tmp_path, monkeypatch):
+    flight, own = short
+    monkeypatch.setattr(tuning, "CandidateFlights", Told)
+    monkeypatch.setattr(tuning, "HoverMargins", NoMargins)
+    Told.flown.clear()
+    knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scaled(64, 8)
+    plan = Plan(
+        flight=flight, check=own, aside=flight, own=own, knobs=knobs, effort=effort, seed=0, label="decoupled_pd"
+    )
+    asked = np.zeros((5 * effort.population, len(knobs)))
+
+    def judged():
+        flies = Tuner(
+            plan, draw_plants(flight, 8, seed=0, mixed=True), Archive(tmp_path, plan.facts()), 1, lambda *_: None
+        )
+        return [flies.judge(0, asked, 4), flies.judge(1, asked, 8), *flies.again(asked[:6])]
+
+    first = judged()
+    # the geometric mean of the kinds' quantiles; the finalists' error in the front is of drawn motions
+    assert [each.error[0] for each in first] == pytest.approx([2e-3, 2e-3, 2e-3, 1e-3])
+    assert Told.flown == [(50, 4), (1, 8 * POOL), (50, 8), (6, FURTHER)]
+    # nothing is flown again where a search goes on
+    for one, other in zip(first, judged(), strict=True):
+        np.testing.assert_array_equal(one.error, other.error)
+    assert len(Told.flown) == 4
+    told = plan.facts()
+    assert told["motions"] == [*KINDS, "own"]
+    assert dataclasses.replace(plan, own=dataclasses.replace(own, duration=0.9)).facts() != told
+    assert "own" not in dataclasses.replace(plan, own=None).facts()

@@ -1,0 +1,53 @@
+"""The library without its folder of contact: everything else imports, and every flight without contact flies."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import skyarm
+
+OF_CONTACT = ("skyarm.plant.mujoco_contacts", "skyarm.plant.mujoco_world")
+"""Modules elsewhere that belong to contact: the plant that finds contacts itself."""
+
+PROGRAM = """
+import dataclasses, importlib, pkgutil, sys
+import skyarm
+assert skyarm.__file__.startswith(sys.argv[1]), skyarm.__file__
+for module in pkgutil.walk_packages(skyarm.__path__, "skyarm."):
+    if module.name not in {of_contact} and not module.name.endswith("__main__"):
+        try:
+            importlib.import_module(module.name)
+        except ModuleNotFoundError as error:
+            assert not str(error.name).startswith("skyarm"), (module.name, error.name)
+flown = []
+for name in skyarm.list_scenarios():
+    try:
+        scenario = skyarm.load_scenario(name, duration=0.1)
+    except ModuleNotFoundError as error:
+        assert error.name == "skyarm.world.contact", (name, error.name)
+        continue
+    except skyarm.ScenarioError as error:
+        assert "skyarm.world.contact" in str(error) or "duration" in str(error), (name, error)
+        continue
+    assert skyarm.run(scenario).status == "completed", name
+    flown.append(name)
+assert "case3" in flown and len(flown) > 4, flown
+"""
+
+
+@pytest.mark.thorough
+def test_without_the_folder_of_contact_everything_else_works(tmp_path: Path) -> None:
+    shutil.copytree(Path(skyarm.__file__).parent, tmp_path / "skyarm", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.rmtree(tmp_path / "skyarm" / "contact")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    program = PROGRAM.replace("{of_contact}", repr(OF_CONTACT))
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path)], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]

@@ -1,0 +1,120 @@
+"""The shapes that every picture of a vehicle is made of: where they are, and that nothing of a vehicle is left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from skyarm import load_vehicle
+from skyarm.algebra import Vec3
+from skyarm.plant.mujoco_model import build_spec, joint_addresses
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.world.scene.shapes import ROLES, Shape, between, turn_onto
+from skyarm.world.scene.vehicle_shapes import PAYLOAD_DENSITY, body_poses, payload_shape, rotor_radius, vehicle_shapes
+
+NAMES = list_vehicles()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_part_of_a_vehicle_is_drawn_once_and_has_a_size(name: str) -> None:
+    vehicle = load_vehicle(name)
+    shapes = vehicle_shapes(vehicle)
+    names = [shape.name for shape in shapes]
+    assert len(names) == len(set(names))
+    assert {shape.role for shape in shapes} <= set(ROLES)
+    assert sum(shape.role == "rotor" for shape in shapes) == len(vehicle.rotors)
+    assert {shape.body for shape in shapes if shape.role == "joint"} == {
+        i for i, link in enumerate(vehicle.links) if link.joint.kind == "revolute"
+    }
+    assert all(part > 0.0 for shape in shapes for part in shape.size)
+    assert all(-1 <= shape.body < vehicle.n for shape in shapes)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bodies_are_where_mujoco_has_them(name: str) -> None:
+    vehicle = load_vehicle(name)
+    draw = np.random.default_rng(5)
+    position, quaternion = draw.normal(size=3), draw.normal(size=4)
+    joints = draw.uniform(-1.0, 1.0, vehicle.n)
+    model = build_spec(vehicle, 9.81).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:3], data.qpos[3:7] = position, quaternion / np.linalg.norm(quaternion)
+    addresses, _ = joint_addresses(vehicle, model)
+    data.qpos[addresses] = joints
+    mujoco.mj_kinematics(model, data)
+    poses = body_poses(vehicle, position[None], quaternion[None], joints[None])
+    for body, (R, p) in poses.items():
+        at = 1 if body == BASE else model.body(vehicle.links[body].name).id
+        # rounding of a chain of six rotations
+        np.testing.assert_allclose(p[0], data.xpos[at], atol=1e-12)
+        np.testing.assert_allclose(R[0], data.xmat[at].reshape(3, 3), atol=1e-12)
+
+
+def solid_at(shape: Shape, point: np.ndarray) -> bool:
+    """Whether a point of the body's axes is in an ellipsoid, or within the radius of a rod's axis."""
+    local = np.array(shape.rotation).T @ (point - shape.position)
+    if shape.kind == "ellipsoid":
+        return bool(np.sum((local / shape.size) ** 2) <= 1.0)
+    nearest = np.clip(local[2], -0.5 * shape.size[1], 0.5 * shape.size[1])
+    return bool(np.linalg.norm(local - [0.0, 0.0, nearest]) <= shape.size[0])
+
+
+def hanging() -> Vehicle:
+    """A vehicle whose arm begins below its hull, and whose camera is ahead of it."""
+    vehicle = load_vehicle("hummingbird_arm2")
+    below = dataclasses.replace(vehicle.links[0].joint, position=Vec3(0.05, 0.0, -0.3))
+    links = (dataclasses.replace(vehicle.links[0], joint=below), *vehicle.links[1:])
+    camera = Frame(name="camera", link=BASE, position=Vec3(0.3, 0.0, -0.1))
+    return dataclasses.replace(vehicle, links=links, frames=(*vehicle.frames, camera))
+
+
+@pytest.mark.parametrize("vehicle", [*map(load_vehicle, NAMES), hanging()], ids=lambda vehicle: vehicle.name)
+def test_nothing_hangs_in_the_air(vehicle: Vehicle) -> None:
+    shapes = vehicle_shapes(vehicle)
+    carried = [(other.parent, other.joint.position) for other in vehicle.moving]
+    carried += [(frame.link, frame.position) for frame in vehicle.frames]
+    for body, end in carried:
+        own = [shape for shape in shapes if shape.body == body and shape.role in ("hull", "boom", "link", "joint")]
+        way = np.linspace(0.0, 1.0, 50)[:, None] * [float(c) for c in end]
+        assert float(end.norm()) == 0.0 or all(any(solid_at(shape, point) for shape in own) for point in way)
+
+
+def test_a_rod_goes_from_its_start_to_its_end() -> None:
+    draw = np.random.default_rng(6)
+    for start, end in [*draw.normal(size=(20, 2, 3)), ([0, 0, 0], [0, 0, -1]), ([0, 0, 1], [0, 0, 3])]:
+        rod = between("rod", "link", "capsule", 0, 0.01, tuple(start), tuple(end))
+        along = np.array(rod.rotation) @ [0.0, 0.0, rod.size[1]]
+        np.testing.assert_allclose(np.array(rod.position) - 0.5 * along, start, atol=1e-12)
+        np.testing.assert_allclose(np.array(rod.position) + 0.5 * along, end, atol=1e-12)
+
+
+def test_turning_onto_an_axis_is_a_rotation() -> None:
+    draw = np.random.default_rng(7)
+    for axis in [*draw.normal(size=(20, 3)), (0.0, 0.0, -2.0), (0.0, 0.0, 1.0), (1e-7, 0.0, -1.0)]:
+        R = np.array(turn_onto(tuple(axis)))
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(R[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-12)
+
+
+def test_discs_of_neighbours_leave_each_other_room() -> None:
+    for name in NAMES:
+        vehicle = load_vehicle(name)
+        hubs = [np.array([float(c) for c in rotor.position]) for rotor in vehicle.rotors]
+        apart = [np.linalg.norm(a - b) for i, a in enumerate(hubs) for b in hubs[:i]]
+        sideways = [d for d in apart if d > 0.15 * max(np.linalg.norm(hub) for hub in hubs)]
+        assert 2.0 * rotor_radius(vehicle) < min(sideways)
+
+
+def test_a_payload_is_a_ball_of_its_mass_at_the_tip() -> None:
+    vehicle = load_vehicle("hummingbird_arm2")
+    ball = payload_shape(vehicle, 0.05)
+    assert 4.0 / 3.0 * math.pi * ball.size[0] ** 3 * PAYLOAD_DENSITY == pytest.approx(0.05)
+    assert ball.position == tuple(float(c) for c in vehicle.frame().position)
+    assert ball.body == vehicle.frame().link
