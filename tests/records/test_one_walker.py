@@ -1,10 +1,8 @@
-"""One room walks records: places, parts, pairs and leaves agree, and nobody else looks at dataclasses."""
+"""Places, parts, pairs and leaves of records agree."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
@@ -13,27 +11,6 @@ from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replaced, walk
-
-SOURCE = Path(skyarm.__file__).parent
-
-
-WALKS = re.compile(
-    r"dataclasses\.(?:fields|is_dataclass)\b|from dataclasses import .*\b(?:fields|is_dataclass)\b"
-    r"|\.(?:get_type_hints|__dataclass_fields__)\b"
-)
-
-
-def looks_at_dataclasses(path: Path) -> list[str]:
-    """Uses of what only a walker of records needs."""
-    return WALKS.findall(path.read_text("utf-8"))
-
-
-def test_only_the_room_of_records_walks_them() -> None:
-    # a log's class lists which of its own arrays may be left out
-    others = [path for path in SOURCE.rglob("*.py") if path.parent.name != "records" and path.name != "flight_log.py"]
-    assert len(others) > 300
-    assert {path.name: found for path in others if (found := looks_at_dataclasses(path))} == {}
-    assert looks_at_dataclasses(SOURCE / "records" / "leaves.py")
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,9 @@ def test_every_function_of_every_base_is_looked_at(base):
     )
     calls = [f"{name}({', '.join(list(inspect.signature(given).parameters)[1:])})" for name, given in functions.items()]
     assert row.split(" | ")[1] == ", ".join(f"`{call}`" for call in calls)
-    assert sorted(re.findall(r"`(\w+)`", row.split(" | ")[2])) == sorted(set(public) - set(functions))
+    assert sorted(re.findall(r"`(\w+)`", row.split(" | ")[2])) == sorted(
+        {*public, *base.__annotations__} - set(functions)
+    )
     for name in functions:
         _, words = class_mistake(type(made(base, **{name: lambda: 0}))) or ("", "")
         assert words.startswith(f"cannot be called as {name}("), (name, words)
