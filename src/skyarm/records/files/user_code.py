@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-PACKAGE = f"{os.path.dirname(os.path.dirname(__file__))}{os.sep}"
+PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Where the library's own code stands."""
 
 PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
