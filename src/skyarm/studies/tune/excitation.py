@@ -260,7 +260,7 @@ class Plants:
     """Plants that are not what the law believes.
 
     Attributes:
-        spread: how wrong they are. eased: share of the comparison's payload and wind that the spare thrust leaves room for.
+        spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
         values: path of the scenario -> (plants,).
         kinds: (plants,) kind of motion that each flies; zeros where all fly the same.
     """
