@@ -1,6 +1,6 @@
 """The commands that README and docs show, each run to its end: as it stands, or in miniature where it takes minutes.
 
-The list of commands is the first indented block of docs/command_line.md under *Commands*; the README's gallery has more.
+The list of commands is the indented block of docs/command_line.md under *Commands*; the gallery of the README has more.
 """
 
 from __future__ import annotations

@@ -9,7 +9,18 @@ import pytest
 
 from added_components import registry_kept
 from commanded import skyarm
-from shown_commands import COMMAND_LINE, GALLERY, LINES, LISTED, README, ROOT, SHOWN, code_shown, run_shown, words_to_run
+from shown_commands import (
+    COMMAND_LINE,
+    GALLERY,
+    LINES,
+    LISTED,
+    README,
+    ROOT,
+    SHOWN,
+    code_shown,
+    run_shown,
+    words_to_run,
+)
 
 LAWS = (ROOT / "docs" / "comparing_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
@@ -138,10 +149,14 @@ def test_the_sentences_say_what_the_tables_say():
     tip_mode = rows(marked(LAWS, "compare:", "compare"))[-1]
     assert f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm with noise" in README
     envelope = marked(LAWS, "the envelope:", "the envelope").splitlines()[0]
-    limits = re.findall(r"[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
+    limits = re.findall(r"(?<=[:,] )[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
     assert len(limits) == 6
-    for limit in limits:
-        assert re.search(rf"{limit.removeprefix(' and').removeprefix(' with').strip()}\b", envelope), limit
+    alls = [
+        f"all of {axis}"
+        for axis in ("command delay", "measurement delay", "motor lag", "joint lag", "payload", "noise")
+    ]
+    for words in (*limits, *alls):
+        assert re.search(rf"[:,] {words}\b(?!\.)", envelope), words
     counts = re.search(r"within 25 % of (\d+), and of (\d+) with", " ".join(README.split()))
     stated = re.search(r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split()))
     assert counts.groups() == stated.groups()
