@@ -20,8 +20,8 @@ help:
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
-	@echo "make envelope     fly the envelope of the laws anew into out/envelope; writes the README's table and figure of it"
-	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the README's commands"
+	@echo "make envelope     fly the envelope of the laws anew into out/envelope; writes docs' tables and figure of it"
+	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the commands shown"
 	@echo "make browser      the studio's page in Chromium, drawn in software; needs node, npm and Chromium"
 	@echo "make thorough     more cases of what 'make test' samples: laws, vehicles, files, junk: some minutes"
 	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
@@ -104,7 +104,7 @@ films: $(VENV)/.test
 
 envelope: $(VENV)/.test
 	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope
-	$(BIN)/python tests/website/readme_envelope.py out/envelope
+	$(BIN)/python tests/website/envelope_of_laws.py out/envelope
 
 fresh:
 	$(PYTHON) tests/release.py build

@@ -1,8 +1,8 @@
 """What must hold before a version is published, for the workflows and by hand; needs nothing but Python and pip.
 
-python tests/release.py tag v0.2.0    the tag is the version of the source, of the citation and of the changelog
+python tests/release.py tag v0.3.0    the tag is the version of the source, of the citation and of the changelog
 python tests/release.py build         source and wheel into dist/, both whole
-python tests/release.py install       the wheel alone in a new environment: its weight, the README's commands
+python tests/release.py install       the wheel alone in a new environment: its weight, the commands shown
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def build() -> str | None:
 
 
 def install() -> str | None:
-    """Install the wheel where there is nothing else, weigh it, run what the README shows."""
+    """Install the wheel where there is nothing else, weigh it, run the commands and the code shown."""
     (wheel,) = DIST.glob("*.whl")
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)

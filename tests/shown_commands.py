@@ -1,4 +1,7 @@
-"""The commands that README and docs show, each run to its end: as it stands, or in miniature where it takes minutes."""
+"""The commands that README and docs show, each run to its end: as it stands, or in miniature where it takes minutes.
+
+The list of commands is the indented block of docs/command_line.md under *Commands*; the gallery of the README has more.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    ")]
-SHOWN = [line for line in LINES if line.startswith("skyarm ")]
+COMMAND_LINE = (ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")
+
+
+def indented_lines(text: str) -> list[str]:
+    """Indented lines of a text, comments taken off."""
+    return [line.split("#")[0].strip() for line in text.splitlines() if line.startswith("    ")]
+
+
+LINES = indented_lines(README)
+GALLERY = re.findall(r"`(skyarm [^`]+ [^`]+)`", README)
+LISTED = indented_lines(COMMAND_LINE.partition("## Commands\n")[2].partition("\n## ")[0])
+SHOWN = list(dict.fromkeys([*LISTED, *GALLERY]))
+"""Commands of the page on the command line, then those of the README that it does not list."""
 
 FEW = ("--plants", "2", "--seeds", "1", "--one-by-one", "1")
 
@@ -39,11 +53,11 @@ ELSEWHERE: Mapping[str, str] = {
 """Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
 
 QUICK = ("list", "check", "new", "show", "run", "cache", "export-c")
-"""Commands of the README that take seconds in any environment, without extras and without each other's files."""
+"""Commands shown that take seconds in any environment, without extras and without each other's files."""
 
 
 def words_to_run(line: str) -> list[str]:
-    """Words after ``skyarm`` that try a line of the README by itself: the line if it is `QUICK`, else its help."""
+    """Words after ``skyarm`` that try a line of `SHOWN` by itself: the line if it is `QUICK`, else its help."""
     words = [word.replace("examples/", f"{ROOT}/examples/") for word in shlex.split(line)[1:]]
     if words[0] not in QUICK:
         return [*words, "--help"]

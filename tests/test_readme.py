@@ -1,4 +1,4 @@
-"""The front door says what is true: its commands run, its code runs, its table is what flights give."""
+"""The front door says what is true: commands and code run, the tables behind it are what flights give."""
 
 import dataclasses
 import re
@@ -9,7 +9,38 @@ import pytest
 
 from added_components import registry_kept
 from commanded import skyarm
-from shown_commands import LINES, README, ROOT, SHOWN, code_shown, run_shown, words_to_run
+from shown_commands import (
+    COMMAND_LINE,
+    GALLERY,
+    LINES,
+    LISTED,
+    README,
+    ROOT,
+    SHOWN,
+    code_shown,
+    run_shown,
+    words_to_run,
+)
+
+LAWS = (ROOT / "docs" / "comparing_laws.md").read_text(encoding="utf-8")
+PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
+
+
+def rows(text):
+    """Cells of the rows of a table below its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def marked(text, begin, end):
+    """What stands between two marks of a page."""
+    (found,) = re.findall(rf"<!-- {begin}.*?-->\n(.*?)<!-- /{end} -->", text, re.DOTALL)
+    return found
+
+
+def test_the_readme_is_short():
+    assert len(README.encode()) <= 8192
+    assert max(map(len, README.splitlines())) <= 120
 
 
 def test_every_make_target_shown_exists():
@@ -19,8 +50,10 @@ def test_every_make_target_shown_exists():
     assert shown <= targets
 
 
-def test_the_readme_shows_commands():
-    assert {shlex.split(line)[1] for line in SHOWN} == {
+def test_the_page_on_the_command_line_shows_commands():
+    assert all(line.startswith("skyarm ") for line in LISTED), COMMAND_LINE
+    assert len(GALLERY) >= 5
+    assert {shlex.split(line)[1] for line in LISTED} == {
         "check",
         "new",
         "doctor",
@@ -62,7 +95,14 @@ def test_the_commands_shown_run_to_their_end_one_after_the_other(tmp_path, monke
 
 
 def test_the_code_shown_is_short():
-    assert len(code_shown().strip().splitlines()) <= 12
+    assert len([line for line in code_shown().splitlines() if line]) <= 8
+
+
+def test_examples_shown_are_there():
+    shown = re.findall(r"\bexamples/[\w.]+", README)
+    assert len(shown) >= 3
+    for name in shown:
+        assert (ROOT / name).is_file(), name
 
 
 def test_links_lead_to_files():
@@ -95,16 +135,42 @@ def test_the_film_behind_it_is_light():
     assert f"{film} " in (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
+def test_the_short_table_is_part_of_the_whole_one():
+    """Same words, unit and paper's numbers; ours on the rigid-body plant, as stated."""
+    whole = {row[0]: row for row in rows(marked(PAPER, "table:", "table"))}
+    short = rows(marked(README, "four rows;", "four rows"))
+    assert len(short) == 4
+    for name, unit, *cells in short:
+        _, in_unit, ct, ct_ours, _, pd, pd_ours, _ = whole[name]
+        assert [unit, *cells] == [in_unit, ct, ct_ours.split(" / ")[0], pd, pd_ours.split(" / ")[0]], name
+
+
+def test_the_sentences_say_what_the_tables_say():
+    tip_mode = rows(marked(LAWS, "compare:", "compare"))[-1]
+    assert f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm with noise" in README
+    envelope = marked(LAWS, "the envelope:", "the envelope").splitlines()[0]
+    limits = re.findall(r"(?<=[:,] )[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
+    assert len(limits) == 6
+    alls = [
+        f"all of {axis}"
+        for axis in ("command delay", "measurement delay", "motor lag", "joint lag", "payload", "noise")
+    ]
+    for words in (*limits, *alls):
+        assert re.search(rf"[:,] {words}\b(?!\.)", envelope), words
+    counts = re.search(r"within 25 % of (\d+), and of (\d+) with", " ".join(README.split()))
+    stated = re.search(r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split()))
+    assert counts.groups() == stated.groups()
+
+
 def test_the_table_of_laws_is_what_flights_give():
     """The centroidal law flies the preset of its plain name, as in the noisy column."""
     from skyarm.studies.compare.cells import Flights, fly
     from skyarm.studies.compare.entrants import ENTRANTS
     from skyarm.studies.compare.suite import CASES, conditions
 
-    (table,) = re.findall(r"<!-- compare: .*?-->\n(.*?)<!-- /compare -->", README, re.DOTALL)
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    table = rows(marked(LAWS, "compare:", "compare"))
     perfect = conditions()["perfect"]
-    for row, name in zip(rows, ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip"), strict=True):
+    for row, name in zip(table, ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip"), strict=True):
         flown = []
         for case in ("case3", "case3_wind"):
             entrant = dataclasses.replace(ENTRANTS[name], perfect=ENTRANTS[name].noisy)

@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
 
 
 @pytest.fixture(scope="module")
@@ -190,9 +190,9 @@ def _rows(markdown: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def _readmes_table_is(table: dict[str, Any], columns: tuple[int, ...]) -> None:
-    front = README.read_text(encoding="utf-8")
-    written = front.split("<!-- table:")[1].split("-->", 1)[1].split("<!-- /table -->")[0]
+def _pages_table_is(table: dict[str, Any], columns: tuple[int, ...]) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    written = page.split("<!-- table:")[1].split("-->", 1)[1].split("<!-- /table -->")[0]
     shown, flown = _rows(written), _rows(short_markdown(table))
     assert len(shown) == len(flown)
     for ours, fresh in zip(shown, flown, strict=True):
@@ -206,14 +206,14 @@ def _readmes_table_is(table: dict[str, Any], columns: tuple[int, ...]) -> None:
             assert numbers == pytest.approx(wanted, rel=0.01), ours[0]
 
 
-def test_the_readmes_table_is_what_flights_give(table: dict[str, Any]) -> None:
-    _readmes_table_is(table, (3, 6))
+def test_the_pages_table_is_what_flights_give(table: dict[str, Any]) -> None:
+    _pages_table_is(table, (3, 6))
 
 
 @pytest.mark.thorough
-def test_the_readmes_inferred_columns_are_what_flights_give(campaign: Campaign) -> None:
+def test_the_pages_inferred_columns_are_what_flights_give(campaign: Campaign) -> None:
     flown = results(campaign.measured(), settings(campaign.all_logs()), campaign.found["inferred"])
-    _readmes_table_is(flown, (3, 4, 6, 7))
+    _pages_table_is(flown, (3, 4, 6, 7))
 
 
 def test_the_published_numbers_are_those_of_the_table() -> None:

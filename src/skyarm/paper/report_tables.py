@@ -348,11 +348,11 @@ SHORT = (
     ("case3_wind", "ee_error_mean", "Case 3 wind, tip mean"),
     ("case3_wind", "ee_error_max", "Case 3 wind, tip max"),
 )
-"""Rows of the README's table: case, metric, words."""
+"""Rows of the short table of docs/the_paper.md: case, metric, words."""
 
 
 def short_markdown(results: Mapping[str, Any]) -> str:
-    """The README's table: paper, as stated and inferred, each rigid_body / mujoco, for CT and PD."""
+    """The short table: paper, as stated and inferred, each rigid_body / mujoco, for CT and PD."""
     rows = []
     for case, name, words in SHORT:
         row = [words, metric(name).unit]

@@ -59,7 +59,7 @@ LONGEST = 0.03
 
 PLANTS, WIDEST = 24, 2.0
 """Perturbed plants of every value, the same ones for every law, further from the model as the value grows; the last
-value, times the README's spread."""
+value, times the comparison's spread."""
 
 WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),), "z": ((15.0, math.inf, 1.0),)}
 """World axis -> (start, stop, share): +x, 0, +y, -x, 0, +z, each for 3 s."""
@@ -216,7 +216,7 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
     Args:
         setting: vehicle.
         scenario: of :func:`wrong_plants`; its truth is the middle of the spread.
-        times: width of the spread over that of the README.
+        times: width of the spread over that of the comparison.
         count: plants.
         seed: key.
     """

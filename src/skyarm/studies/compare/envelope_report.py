@@ -32,7 +32,7 @@ MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "ti
 """Key of a point -> metric, m, s and rad."""
 
 NEAR = 0.020
-"""m: a plant whose tip stays within this all through its window counts as held; the README's success."""
+"""m: a plant whose tip stays within this all through its window counts as held; the comparison's success."""
 
 OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
 """The same of an axis of wrong plants."""

@@ -101,17 +101,17 @@ def _directions(square: Array) -> Array:
 
 
 MASS, ARM = 0.806, 0.3
-"""kg and m: the vehicle for which the README's spread was written; Barakou et al. 2026, Table 1."""
+"""kg and m: the vehicle for which the comparison's spread was written; Barakou et al. 2026, Table 1."""
 
 FRICTION = 40.0
-"""1/s: most joint damping over the joint's inertia at rest; what the README's spread is for the paper's forearm."""
+"""1/s: most joint damping over the joint's inertia at rest; what the comparison's spread is for the paper's forearm."""
 
 RESERVE = 0.9
 """Of the weakest rotors' thrust: what load and wind together may ask for in a hover."""
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """The README's spread for a vehicle, and the share of payload and wind that it can bear.
+    """The comparison's spread for a vehicle, and the share of payload and wind that it can bear.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a

@@ -183,7 +183,7 @@ UNSEEN = Window(7.0, 12.0)
 """s: of the errors along the path that is kept aside, which ends with it."""
 
 UNKNOWN_DELAY = 0.010
-"""s: longest delay of the commands that the law does not know, as in the README's perturbed plants."""
+"""s: longest delay of the commands that the law does not know, as in the comparison's perturbed plants."""
 
 GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 """Direction of the gust's force, and its size as a share of the weight."""
@@ -260,7 +260,7 @@ class Plants:
     """Plants that are not what the law believes.
 
     Attributes:
-        spread: how wrong they are. eased: share of the README's payload and wind that the spare thrust leaves room for.
+        spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
         values: path of the scenario -> (plants,).
         kinds: (plants,) kind of motion that each flies; zeros where all fly the same.
     """

@@ -1,7 +1,7 @@
-"""The section *The envelope* of the README: its sentences, its table and its picture, from a folder that was flown.
+"""The envelope in docs/comparing_laws.md: its sentences, its table and its picture, from a folder that was flown.
 
-python tests/website/readme_envelope.py out/envelope     writes the block into README.md, docs/images/envelope.png, and
-the table of the preset adaptive into docs/centroidal_law.md
+python tests/website/envelope_of_laws.py out/envelope    writes the block into docs/comparing_laws.md,
+docs/images/envelope.png, and the table of the preset adaptive into docs/centroidal_law.md
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
 TABLE = re.compile(r"<!-- adaptive against robust: make envelope -->\n(.*?)<!-- /adaptive against robust -->", re.S)
 ROBUST, LAW = "centroidal_tip_robust", "docs/centroidal_law.md"
+PAGE = "docs/comparing_laws.md"
 PICTURE = "docs/images/envelope.png"
 
 
 def block(found: Mapping[str, Any]) -> str:
-    """What stands between the marks of the README, from the content of ``envelope.json``."""
+    """What stands between the marks of the page, from the content of ``envelope.json``."""
     laws, axes = found["laws"], found["axes"]
     own = [law for law in (FLAGSHIP, ROBUST) if law in found["sentences"]]
     words = "\n\n".join(f"`{law}` keeps the tip {found['sentences'][law]}" for law in own)
@@ -66,7 +67,7 @@ def put(file: Path, marks: re.Pattern[str], name: str, text: str) -> None:
 def main(folder: Path) -> None:
     """Write block and picture."""
     found = json.loads((folder / "envelope.json").read_text("utf-8"))
-    put(ROOT / "README.md", BLOCK, "the envelope", block(found))
+    put(ROOT / PAGE, BLOCK, "the envelope", block(found))
     put(ROOT / LAW, TABLE, "adaptive against robust", beside(found))
     # a palette: a third of the size, and nobody sees it in lines on white
     Image.open(folder / "envelope.png").convert("RGB").quantize(128).save(ROOT / PICTURE, optimize=True)

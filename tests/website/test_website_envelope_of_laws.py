@@ -1,4 +1,4 @@
-"""The envelope that the README shows is what flights give; ``make envelope`` writes it anew."""
+"""The envelope that docs/comparing_laws.md shows is what flights give; ``make envelope`` writes it anew."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import json
 import re
 from pathlib import Path
 
-from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
+from envelope_of_laws import BLOCK, LAW, PAGE, PICTURE, ROBUST, ROOT, TABLE, block
 
 from skyarm.studies.compare.envelope import Envelope
 from skyarm.studies.compare.envelope_report import FLAGSHIP, summary_rows
 
-README = (ROOT / "README.md").read_text("utf-8")
+TEXT = (ROOT / PAGE).read_text("utf-8")
 FLOWN = ("circle", "payload")
 """Axes that the test flies; more would take a minute."""
 
 
 def shown():
-    """Rows of the README's table by their first cell, and its head."""
-    (text,) = BLOCK.findall(README)
+    """Rows of the page's table by their first cell, and its head."""
+    (text,) = BLOCK.findall(TEXT)
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
     return rows[0], {row[0]: row for row in rows[2:]}
 
 
-def test_the_readme_shows_what_flights_give(tmp_path):
+def test_the_page_shows_what_flights_give(tmp_path):
     from skyarm.studies.compare.run_suite import fly_all
 
     head, rows = shown()
@@ -33,7 +33,7 @@ def test_the_readme_shows_what_flights_give(tmp_path):
     for row in summary_rows(found["axes"], envelope.laws):
         written = rows[row[0]]
         told = [written[head.index(law)] for law in envelope.laws]
-        assert told == row[1:], f"{row[0]}: 'make envelope' writes the README's table anew"
+        assert told == row[1:], f"{row[0]}: 'make envelope' writes the table anew"
 
 
 def test_every_axis_and_law_stands_in_it():
@@ -44,7 +44,8 @@ def test_every_axis_and_law_stands_in_it():
     assert {"paper_pd", "paper_ct", "l1_adaptive", FLAGSHIP, ROBUST} <= set(head)
     (beside,) = TABLE.findall((ROOT / LAW).read_text("utf-8"))
     assert len(beside.splitlines()) == len(AXES) + 2
-    assert README.index("0.05 and 1.33 mm are numbers of a slow circle") < README.index(PICTURE)
+    assert TEXT.index("numbers of a slow circle") < TEXT.index(PICTURE.removeprefix("docs/"))
+    assert f"]({PICTURE})" in (ROOT / "README.md").read_text("utf-8")
     assert (ROOT / PICTURE).stat().st_size <= 5e5
 
 
