@@ -162,7 +162,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
 
 def test_both_plants_fly_it_alike():
     """Euler's step is the same on both."""
-    ours, theirs = (run(served(DAMPED, integrator="euler", plant=plant)) for plant in ("rigid_body", "mujoco"))
+    ours, theirs = (run(served(DAMPED, integrator="euler", kind=plant)) for plant in ("rigid_body", "mujoco"))
     np.testing.assert_allclose(ours.joints, theirs.joints, rtol=0.0, atol=1e-9)
     assert ours.status == theirs.status == "completed"
 
