@@ -114,7 +114,7 @@ def test_what_is_no_record_is_refused(value: Any) -> None:
     refused("document", value, "must be a table", lambda: skyarm.scenario_from(value), skyarm.ScenarioError)
     refused("model", value, "must be a Model", lambda: skyarm.make_controller("decoupled_pd", value))
     refused("model", value, "must be a Model", lambda: skyarm.preset("paper_ct", value))
-    refused("world.vehicle", value, "must be a Vehicle", lambda: skyarm.Truth(vehicle=value))
+    refused("plant.vehicle", value, "must be a Vehicle", lambda: skyarm.Truth(vehicle=value))
     refused("model.vehicle", value, "must be a Vehicle", lambda: skyarm.Model(vehicle=value))
 
 

@@ -56,7 +56,7 @@ def test_what_was_added_changes_the_flight() -> None:
 def test_both_plants_fly_it_alike() -> None:
     """Euler steps are the same on both; over two seconds of feedback they stay together to rounding."""
     euler = {"integrator": "euler", "duration": 1.0}
-    ours, theirs = (skyarm.run(_scenario(**euler, plant=plant)) for plant in ("rigid_body", "mujoco"))
+    ours, theirs = (skyarm.run(_scenario(**euler, kind=plant)) for plant in ("rigid_body", "mujoco"))
     np.testing.assert_allclose(theirs.position, ours.position, atol=1e-8)
     np.testing.assert_allclose(theirs.joints, ours.joints, atol=1e-8)
 
@@ -89,7 +89,7 @@ def test_an_ending_of_ones_own_ends_and_says_why() -> None:
 
 
 def test_a_plant_of_ones_own_flies_by_its_name() -> None:
-    lagging, instant = (skyarm.run(_scenario(plant=plant)) for plant in ("rigid_body", "instant_rotors"))
+    lagging, instant = (skyarm.run(_scenario(kind=plant)) for plant in ("rigid_body", "instant_rotors"))
     assert instant.status == "completed"
     assert 1e-6 < np.abs(instant.position - lagging.position).max() < 0.05
 

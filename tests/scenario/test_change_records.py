@@ -83,7 +83,7 @@ def at(time: float, path: str, value: Any) -> dict[str, Any]:
         (at(0.1, "seed", 1), r"changes\[0\].path = 'seed': seed must be as the flight began"),
         (at(0.1, "delays.command", 0.01), r"changes\[0\].path = 'delays.command': delays.longest_command is missing"),
         (at(0.1, "changes.0.value", 1), r"changes\[0\].path = 'changes.0.value': changes must be as the flight began"),
-        (at(0.1, "plant.gravity", -1), r"changes\[0\]: world.gravity = -1.0: must be at least 0"),
+        (at(0.1, "plant.gravity", -1), r"changes\[0\]: plant.gravity = -1.0: must be at least 0"),
         (at(0.1, "controller.law", "ind"), r"changes\[0\]: controller.law = 'ind': did you mean 'indi'\? must be a pr"),
         (at(0.1, "controller.law", 3), r"changes\[0\]: controller.law = 3.0: must be the name of a preset, a law or"),
         (at(0.1, "controller.law", "mine.py:make"), r"changes\[0\]: controller.law = 'mine.py:make': must not be a f"),

@@ -208,8 +208,13 @@ def test_a_turbulence_of_a_users_own_is_stationary_from_the_first_period_on():
 
 
 def test_components_must_be_of_their_kind():
-    for field, value in (("air", (3,)), ("forces", Tether()), ("endings", (Shear(),)), ("drives", (Lag(),))):
-        with pytest.raises(ScenarioError, match=rf"^{field} = .*must be a tuple of"):
+    for field, value, words in (
+        ("air", (3,), r"air\[0\] = 3: must be a Component$"),
+        ("forces", Tether(), r"forces = .*must be a tuple of Component$"),
+        ("endings", (Shear(),), r"endings\[0\] = .*must be a Ending$"),
+        ("drives", (Lag(),), r"drives\[0\] = .*must be a JointDrive$"),
+    ):
+        with pytest.raises(ScenarioError, match=f"^{words}"):
             dataclasses.replace(EVERYTHING, **{field: value})
     with pytest.raises(ScenarioError, match=r"^estimator = .*must be a Estimator"):
         dataclasses.replace(EVERYTHING, estimator=Shear())

@@ -72,9 +72,9 @@ def with_law(scenario: Scenario, value: float) -> Scenario:
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, law=law))
 
 
-def with_gains_of_the_wrong_sign(scenario: Scenario) -> Scenario:
+def with_gains_far_too_large(scenario: Scenario) -> Scenario:
     par = scenario.controller.par
-    gains = dataclasses.replace(par.gains, position=par.gains.position * -4.0, velocity=par.gains.velocity * -4.0)
+    gains = dataclasses.replace(par.gains, attitude=par.gains.attitude * 400.0)
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, gains=gains))
     return dataclasses.replace(scenario, controller=controller, ground=False)
 
@@ -122,9 +122,9 @@ FLIGHTS: dict[str, tuple[str, Any]] = {
     "one period": ("completed", lambda: planned(duration=0.005)),
     "no joints": ("completed", lambda: on("hummingbird", 0)),
     "six joints": ("completed", lambda: on("hexarotor_arm6", 6)),
-    "gains of the wrong sign": (
+    "gains far too large": (
         "diverged",
-        lambda: with_gains_of_the_wrong_sign(load_scenario("case2_gust", duration=30.0)),
+        lambda: with_gains_far_too_large(load_scenario("case2_gust", duration=30.0)),
     ),
     "infinite command": ("diverged", lambda: with_law(planned(duration=0.5), math.inf)),
     "undefined command": ("diverged", lambda: with_law(planned(duration=0.5), math.nan)),

@@ -38,7 +38,7 @@ def out_arm(**fields: Any):
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 @pytest.mark.parametrize("drive", [TorqueDrive(), Servo(), Servo(stiffness=0.1)], ids=["torque", "servo", "soft"])
 def test_until_the_first_command_arrives_the_standing_setpoint_holds_the_arm(plant, drive):
-    scenario, start = out_arm(plant=plant, delays=Delays(command=0.02))
+    scenario, start = out_arm(kind=plant, delays=Delays(command=0.02))
     log = run(driven(scenario, joint1=drive, joint2=drive))
     # an equilibrium: 20 ms without torque on the joints would move them by 1e-2 rad
     assert np.abs(log.joints[:5] - start.joints).max() < 1e-12

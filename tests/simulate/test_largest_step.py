@@ -114,9 +114,9 @@ def test_where_none_states_one_nothing_changes():
 def test_a_stiff_servo_flies_where_it_says_so_and_blows_up_where_it_does_not():
     strong = dataclasses.replace(BASE.plant, vehicle=BASE.plant.vehicle.with_joints(effort_limit=math.inf))
     silent = Servo(stiffness=20.0, damping=0.2)
-    assert run(served(silent, world=strong)).status == "diverged"
+    assert run(served(silent, plant=strong)).status == "diverged"
     for world in (BASE.plant, strong):
-        log = run(served(DAMPED, world=world))
+        log = run(served(DAMPED, plant=world))
         assert log.status == "completed"
         # 9 Hz at a damping ratio of two to five: settled after a quarter of a second, but for the falling base
         np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.002)
@@ -162,7 +162,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
 
 def test_both_plants_fly_it_alike():
     """Euler's step is the same on both."""
-    ours, theirs = (run(served(DAMPED, integrator="euler", plant=plant)) for plant in ("rigid_body", "mujoco"))
+    ours, theirs = (run(served(DAMPED, integrator="euler", kind=plant)) for plant in ("rigid_body", "mujoco"))
     np.testing.assert_allclose(ours.joints, theirs.joints, rtol=0.0, atol=1e-9)
     assert ours.status == theirs.status == "completed"
 

@@ -158,7 +158,7 @@ def running(joined: Any, plant: str = "rigid_body") -> Any:
     table = {
         "base": {"kind": "circle", "radius": 0.3, "frequency_hz": 0.08, "center": [0.0, 0.0, 1.0], "start": 0.01},
         "joints": [{"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.5, "start": 0.01}, 0.1],
-    } | ({} if joined is None else {"tracking_start": joined})
+    } | ({} if joined is None else {"joined": joined})
     return scenario_from(
         {
             "name": "running",

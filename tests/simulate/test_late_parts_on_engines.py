@@ -36,7 +36,7 @@ VALUES = {
     "delays.rotors": (0.0, 0.004, 0.0115, 0.005),
     "delays.joints": (0.003, 0.0, 0.0042, 0.005),
     "controller.friction_compensation.0": (0.0, 1.0, 0.7, 1.1),
-    "controller.rate_weights.1": (1.0, 0.0, -0.5, 1.0),
+    "controller.rate_weights.1": (1.0, 0.0, 0.5, 1.0),
     "plant.vehicle.links.0.joint.damping": (0.001, 0.05, 0.06, 0.03),
 }
 LANES, PERIODS = 4, 40

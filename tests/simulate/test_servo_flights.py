@@ -223,8 +223,8 @@ def hearing_late(latency: float, duration: float = 0.15, **replaced: Any) -> Sce
 def test_a_servo_hears_a_late_command_as_it_hears_with_a_latency(plant, delays):
     """Parts of a period count on the way to the servo, too."""
     late, rotors = delays.command + delays.joints, Delays(rotors=delays.command)
-    log = run_in_python(hearing_late(0.0, plant=plant, delays=delays))
-    latent = run_in_python(hearing_late(late, plant=plant, delays=rotors))
+    log = run_in_python(hearing_late(0.0, kind=plant, delays=delays))
+    latent = run_in_python(hearing_late(late, kind=plant, delays=rotors))
     np.testing.assert_allclose(log.joints, latent.joints, rtol=0.0, atol=1e-9)
     assert np.ptp(latent.joints, axis=0).min() > 0.01
 

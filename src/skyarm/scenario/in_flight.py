@@ -379,7 +379,8 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
         began = old.delays
         delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
     pairs: list[tuple[str, Any, Any]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "solver", "duration")),
+        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "duration")),
+        *((f"plant.{name}", getattr(old, name), getattr(new, name)) for name in ("kind", "integrator")),
         ("delays", old.delays, delays),
         ("joints", before.n, after.n),
         ("rotors", len(before.rotors), len(after.rotors)),
