@@ -237,7 +237,7 @@ def hovers():
     noise = {"velocity": 0.01, "rate": 0.01, "specific_force": 0.05}
     found = {}
     for name, pair in (("without", (0.0, 0.0)), ("with", (40.0, 5.0))):
-        scenario = hover(accelerometer=pair, sensors=SensorNoise(**noise), estimator=Biased())
+        scenario = hover(accelerometer=pair, noise=SensorNoise(**noise), estimator=Biased())
         batch = Batch(
             scenario,
             (*(f"sensors.{each}" for each in noise), "estimator.bias"),

@@ -217,7 +217,7 @@ def test_an_arm_that_swings_fast_is_foreseen():
 
 
 def test_commands_20_ms_late_that_nobody_told_are_flown():
-    log = flight(1.2, joints=CALM, sensors=NOISE, delays=Delays(measurement=0.005, command=0.02))
+    log = flight(1.2, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=0.02))
     assert log.status == "completed"
     assert off(log) < 0.02
 
@@ -225,7 +225,7 @@ def test_commands_20_ms_late_that_nobody_told_are_flown():
 def test_sensors_that_freeze_for_0_3_s_are_flown_through():
     law = make_controller("nmpc", BASE.controller.par.model, delay_periods=1)
     held = frozen(law, 0.5, 0.8)
-    log = flight(1.1, joints=CALM, sensors=NOISE, delays=Delays(measurement=0.005), controller=held)
+    log = flight(1.1, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005), controller=held)
     assert log.status == "completed"
     assert tilt(log) < 10.0
 
@@ -252,7 +252,7 @@ def test_swings_of_1_rad_are_flown(frequency):
 @pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.01, 0.02, 0.03])
 def test_unknown_delays_of_commands_are_flown(delay):
-    log = flight(6.0, joints=CALM, sensors=NOISE, delays=Delays(measurement=0.005, command=delay))
+    log = flight(6.0, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=delay))
     assert log.status == "completed"
     assert off(log) < 0.004
 
@@ -276,7 +276,7 @@ class Pushes(Force):
 @pytest.mark.parametrize("axis", "xyz")
 def test_pushes_of_3_n_beyond_the_arms_strength_lose_no_vehicle(axis, sign):
     push = Pushes(**{name: sign if name == axis else 0.0 for name in "xyz"})
-    log = flight(10.0, sensors=NOISE, delays=Delays(measurement=0.005), forces=(push,))
+    log = flight(10.0, noise=NOISE, delays=Delays(measurement=0.005), forces=(push,))
     assert log.status == "completed"
     assert tilt(log) < 80.0
 
@@ -285,7 +285,7 @@ def test_pushes_of_3_n_beyond_the_arms_strength_lose_no_vehicle(axis, sign):
 @pytest.mark.parametrize("seconds", [0.1, 0.5, 1.0])
 def test_frozen_sensors_lose_no_vehicle(seconds):
     law = frozen(make_controller("nmpc", BASE.controller.par.model, delay_periods=1), 3.0, 3.0 + seconds)
-    log = flight(6.0, joints=CALM, sensors=NOISE, delays=Delays(measurement=0.005), controller=law)
+    log = flight(6.0, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005), controller=law)
     assert log.status == "completed"
     assert tilt(log) < 45.0
 

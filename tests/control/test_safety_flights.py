@@ -73,8 +73,8 @@ def test_an_ordinary_flight_is_not_touched():
 def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
     moved = held(x=30.0)
     state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
-    log = Flown(planned(trajectory=moved, duration=14.0, initial=state))
-    free = Flown(planned(None, trajectory=moved, duration=14.0, initial=state))
+    log = Flown(planned(reference=moved, duration=14.0, initial=state))
+    free = Flown(planned(None, reference=moved, duration=14.0, initial=state))
     assert log.status == "completed"
     # the law's own attitude loop overshoots what it is asked by a quarter
     assert tilt(log).max() < 1.25 * math.radians(40.0)
@@ -85,12 +85,12 @@ def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
 
 def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
     truth = planned(None).plant
-    world = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
+    plant = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
     model = dataclasses.replace(planned(None).controller.par.model, vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     model = dataclasses.replace(model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6))
     law = skyarm.control.catalogue.preset("paper_ct", model)
-    scenario = planned(None, world=world, trajectory=held(joints=(1.2, -1.2)), duration=3.0)
-    state = skyarm.scenario.scenario_record.trimmed_state(world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    scenario = planned(None, plant=plant, reference=held(joints=(1.2, -1.2)), duration=3.0)
+    state = skyarm.scenario.scenario_record.trimmed_state(plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = dataclasses.replace(scenario, initial=state)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
     log = run(dataclasses.replace(scenario, controller=with_safety_layer(law)))
@@ -111,9 +111,9 @@ def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
         return following, Command(rotor_speeds=command.rotor_speeds, efforts=(0.05, 0.0))
 
     law = dataclasses.replace(inner, law=pushing)
-    world = dataclasses.replace(planned(None).plant)
-    world = dataclasses.replace(world, vehicle=world.vehicle.with_joints(lower=-0.4, upper=0.6))
-    scenario = planned(None, world=world, trajectory=held(), duration=2.0)
+    plant = planned(None).plant
+    plant = dataclasses.replace(plant, vehicle=plant.vehicle.with_joints(lower=-0.4, upper=0.6))
+    scenario = planned(None, plant=plant, reference=held(), duration=2.0)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
     never = {"trusted_joint_error": math.inf}
     log = run(dataclasses.replace(scenario, controller=with_safety_layer(law, never)))
@@ -160,7 +160,7 @@ def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
 
 def test_a_measurement_that_is_not_finite_leaves_the_last_command():
     controller = with_safety_layer(planned(None).controller)
-    scenario = planned(trajectory=held(), duration=0.1)
+    scenario = planned(reference=held(), duration=0.1)
     log = run(scenario)
     x = log.position[-1]
     seen = dataclasses.replace(_measurement(log), position=skyarm.algebra.Vec3(math.nan, *x[1:].tolist()))
@@ -209,7 +209,7 @@ def test_an_observer_learns_what_was_really_sent():
 
     watching = dataclasses.replace(inner, law=law, memory=Sent(none, none))
     state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
-    scenario = planned(None, trajectory=held(x=0.5), duration=0.1, initial=state)
+    scenario = planned(None, reference=held(x=0.5), duration=0.1, initial=state)
     carry = Flown(dataclasses.replace(scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0}))).carry
     memory = carry.memory
     assert memory.inner.sent == memory.sent == carry.queue[-1]
@@ -227,7 +227,7 @@ def test_an_observer_learns_what_was_really_sent():
     ],
 )
 def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options):
-    scenario = planned(None, trajectory=held(x=0.5), duration=0.1)
+    scenario = planned(None, reference=held(x=0.5), duration=0.1)
     state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     model = scenario.controller.par.model
     slow = with_safety_layer(make_controller(law, model, **options), {"rotor_slew": 200.0})
@@ -259,7 +259,7 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
         return (memory[0] + 1.0 + wrong,), command
 
     law = dataclasses.replace(inner, law=counting, memory=(0.0,))
-    scenario = planned(None, trajectory=held(), duration=2.0, controller=with_safety_layer(law, {"calm": 0.5}))
+    scenario = planned(None, reference=held(), duration=2.0, controller=with_safety_layer(law, {"calm": 0.5}))
     count = Flown(scenario).carry.memory.inner[0]
     # it failed until 1.1 s, then had to be calm for half a second
     assert count == pytest.approx(0.4 / 0.005, abs=25)
@@ -268,7 +268,7 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
 def test_where_a_law_is_not_defined_it_is_given_up_at_once():
     controller = skyarm.load_scenario("case1", controller="bulut2019").controller
     trusting = with_safety_layer(controller, {"trusted_tilt": 3.1, "patience": 100.0})
-    log = run(planned(trajectory=held(), duration=0.05))
+    log = run(planned(reference=held(), duration=0.05))
     for pitch, expected in ((1.0, 0.0), (0.5 * math.pi, 1.0)):
         seen = dataclasses.replace(
             _measurement(log), quaternion=skyarm.algebra.Quaternion(math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
@@ -284,15 +284,15 @@ FRONT, ELBOW, SHOULDER = (
 )
 
 
-@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco"], 2))
+@pytest.mark.parametrize("kind", sampled(["rigid_body", "mujoco"], 2))
 @pytest.mark.parametrize(
     ("faults", "far", "limp"),
     [((FRONT,), 0.8, ()), ((ELBOW,), 0.4, (1,)), ((SHOULDER,), 0.8, (0,)), ((FRONT, SHOULDER), 1.4, (0,))],
     ids=["rotor", "elbow", "shoulder", "rotor and shoulder"],
 )
-def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_torques(plant, faults, far, limp):
-    scenario = planned(name="case3", duration=11.0, plant=plant, faults=faults)
-    log = Flown(scenario) if plant == "rigid_body" else run(scenario)
+def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_torques(kind, faults, far, limp):
+    scenario = planned(name="case3", duration=11.0, kind=kind, faults=faults)
+    log = Flown(scenario) if kind == "rigid_body" else run(scenario)
     assert log.status == "completed"
     assert tilt(log).max() < math.radians(60.0)
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < far
@@ -358,7 +358,7 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
 
 
 def test_limits_vary_from_lane_to_lane():
-    scenario = planned(trajectory=held(x=3.0), duration=1.5)
+    scenario = planned(reference=held(x=3.0), duration=1.5)
     state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = dataclasses.replace(scenario, initial=state)
     outcome = Batch(scenario, ("controller.limits.tilt",)).fly({"controller.limits.tilt": np.array([0.1, 0.6])})

@@ -189,7 +189,7 @@ def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
         ([1, 0], [depth + 3, depth + 1]), ([0, 1], [0, 2 * depth]),
     ):  # fmt: skip
         found = starts.take(np.array(lanes), np.array(numbers))
-        made = starts._made(seeds[lanes], np.array(numbers))
+        made = starts._compute(seeds[lanes], np.array(numbers))
         assert np.array_equal(found, made.astype(found.dtype))
     assert not np.array_equal(found[:, 0], found[:, 1])
 

@@ -342,5 +342,8 @@ def test_a_batch_session_has_a_whole_number_of_lanes(lanes: Any) -> None:
 def test_a_batch_flies_numbers(values: Any) -> None:
     path = "controller.gains.position.x"
     batch = skyarm.Batch(MADE["case1"](), [path])
-    with pytest.raises(skyarm.ScenarioError, match=r"^values\['controller.gains.position.x'\] = .*must be numbers"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"^values\['controller.gains.position.x'\] = .*must be one number for each of [12] lanes",
+    ):
         batch.fly({path: values})

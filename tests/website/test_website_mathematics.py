@@ -75,7 +75,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     """First lines of the functions that each named test calls; all of them must pass."""
     file = tmp_path_factory.mktemp("calls") / "calls.json"
     tests = sorted({test for *_, test in ROWS})
-    words = ["-m", "pytest", "-q", "-n", "0", "-p", "calls_of_tests", "--calls", str(file), *tests]
+    words = ["-m", "pytest", "-q", "-n", "0", "-m", "", "-p", "calls_of_tests", "--calls", str(file), *tests]
     paths = [str(Path(__file__).parent), str(ROOT / "src")]
     environment = {"PYTHONPATH": os.pathsep.join(paths)}
     done = subprocess.run(

@@ -100,7 +100,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     entry = LAWS[name]
     for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
     maker = entry.function()
     check_maker(maker, name, options)
     made: Controller = made_by(maker, name, model, options)
@@ -305,6 +305,14 @@ def meant(name: Any) -> str:
     return did_you_mean(name, _every_name())
 
 
-def no_option(law: str, options: Iterable[str]) -> str:
-    """Refusal of an option that a law does not have."""
+GONE_OPTIONS: Mapping[tuple[str, str], str] = {
+    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
+}
+"""Options of version 0.2, and what stands in their place."""
+
+
+def no_option(law: str, option: str, options: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have, or has no more."""
+    if instead := GONE_OPTIONS.get((law, option)):
+        return f"is gone; {instead}"
     return f"law {law!r} has no such option; it has {', '.join(options)}"

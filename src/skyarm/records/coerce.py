@@ -233,8 +233,10 @@ def near_unit_vector(field: str, value: Any) -> Vec3:
 def unit_vector(field: str, value: Any) -> Vec3:
     """A vector of unit length."""
     held = near_unit_vector(field, value)
-    if concrete(*held) and not abs(math.sqrt(sum(c * c for c in held)) - 1.0) <= TOLERANCE:
-        refuse(field, tuple(held), "must be a unit vector")
+    if concrete(*held):
+        length = math.sqrt(sum(c * c for c in held))
+        if not abs(length - 1.0) <= TOLERANCE:
+            refuse(field, tuple(held), f"must be a unit vector, its length is {length:g}")
     return held
 
 

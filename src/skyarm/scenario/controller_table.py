@@ -179,7 +179,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, words)}")
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, word, words)}")
     options = suitable_options(law, known)
     for option in LAWS[law].options():
         word = WORDS.get(option, option)

@@ -94,6 +94,8 @@ def checked_array(
         found = np.asarray(given)
     except (TypeError, ValueError):
         raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
+    if found.dtype.kind in "OSU":
+        raise ScenarioError(f"{field} = {shown(given)}: must be {allowed}")
     if found.dtype.kind not in kinds or found.shape not in shapes:
         raise ScenarioError(f"{field}: {found.dtype} of shape {found.shape}, must be {allowed}")
     return found

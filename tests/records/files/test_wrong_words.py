@@ -75,7 +75,7 @@ def test_wrong_words_go_before_another_error_and_alone_it_stays():
 
 def test_a_vehicle_names_all_of_its_wrong_words(tmp_path):
     file = tmp_path / "v.toml"
-    file.write_text('name = "v"\ntitel = "x"\n[base]\nmas = 1.0\ninertia = [0.1, 0.1, 0.1]\n', "utf-8")
+    file.write_text('schema = 1\nname = "v"\ntitel = "x"\n[base]\nmas = 1.0\ninertia = [0.1, 0.1, 0.1]\n', "utf-8")
     with pytest.raises(skyarm.VehicleError) as refusal:
         skyarm.load_vehicle(file)
     assert "titel = 'x': unknown field; did you mean 'title'? allowed: " in str(refusal.value)
