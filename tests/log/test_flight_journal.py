@@ -178,3 +178,29 @@ def test_a_run_that_is_killed_leaves_a_log_that_can_be_read(sent, tmp_path):
 def test_what_keeps_a_flight_must_be_a_function():
     with pytest.raises(skyarm.ScenarioError, match=r"^keep = 3: must be a function of periods flown"):
         skyarm.run(skyarm.load_scenario("case1", duration=0.25), keep=3)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_an_interrupt_right_behind_the_writing_is_told_the_whole_of_it(tmp_path):
+    log = skyarm.run(skyarm.load_scenario("case3_wind", duration=0.5))
+    said = []
+
+    def interrupted():
+        with journal_beside(tmp_path / "case3.npz", said.append) as kept:
+            kept(1, offered(log))
+            stream, flush = kept._stream, kept._stream.flush
+
+            class Struck:
+                def __getattr__(self, name):
+                    return getattr(stream, name)
+
+                def flush(self):
+                    flush()
+                    raise KeyboardInterrupt
+
+            kept._stream = Struck()
+            kept(log.time.size, offered(log))
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert said == [f"what was flown until t = {log.time[-1]:g} s is kept: {tmp_path / 'case3.partial'}"]

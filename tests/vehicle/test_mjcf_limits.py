@@ -26,7 +26,7 @@ def repeated(count: int, inner: str) -> str:
 HUGE = {
     "memory": model('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
     "time": model(inside=repeated(10_000_000, "<site/>")),
-    "disk": model('<size nuserdata="100000000"/>'),
+    "disk": model('<size nuser_body="10000000"/>'),  # so many numbers for each body
 }
 
 

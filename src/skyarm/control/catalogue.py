@@ -37,6 +37,25 @@ BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
+_LADDER = ("coupled_thrust", "consistent", "observer", "feedforward", "extrapolation", "lag_inversion")
+
+GONE: Mapping[str, str] = {
+    **{f"ct_{name}": f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(_LADDER, 1)},
+    "ct_level_gravity": "law 'hybrid_computed_torque' with without = ['full_gravity']",
+    "l1_adaptive_lateral": "law 'l1_adaptive' with lateral = true",
+    "hybrid_computed_torque_euler": "law 'hybrid_computed_torque', which is equal away from a pitch of 90 degrees",
+    "paper_ct_euler": "preset 'paper_ct', which is equal away from a pitch of 90 degrees",
+    "exact": "law 'centroidal'",
+    "exact_joint": "preset 'centroidal_joint'",
+    "exact_joint_stiff": "preset 'centroidal_joint_stiff'",
+    "exact_ee": "preset 'centroidal_tip'",
+    "exact_ee_stiff": "preset 'centroidal_tip_stiff'",
+    "rotors_hummingbird": "preset 'rotors_sim_hummingbird'",
+    "rotors_position": "law 'rotors_sim_position'",
+}
+"""Names in files of version 0.2 that are no more, and the present names."""
+
+
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A registered law; its module is imported when its maker is needed."""
@@ -94,7 +113,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     """
     if not isinstance(name, str) or name not in LAWS:
         allowed = must_be_one_of(LAWS, name, "skyarm show")
-        raise ControllerError(f"controller.law = {shown(name)}: {allowed}")
+        raise ControllerError(f"controller.law = {shown(name)}: {present_name(name)}{allowed}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     entry = LAWS[name]
@@ -188,7 +207,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
     """
     if not isinstance(name, str) or name not in PRESETS:
         allowed = must_be_one_of(PRESETS, name, "skyarm show")
-        raise ControllerError(f"controller.preset = {shown(name)}: {allowed}")
+        raise ControllerError(f"controller.preset = {shown(name)}: {present_name(name)}{allowed}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
         return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
@@ -302,7 +321,13 @@ def meant(name: Any) -> str:
     """A hint to what an unknown name may have meant, as a message begins; empty where nothing is alike."""
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
-    return did_you_mean(name, _every_name())
+    return present_name(name) or did_you_mean(name, _every_name())
+
+
+def present_name(name: Any) -> str:
+    """The present name of one that is no more, as a message begins; empty for any other."""
+    present = GONE.get(name.removesuffix(TUNED)) if isinstance(name, str) else None
+    return f"is {present} now; " if present else ""
 
 
 GONE_OPTIONS: Mapping[tuple[str, str], str] = {

@@ -54,6 +54,7 @@ class Journal:
         self.file, self.kept, self.until = file, 0, 0.0
         self._due = perf_counter() + PAUSE
         self._stream: IO[bytes] | None = None
+        self._next = (0, 0, 0.0)
 
     def __call__(self, done: int, between: Between) -> None:
         """Write the new control instants, if that is due.
@@ -79,16 +80,22 @@ class Journal:
             self._stream = self.file.open("wb")
             self._stream.write(MAGIC + _block(json.dumps(described(log)).encode()))
         rows = np.column_stack([each.of(log) for each in columns(log)])
-        self._stream.write(_block(rows.astype("<f8").tobytes()))
+        block = _block(rows.astype("<f8").tobytes())
+        self._next = (self._stream.tell() + len(block), self.kept + log.time.size, float(log.time[-1]))
+        self._stream.write(block)
         self._stream.flush()
-        self.kept, self.until = self.kept + log.time.size, float(log.time[-1])
+        _, self.kept, self.until = self._next
 
     def close(self) -> None:
-        """Write no more."""
+        """Write no more, and count what a signal left uncounted: it may come right behind the writing."""
         self._due = float("inf")
         if self._stream is not None:
             with suppress(OSError):
                 self._stream.close()
+            end, kept, until = self._next
+            with suppress(OSError):
+                if self.file.stat().st_size >= end:
+                    self.kept, self.until = kept, until
 
     def remove(self) -> None:
         """Remove the file, if there is one of this flight."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
@@ -72,10 +73,13 @@ def reproduce(
 
     Raises:
         ValueError: an unknown plant.
+        NoMachineCodeError: before any flight; suites fly in batches.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
-    folder = prepare_folder(out, plants)
     flown = usual_suites() if suites is None else suites
+    if flown:
+        require_machine_code()
+    folder = prepare_folder(out, plants)
     for name in flown:
         prepare(folder / name)
     say = note or (lambda _line: None)
