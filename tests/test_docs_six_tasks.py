@@ -121,7 +121,7 @@ def test_no_public_function_bears_the_name_of_a_room() -> None:
     assert all(not callable(getattr(skyarm, name)) for name in taken), taken
 
 
-@pytest.mark.parametrize("room", ["environment", "sweep", "metrics", "control", "reference", "view"])
+@pytest.mark.parametrize("room", ["world", "studies", "log", "control", "reference", "view"])
 def test_a_room_is_there_after_import(room: str) -> None:
     assert getattr(skyarm, room).__name__ == f"skyarm.{room}"
     import importlib
