@@ -51,9 +51,9 @@ def govern_base(
 
     return dataclasses.replace(
         reference,
-        position=chosen(measurement.position + pull.scaled(shares), reference.position),
-        velocity=chosen(measurement.velocity + brake.scaled(shares), reference.velocity),
-        acceleration=chosen(reference.acceleration.scaled(shares), reference.acceleration),
+        position=chosen(measurement.position + pull.hadamard(shares), reference.position),
+        velocity=chosen(measurement.velocity + brake.hadamard(shares), reference.velocity),
+        acceleration=chosen(reference.acceleration.hadamard(shares), reference.acceleration),
         # a reference that moves with the measurement has no higher derivatives
         jerk=chosen(Vec3(0.0, 0.0, 0.0), reference.jerk),
         snap=chosen(Vec3(0.0, 0.0, 0.0), reference.snap),
