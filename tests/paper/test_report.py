@@ -113,7 +113,7 @@ PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="sing
 def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    further = {"Beyond": '<p><a href="studies/compare/report.html">its page</a></p>'}
+    further = {"Beyond": '<p><a href="compare/report.html">its page</a></p>'}
     return report_pages(some_results(), some_sensitivity(), logs, REASONS, figures, further, PICTURE)
 
 
@@ -178,7 +178,7 @@ def test_contents_lead_to_sections_that_exist(name: str, page: Page) -> None:
 
 def test_every_page_links_every_other_and_no_link_is_dead(pages: dict[str, Page], name: str, page: Page) -> None:
     linked = {address for address in page.addresses if not address.startswith(("#", "data:"))}
-    beside = {"studies/compare/report.html"} if name == MAIN else set()
+    beside = {"compare/report.html"} if name == MAIN else set()
     assert linked == (set(pages) - {name}) | beside
     assert [held["aria-current"] for _, held in page.tags if "aria-current" in held] == ["page"]
 
