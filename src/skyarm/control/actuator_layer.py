@@ -56,7 +56,7 @@ class ActuatorMemory:
 
 
 def has_tables(model: Model) -> bool:
-    """Whether a rotor of the model has a thrust table."""
+    """Return True if a rotor of the model has a thrust table."""
     return any(rotor.table is not None for rotor in model.vehicle.rotors)
 
 

@@ -67,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those inside layers, which stand in ``inner``, with the model that they share."""
+    """Constants of a law; those nested in layers (``inner``) with the model that they share."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -118,22 +118,22 @@ def part_of(record: Any, name: str) -> Any:
 
 
 def presses(par: Any) -> bool:
-    """Whether a law, inside any layers, controls the contact that a reference requests."""
+    """Return True if a law, inside any layers, controls the contact that a reference requests."""
     return part_of(par, "interaction") is not None
 
 
 def senses_force(par: Any) -> bool:
-    """Whether a law, inside any layers, uses a force sensor at the tip."""
+    """Return True if a law, inside any layers, uses a force sensor at the tip."""
     return any(getattr(part_of(par, part), "senses", False) for part in ("interaction", "admittance"))
 
 
 def senses_torque(par: Any) -> bool:
-    """Whether the law also uses the sensor's torque about the tip."""
+    """Return True if the law also uses the sensor's torque about the tip."""
     return bool(getattr(part_of(par, "admittance"), "senses_torque", False))
 
 
 def learns_load(par: Any) -> bool:
-    """Whether a law, inside any layers, estimates the load that a reference announces."""
+    """Return True if a law, inside any layers, estimates the load that a reference announces."""
     return hasattr(part_of(par, "load"), "limit")
 
 

@@ -49,11 +49,11 @@ AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
 
 
 class LawError(ControllerError):
-    """A law of someone's own is wrong; one line with its file and line."""
+    """A user-defined law is wrong; one line with its file and line."""
 
 
 def is_own(controller: Controller) -> bool:
-    """Whether any of a law's code is not the library's."""
+    """Return True if any of a law's code is not the library's."""
     return own_code(controller.law) is not None
 
 
@@ -209,7 +209,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value is one number that may vary: not an int, which is structure."""
+    """Return True if a value is one number that may vary: not an int, which is structure."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))

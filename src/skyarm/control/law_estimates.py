@@ -49,12 +49,12 @@ def observed_push(memory: Any) -> Vec3 | None:
 
 @dataclass(frozen=True, slots=True)
 class PushAlone:
-    """What others may know of a memory that only its law can read: the tip's force; empty of a law that tells none."""
+    """Tip force estimated in a memory that only its law can read; empty for a law without an estimate."""
 
     tip_force: Vec3 | tuple[()]
 
     @classmethod
     def of(cls, memory: Any) -> PushAlone:
-        """That of a law's memory."""
+        """Extract the estimate from a law's memory."""
         found = observed_push(memory)
         return cls(() if found is None else found)

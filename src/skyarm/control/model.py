@@ -47,7 +47,7 @@ class GeometricGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointGains:
-    """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), as the law says."""
+    """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), depending on the law."""
 
     stiffness: Annotated[tuple[float, ...], Unit("1/s^2", "acceleration per error of the joint", low=0.0)]
     damping: Annotated[tuple[float, ...], Unit("1/s", "acceleration per error of the joint's rate", low=0.0)]

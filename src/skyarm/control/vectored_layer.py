@@ -1,4 +1,4 @@
-"""A layer between a law and rotors that tilt: the law knows two fixed rotors for each, the servos' lag stays here."""
+"""A layer between a law and tilting rotors: the law has two fixed rotors for each, the servos' lag stays here."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def own_parameters(par: VectoredParameters) -> Any:
 
 
 def turns_rotors(controller: Controller) -> bool:
-    """Whether a law's commands have angles of rotors that tilt, under whatever other layers."""
+    """Return True if a law's commands have angles of tilting rotors, under whatever other layers."""
     par = controller.par
     while par is not None and not isinstance(par, VectoredParameters):
         par = getattr(par, "inner", None)
@@ -172,7 +172,7 @@ def vectored_law(
     par: VectoredParameters,
     inner: Law,
 ) -> tuple[VectoredMemory, Command]:
-    """One step of the law ``inner``, which knows pairs of fixed rotors; its command as speeds and angles."""
+    """One step of the law ``inner``, whose model has pairs of fixed rotors; its command as speeds and angles."""
     vehicle = par.model.vehicle
     own = own_parameters(par)
     angles = angles_seen(measurement, memory.angles)

@@ -1,4 +1,4 @@
-"""Where the links are: joint placements, poses of links and frames."""
+"""Kinematics of the links: joint placements, poses of links and frames."""
 
 from __future__ import annotations
 

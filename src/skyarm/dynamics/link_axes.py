@@ -71,7 +71,7 @@ def members(vehicle: Vehicle, joints: Sequence[Any]) -> list[LinkInAxes]:
 
 
 def _parallel(parent: Joint, child: Joint) -> bool:
-    """Whether two hinges turn about one direction, by structure or by equal numbers."""
+    """Return True if two hinges turn about one direction, by structure or by equal numbers."""
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     hinges = parent.kind == child.kind == "revolute"

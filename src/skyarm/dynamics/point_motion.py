@@ -1,4 +1,4 @@
-"""Where points of a vehicle are in the world, and how fast they move: what forces from outside depend on."""
+"""Positions and velocities of points of a vehicle in the world: inputs of external forces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 class PointMotion:
-    """Positions and velocities of points on the bodies of a vehicle, computed when they are asked for.
+    """Positions and velocities of points on the bodies of a vehicle, computed on demand.
 
     Args:
         vehicle: whose bodies they are. state: of the vehicle; it may be traced.

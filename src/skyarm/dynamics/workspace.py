@@ -1,4 +1,4 @@
-"""How far an arm reaches and what it weighs on its joints."""
+"""Workspace of an arm, and its gravity load on the joints."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FEWEST = 8
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How thoroughly a search looks: random joint values, then rounds of tries around the best so far."""
+    """Effort of a search: random joint values, then rounds of tries around the best so far."""
 
     samples: int
     rounds: int

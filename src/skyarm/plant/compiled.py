@@ -65,7 +65,7 @@ class Steps(int):
     verlet: bool
 
     def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
-        """Steps near and far of the integrator, and how many of the Stoermer-Verlet method stand for those near."""
+        """Steps near and far of the integrator; ``verlet`` steps of the Stoermer-Verlet method replace those near."""
         made = super().__new__(cls, verlet or near)
         made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made

@@ -22,7 +22,7 @@ Flat = Sequence[float]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Truth:
-    """What is simulated: the true vehicle and gravity (m/s^2)."""
+    """Simulated truth: the true vehicle and gravity (m/s^2)."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number)] = 9.81
@@ -44,7 +44,7 @@ class Plant(Protocol):
         ...
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """What an accelerometer at the base origin reads now, base axes, m/s^2."""
+        """Reading of an ideal accelerometer at the base origin now, base axes, m/s^2."""
         ...
 
 
@@ -59,7 +59,7 @@ def number(value: Any) -> Any:
 
 
 def whole_steps(seconds: float, physics_step: float) -> int:
-    """How many physics steps ``seconds`` holds; raises ValueError unless that is a whole number."""
+    """Number of physics steps in ``seconds``; raises ValueError unless it is whole."""
     ratio = seconds / physics_step
     count = round(ratio)
     # decimal fractions such as 0.005 / 0.001 are whole up to rounding only
@@ -69,7 +69,7 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 
 
 def make_plant(scenario: Any, around: Any) -> Plant:
-    """The plant of a scenario; ``around`` is an example of what it is told of one period."""
+    """The plant of a scenario; ``around`` is an example of its inputs over one period."""
     kind = find("plant", scenario.kind, "plant.kind")
     plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

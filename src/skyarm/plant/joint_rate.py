@@ -1,4 +1,4 @@
-"""How fast joints move under friction and against their stops, which bounds the integration step of both plants.
+"""Rates of joints under friction and against their stops, which bound the integration step of both plants.
 
 The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long a step is, no force comes from them.
 """
@@ -82,7 +82,7 @@ def _configurations(joints: list[Joint]) -> Array:
 
 
 def _blame(joint: Joint, rate: float) -> str:
-    """What to say of the joint that moves most in the fastest mode."""
+    """Message about the joint that moves most in the fastest mode."""
     field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
         field, remedy = "coulomb", "raise coulomb_rate or lower coulomb, or state the armature"

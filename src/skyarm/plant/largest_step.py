@@ -50,7 +50,7 @@ def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> f
 
 
 def borne_step(record: Any, *, euler: bool) -> Any:
-    """The longest step (s) that a record bears of each method that may move it; None of any."""
+    """The longest stable step (s) of a record over the methods that may move it; None if there is no bound."""
     verlet = getattr(record, "largest_verlet_step", None)
     if not euler and verlet is None:
         return record.largest_step

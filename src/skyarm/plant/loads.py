@@ -36,7 +36,7 @@ def stuck_of(around: Around) -> Sequence[Any]:
 
 
 def changes_inertia(around: Around) -> bool:
-    """Whether anything of a period may change the inertia of what moves; known by structure."""
+    """Return True if a period may change the inertia of the moving bodies; by structure."""
     return bool(payloads_of(around)) or bool(stuck_of(around))
 
 

@@ -72,7 +72,7 @@ QUIET = _Quiet()
 
 
 def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Around) -> str:
-    """The integrator that a vehicle with springs bears: stops of joints, loops of servos, contact.
+    """Integrator for a vehicle with springs: stops of joints, loops of servos, contact.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.

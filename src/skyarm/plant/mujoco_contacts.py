@@ -119,7 +119,7 @@ class MujocoContactPlant:
         self._surfaces, self._driven_to, self._remembered = parts[2:5], *parts[5:]
 
     def _prepare_memory(self, around: Any) -> None:
-        """Where the numbers of the world's bodies, and of what was felt, stand in the surroundings and in MuJoCo's."""
+        """Indices of the bodies' and the contact forces' numbers in the surroundings and in MuJoCo's."""
         self._coupled = np.array(places_in(around), dtype=int)
         memories = around.coupled_memories()
         before = sum(len(leaves(each)) for each in memories[: self._place])
@@ -201,7 +201,7 @@ class MujocoContactPlant:
         mujoco.mj_forward(self.model, data)
 
     def _read_back(self) -> None:
-        """What a step left, to where the loads read it."""
+        """Copy the result of a step to the arrays of the loads."""
         layout, qpos, qvel = self._layout, self._data.qpos, self._data.qvel
         self._qpos[:], self._qvel[:], self._driven[:] = qpos[: layout.nq], qvel[: layout.nv], self._driven_to
         self._around[self._coupled] = self._remembered

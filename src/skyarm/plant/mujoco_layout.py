@@ -1,4 +1,4 @@
-"""Where a vehicle's numbers stand in MuJoCo's: states and generalised forces in both orders."""
+"""Layout of a vehicle's numbers in MuJoCo's: states and generalised forces in both orders."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ class Layout:
         )
 
     def accelerations(self, qacc: Sequence[Any]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
-        """Of the base (world axes), of its turning (base axes) and of the joints, from MuJoCo's."""
+        """Accelerations of the base (world axes), of its rotation (base axes) and of the joints, from MuJoCo's."""
         return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(
         self, state: State, setpoints: Sequence[Any], around: Around, commands: Sequence[Any] = ()
     ) -> list[Any]:
-        """What acts on a state but gravity, in MuJoCo's order.
+        """Generalised forces on a state without gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """

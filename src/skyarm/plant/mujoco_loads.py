@@ -75,7 +75,7 @@ OF_A_LOAD = 5
 
 
 class Loads:
-    """What a MuJoCo model carries in a control period.
+    """Loads of a MuJoCo model in a control period.
 
     Args:
         vehicle: without loads. model, data: MuJoCo's, made with bodies for the payloads of ``around``.

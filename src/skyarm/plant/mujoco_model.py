@@ -103,7 +103,7 @@ def load_name(index: int) -> str:
 
 
 def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
-    """Where the joints stand in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
+    """Addresses of the joints in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
     joints = [model.joint(link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
 
@@ -117,7 +117,7 @@ def site_of_rotor(vehicle: Vehicle) -> list[str]:
 
 
 def _unused_name(name: str, taken: list[str]) -> str:
-    """The name, with underscores until nobody else has it."""
+    """The name, with underscores until it is unique."""
     while name in taken:
         name += "_"
     return name

@@ -57,7 +57,7 @@ TOUCHING = 0.1
 
 @dataclass(frozen=True, slots=True)
 class ContactNumbers:
-    """What MuJoCo is told of a pair of shapes: lists as its own fields."""
+    """MuJoCo's numbers for a pair of shapes: lists as its own fields."""
 
     friction: list[float]
     solref: list[float]
@@ -132,7 +132,7 @@ SHAPES = {
 
 @dataclass(frozen=True, slots=True)
 class WorldPlaces:
-    """Where the world's numbers stand in a compiled model.
+    """Addresses of the world's numbers in a compiled model.
 
     Attributes:
         shapes: number of MuJoCo's shape of each point of the vehicle; surfaces likewise, those of the world first.
@@ -176,7 +176,7 @@ class WorldBuilder:
         option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, SLIP_STIFFER
 
     def compile(self, step: float) -> tuple[Any, WorldPlaces]:
-        """The model for a step (s) of the integration, and where the world stands in it."""
+        """The model for a step (s) of the integration, and the addresses of the world's numbers in it."""
         model = self._spec.compile()
         for pair, a, b, material in self._pairs:
             owners = [int(model.geom_bodyid[each.id]) for each in (a, b)]

@@ -47,7 +47,7 @@ class Surroundings:
         return total
 
     def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> list[Wrench]:
-        """What acts on the bodies, but for rotors and drag."""
+        """Wrenches on the bodies, without rotors and drag."""
         found: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
@@ -77,7 +77,7 @@ class Surroundings:
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
     def far(self, motion: PointMotion, seconds: Any) -> Any:
-        """Whether none of them asks for its steps within so many seconds."""
+        """True if none of them requests its steps within so many seconds."""
         found: Any = True
         for i in self.coupled:
             there = self.components[i].far(self.memories[i], motion, seconds)
@@ -95,7 +95,7 @@ class Surroundings:
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
-        """What a joint's drive gives before its limit and friction, N m or N."""
+        """Effort of a joint's drive before its limit and friction, N m or N."""
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
@@ -164,7 +164,7 @@ def before_euler_step(world: Truth, state: State, rotor_speeds: Sequence[Any], a
 
 
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Any) -> Surroundings:
-    """The surroundings after what velocities bend has gone on for a time (s) by its slopes."""
+    """The surroundings advanced by a time (s) along the slopes that velocities bend."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 

@@ -233,7 +233,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 
 
 def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
-    """A place that is so far out along the normal as the phase's clearance says, by default ``CLEARANCE`` if near."""
+    """A place moved out along the normal by the phase's clearance, by default ``CLEARANCE`` if near."""
     clearance = within(phase.number("clearance", CLEARANCE if near else 0.0, low=0.0), phase.at("clearance"))
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")

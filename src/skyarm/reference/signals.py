@@ -331,7 +331,7 @@ def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Known to be equal: concrete and the same number."""
+    """Return True if both are concrete and the same number."""
     return isinstance(a, (int, float)) and isinstance(b, (int, float)) and a == b
 
 

@@ -120,12 +120,12 @@ COMING_BACK = 1.0
 
 
 def seconds(fields: Fields, name: str, *default: Any) -> float:
-    """How long something of a phase takes."""
+    """A duration in a phase, s."""
     return within(fields.number(name, *default), fields.at(name), CLOSEST)
 
 
 def duration_of(phase: Fields) -> float | None:
-    """How long a phase shall take, s; None for as fast as the limits let."""
+    """Duration of a phase, s; None for the fastest within the limits."""
     return None if phase.take("duration", None) is None else seconds(phase, "duration")
 
 
@@ -178,7 +178,7 @@ class Task:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Rest until the instant at which a phase is to begin, if it says one."""
+        """Rest until the instant at which a phase begins, if it has one."""
         if phase.take("start", None) is not None:
             start = within(phase.number("start"), phase.at("start"), 0.0)
             if start < self.time:

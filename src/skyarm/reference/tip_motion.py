@@ -108,7 +108,7 @@ class TipMotion:
         return p, v, a, j, s
 
     def base(self, t: Any, yaw: Sequence[Any], joints: Sequence[Sequence[Any]]) -> FiveVectors:
-        """Where a level base carries the tip from, with derivatives; for a tip in the world.
+        """Base position, with derivatives, from which a level base carries the tip along its path in the world.
 
         Args:
             t: s.
@@ -145,7 +145,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
 
 
 def _lifted(record: Any) -> Any:
-    """The record with every number a series: an engine's scalar on the left of a product knows of none."""
+    """The record with every number a series: an engine's scalar left of a product does not support series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 
 

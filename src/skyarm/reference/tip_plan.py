@@ -214,7 +214,7 @@ MARGIN = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipChoices:
-    """How the motion of a tip is shared.
+    """Options for sharing a tip's motion between base and arm.
 
     Attributes:
         posture: joints that the arm prefers, rad or m.

@@ -72,7 +72,7 @@ class FlightLimits:
     thrust: float = 1.5
 
     def within(self, limits: FlightLimits) -> bool:
-        """Whether no peak is above its limit."""
+        """Return True if no peak is above its limit."""
         return all(getattr(self, name) <= getattr(limits, name) for name in LIMITS)
 
 

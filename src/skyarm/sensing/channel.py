@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def absent(value: Any) -> bool:
-    """Whether a number is a structural zero."""
+    """Return True if a number is a structural zero."""
     return type(value) is int and value == 0
 
 
@@ -61,12 +61,12 @@ class Channel:
 
     @property
     def drifts(self) -> bool:
-        """Whether it has a bias that differs from episode to episode or walks."""
+        """True if it has a bias that differs from episode to episode or walks."""
         return not (absent(self.turn_on) and absent(self.walk))
 
     @property
     def noisy(self) -> bool:
-        """Whether it has white noise."""
+        """True if it has white noise."""
         return not (absent(self.sigma) and absent(self.density))
 
     def normals(self, count: int) -> int:
@@ -169,12 +169,12 @@ class Dropouts:
 
     @property
     def random(self) -> bool:
-        """Whether readings are lost at random."""
+        """True if readings are lost at random."""
         return not absent(self.share)
 
     @property
     def any(self) -> bool:
-        """Whether readings are lost at all."""
+        """True if readings are lost at all."""
         return self.random or bool(self.intervals)
 
     def lost(self, before: Any, draw: Any, dt: float) -> Any:

@@ -127,7 +127,7 @@ class SensorNoise(Sensor):
 
 
 def noise_count(joints: int, rotors: int) -> int:
-    """How many standard normal numbers one measurement takes."""
+    """Number of standard normal numbers in one measurement."""
     return 15 + 2 * joints + rotors
 
 

@@ -84,7 +84,7 @@ class ForceReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SwitchReading:
-    """Whether anything pushes at a frame."""
+    """Contact switch at a frame: closed while anything pushes."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -254,7 +254,7 @@ class FramedSensor(ChannelSensor):
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Of no push at all."""
+        """Reading without contact."""
         return self.felt(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> Any:

@@ -43,7 +43,7 @@ class GroundEffect(Force):
         accept_fields(self, "ground_effect")
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """What each rotor gives on top of its thrust."""
+        """Forces of the rotors in addition to their thrust."""
         found, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
@@ -94,7 +94,7 @@ class LinkDrag(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorDrag(Force):
-    """What moving air changes of a rotor's thrust: -inflow W v_n + lift |v_perp|^2 along the rotor's axis.
+    """Change of a rotor's thrust in moving air: -inflow W v_n + lift |v_perp|^2 along the rotor's axis.
 
     v is the velocity of the hub against the air, v_n its part along the axis, v_perp the rest. Drag in the rotor's
     plane and the rolling moment are numbers of the rotor itself (``drag_coefficient``).

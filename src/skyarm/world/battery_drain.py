@@ -1,4 +1,4 @@
-"""What a flight draws from the vehicle's battery: its charge and voltage are memory of the loop."""
+"""Battery drain during a flight: its charge and voltage are memory of the loop."""
 
 from __future__ import annotations
 

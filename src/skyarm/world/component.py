@@ -1,4 +1,4 @@
-"""What may surround a vehicle: air that moves and forces that act, each a frozen record of numbers with pure functions.
+"""Components of the surroundings: moving air and forces, each a frozen record of numbers with pure functions.
 
 A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
 whose lanes have other numbers, and on MuJoCo's plant. Its clock:
@@ -96,7 +96,7 @@ class Component:
 
     @property
     def largest_euler_step(self) -> float | None:
-        """The same of the semi-implicit Euler method, which bears less damping than others."""
+        """The same of the semi-implicit Euler method, which tolerates less damping than others."""
         return self.largest_step
 
     @property
@@ -141,7 +141,7 @@ class Component:
         return ZERO3
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """What acts on the vehicle's bodies now.
+        """Wrenches on the vehicle's bodies at this instant.
 
         Args:
             memory: of the period.
@@ -181,7 +181,7 @@ class Component:
         return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
+        """True if a coupled component stays inactive for so many seconds: the vehicle then moves without it."""
         return False
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:

@@ -41,7 +41,7 @@ AXES = ("world", "frame")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Disturbance(Force):
-    """A disturbance is a force and a torque on one body of the vehicle, each a signal of time, with noise if asked.
+    """A force and a torque on one body of the vehicle, each a signal of time, with optional noise.
 
     Attributes:
         frame: at whose origin the force acts; empty for the base's origin.
@@ -97,7 +97,7 @@ class Disturbance(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AirSignals(Air):
-    """The velocity of the air, the same everywhere, as signals of time, with noise if asked."""
+    """The velocity of the air, the same everywhere, as signals of time, with optional noise."""
 
     velocity_W: SignalVector = NO_SIGNALS
     noise: ColouredNoise | None = None

@@ -1,4 +1,4 @@
-"""How much of its force each actuator still gives."""
+"""Effectiveness of each actuator: the remaining share of its force."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Fault:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(known) or 'none'}")
 
     def share(self, t: Any) -> Any:
-        """What is left at time t, s: 1 before the start."""
+        """Remaining share at time t, s: 1 before the start."""
         left = self.effectiveness
         if self.signal is not None:
             left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)
@@ -71,7 +71,7 @@ class Fault:
 
 
 def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> Effectiveness | None:
-    """What faults leave of the actuators at time t (s); None without faults, at no cost.
+    """Effectiveness of the actuators under faults at time t (s); None without faults, at no cost.
 
     Shares of several faults of one actuator multiply.
     """

@@ -45,7 +45,7 @@ class Swing:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HangingMemory:
-    """What has become of a hanging payload.
+    """Status of a hanging payload.
 
     Attributes:
         held, caught, gone, place: as :class:`skyarm.world.timed_payload.PayloadMemory`.

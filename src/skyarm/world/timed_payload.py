@@ -38,14 +38,14 @@ class Reach:
         accept_fields(self, "reach")
 
     def holds(self, position_W: Vec3) -> Any:
-        """Whether a place (m, world axes) lies within it."""
+        """Return True if a place (m, world axes) lies within it."""
         away = position_W - self.of
         return away.dot(away) <= mul(self.within, self.within)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PayloadMemory:
-    """What has become of a payload.
+    """Status of a payload.
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
@@ -85,7 +85,7 @@ class TimedPayload(Component):
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """Whether it is a part of the body that holds it."""
+        """True if it is a part of the body that holds it."""
         return True
 
     def __post_init__(self) -> None:
@@ -133,7 +133,7 @@ class TimedPayload(Component):
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
-        """Whether instant and place of the grasp and of the release are reached, with the frame at a place (m)."""
+        """True once instant and place of the grasp, and of the release, are reached, with the frame at a place (m)."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))

@@ -23,7 +23,7 @@ from skyarm.world.gust import Gust
 
 @dataclass(frozen=True, slots=True)
 class WindSample(Component):
-    """What the vehicle feels of its surroundings at one instant; as a component, surroundings that never change.
+    """Surroundings of the vehicle sampled at one instant; as a component, surroundings that never change.
 
     Attributes:
         force_W: force on the base, world axes, N.

@@ -13,7 +13,7 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
 def rotors_follow(mixer: Mixer, squares: Sequence[Any]) -> Any:
-    """True while every squared rotor speed that the mixer asks for lies within the rotor's limits."""
+    """True while every squared rotor speed requested by the mixer lies within the rotor's limits."""
     inside: Any = True
     for square, top in zip(squares, mixer.highest, strict=True):
         fits = logical_and(square >= 0.0, square <= top)
@@ -33,7 +33,7 @@ def all_follow(applied: Sequence[Any]) -> Any:
 
 
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Any]) -> list[Any]:
-    """For each joint, True while its wanted effort lies within its limit."""
+    """For each joint, True while its desired effort lies within its limit."""
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
@@ -44,7 +44,7 @@ def limit_efforts(par: Parameters, efforts: Any) -> tuple[Any, ...]:
 
 
 def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> Any:
-    """Speed command (rad/s) after which the rotor turns with ``wanted`` at the end of the period.
+    """Speed command (rad/s) after which the rotor's speed at the end of the period is ``wanted``.
 
     Args:
         rotor: with its two time constants.

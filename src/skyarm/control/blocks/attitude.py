@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Where an arm is, base axes; every component a series or a structural number.
+    """Kinematics of a posture, base axes; every component a series or a structural number.
 
     Attributes:
         com: centre of mass of the whole vehicle. tip: its tip (the base origin if there is none).

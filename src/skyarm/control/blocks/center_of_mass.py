@@ -60,7 +60,7 @@ def forces_under_thrust(
     angular: Vec3,
     joint_accelerations: Sequence[Any],
 ) -> tuple[Force, tuple[Any, ...], Vec3]:
-    """Torque on the base and joint torques that give the wanted angular and joint accelerations under a given force.
+    """Torque on the base and joint torques for desired angular and joint accelerations under a given force.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0
     the force that the wanted accelerations need while the base's origin does not accelerate.

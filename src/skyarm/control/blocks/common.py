@@ -1,4 +1,4 @@
-"""What the published laws share: gains, the wanted specific force, the mixing of torque and thrust into a command."""
+"""Common parts of the published laws: gains, desired specific force, mixing of torque and thrust into a command."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tu
 
 
 def no_command(vehicle: Vehicle) -> Command:
-    """What a first memory keeps in place of a command: nothing was sent yet."""
+    """Placeholder of the previous command in an initial memory."""
     return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
 
 

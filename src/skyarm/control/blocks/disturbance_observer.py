@@ -63,7 +63,7 @@ class AccelerometerGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Felt:
-    """What a period tells of the base's translation.
+    """Measurement of the base's translation over one period.
 
     Attributes:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
@@ -89,7 +89,7 @@ def feel(
     joints: Sequence[Any],
     dt: Any,
 ) -> Felt:
-    """What the period tells with the accelerometer.
+    """Measured translation over one period, with the accelerometer.
 
     A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
     measured velocity alone says the force then. Rotors at their limit hold nothing up: what they give is in the model.
@@ -151,7 +151,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Any], accelerometer: bool
 
 
 def disturbance(observed: Observed) -> Disturbance:
-    """What the observer believes."""
+    """The observer's estimate of the disturbance."""
     return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
 
 
@@ -237,7 +237,7 @@ def observe(
 
 
 def beyond(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
-    """What the thrust of all rotors at the end of a period is beyond that which the model reckoned with; N, base axes.
+    """Thrust of all rotors at the end of a period minus the thrust in the model's prediction; N, base axes.
 
     Args:
         model: belief.
@@ -252,7 +252,7 @@ def beyond(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Se
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Told:
-    """What the model said of the period before a measurement.
+    """The model's prediction for the period before a measurement.
 
     Attributes:
         angular, joints: accelerations under the commands and the disturbance believed before, rad/s^2 or m/s^2.
@@ -290,7 +290,7 @@ def filter_pose(bandwidth: Any, memory: Observed, measurement: Measurement, star
 
 
 def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
-    """Of q and -q, one attitude, the one nearer to the attitude before."""
+    """The representation, q or -q, of an attitude that is nearer to the attitude before."""
     near = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z
     side = where(near < 0.0, -1.0, 1.0)
     return Quaternion(*(c * side for c in q))

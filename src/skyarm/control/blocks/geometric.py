@@ -24,7 +24,7 @@ SMALL_SINE = 1e-6
 def downward_acceleration(
     gains: GeometricGains, mass: Any, gravity: Any, *, position_error: Vec3, velocity_error: Vec3, acceleration: Vec3
 ) -> Vec3:
-    """a_d of (82), world axes, m/s^2: it points DOWN in hover; the wanted specific force is -a_d.
+    """a_d of (82), world axes, m/s^2: it points DOWN in hover; the desired specific force is -a_d.
 
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """

@@ -65,7 +65,7 @@ def no_disturbance(joints: int) -> Disturbance:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BelievedAir:
-    """What a law believes of the air.
+    """A law's model of the air.
 
     Attributes:
         wind: mean velocity of the air, m/s, world axes; structural zeros for air that stands still.
@@ -77,7 +77,7 @@ class BelievedAir:
 
 
 def against_air(air: BelievedAir | None, velocity: Vec3) -> Vec3:
-    """A velocity (m/s, world axes) against the air that is believed."""
+    """A velocity (m/s, world axes) relative to the modelled air."""
     return velocity if air is None else velocity - air.wind
 
 
@@ -117,7 +117,7 @@ def rotor_wrench(model: Model, squares: Sequence[Any], sideways: bool = False) -
 
 
 def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
-    """What rotors do besides :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
+    """Rotor wrench in addition to :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
@@ -134,7 +134,7 @@ def with_side(
     sideways: bool = False,
     air: BelievedAir | None = None,
 ) -> Disturbance:
-    """A disturbance, the :func:`side_wrench` at a world velocity and the drag of the hull, if it is believed."""
+    """A disturbance plus the :func:`side_wrench` at a world velocity and the modelled drag of the hull."""
     moving = R.apply_T(against_air(air, velocity))
     side = side_wrench(model, speeds, moving, rate, sideways)
     return Disturbance(
@@ -171,7 +171,7 @@ def acceleration_under(
     extra: Sequence[Any],
     dry_rates: Sequence[Any],
 ) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
-    """The same under ``total``, all that acts on the base: the one right-hand side of what any law believes.
+    """The same under ``total``, the total wrench on the base: the one right-hand side of every law's model.
 
     ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
     ``extra`` acts on the joints beside them.

@@ -106,7 +106,7 @@ AT_TIP = ("tip_force", "tip_torque")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedConstants:
-    """What a call does not change: constants of the law and of the filter, and the time between two calls (s)."""
+    """Constants over all calls: of the law and of the filter, and the time between two calls (s)."""
 
     parameters: Any
     estimator: ErrorStateFilter
@@ -115,7 +115,7 @@ class EstimatedConstants:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedMemory:
-    """What filter and law keep, and the last command, which acts until the next."""
+    """Memory of filter and law, and the last command, which acts until the next."""
 
     estimate: FilterMemory
     law: Any
@@ -199,7 +199,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Constants:
-    """What a call does not change: constants of the law, and the time between two calls (s)."""
+    """Constants over all calls: of the law, and the time between two calls (s)."""
 
     parameters: Any
     period: Annotated[float, Unit("s", "between two calls")]
@@ -287,18 +287,18 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 
 
 def _blank(controller: Controller) -> Measurement:
-    """What a law without an estimator is told, as an example."""
+    """Example measurement of a law without an estimator."""
     vehicle = controller.par.model.vehicle
     return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), *_axes_at_tip(controller))
 
 
 def _axes_at_tip(controller: Controller) -> tuple[int, int]:
-    """Numbers of the force and of the torque at the tip that the law hears."""
+    """Numbers of the force and of the torque at the tip that the law measures."""
     return 3 if senses_force(controller.par) else 0, 3 if senses_torque(controller.par) else 0
 
 
 def _beside(par: Any) -> dict[str, Any]:
-    """What of a reference, beside the motion, the law answers."""
+    """Inputs of a reference, in addition to the motion, that the law uses."""
     return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 
 

@@ -66,7 +66,7 @@ class TimeAloft:
 
 
 def time_aloft(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[Any] = ()) -> TimeAloft:
-    """How long a level, motionless vehicle hovers on its battery with its arm at ``joints`` (zero if left out).
+    """Endurance of a level, motionless vehicle in hover on its battery with its arm at ``joints`` (zero if left out).
 
     The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the
     charge by the midpoint rule, until the battery is empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor

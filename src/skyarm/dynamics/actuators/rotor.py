@@ -89,7 +89,7 @@ def _beside(position: Vec3, center: Vec3) -> Vec3:
 
 
 def _similar(a: Rotor, b: Rotor) -> bool:
-    """Whether two rotors have one axis and one set of coefficients."""
+    """Return True if two rotors have one axis and one set of coefficients."""
 
     def numbers(rotor: Rotor) -> tuple[Any, ...]:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
@@ -110,7 +110,7 @@ def speed_of_push(rotor: Rotor, value: Any) -> Any:
 
 
 def _have_inertia(rotors: Sequence[Rotor]) -> bool:
-    """Whether a change of some rotor's speed pushes the base."""
+    """Return True if a change of some rotor's speed pushes the base."""
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 

@@ -125,7 +125,7 @@ class Servo(Drive):
         return ServoMemory(goal=self._told(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
-        """A loop that received its setpoint long ago; the latency says how many more are on their way."""
+        """A loop that received its setpoint long ago; the latency sets how many more are on their way."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
@@ -147,7 +147,7 @@ class Servo(Drive):
         return newer + (older - newer) * share, seen[1:]
 
     def _integrated(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
-        """The integral after a period; it stands still while a bound holds the torque that it asks for more of.
+        """The integral after a period; it stands still while a bound holds the torque and the error would wind it up.
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
         """

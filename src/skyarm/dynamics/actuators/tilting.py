@@ -81,7 +81,7 @@ def turned(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
 
 
 def with_rest(vehicle: Vehicle, command: Command) -> Command:
-    """A command that says nothing of the vehicle's servos, with all of them at rest; any other as it is."""
+    """A command without angles for the vehicle's servos, with all of them at rest; any other as it is."""
     if not vehicle.tilts or command.tilts:
         return command
     return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))

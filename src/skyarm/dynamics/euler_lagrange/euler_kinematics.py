@@ -56,7 +56,7 @@ class Attitude:
 
     @classmethod
     def of(cls, q: Sequence[Any]) -> Attitude:
-        """Of the angles q[3:6], rad."""
+        """Kinematics of the angles q[3:6], rad."""
         phi, theta, psi = q[3:6]
         return cls(rotation(phi, theta, psi), rate_matrix(phi, theta), rate_matrix_partials(phi, theta))
 

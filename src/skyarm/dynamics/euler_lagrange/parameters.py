@@ -14,7 +14,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanarArmParameters:
-    """What the 8x8 form needs. Both joint axes are body +y; joint 1 sits at the base origin, the base centre of mass.
+    """Parameters of the 8x8 form: both joint axes are body +y; joint 1 at the base origin, the base centre of mass.
 
     Attributes:
         mb: base mass, kg.

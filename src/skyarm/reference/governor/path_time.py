@@ -53,7 +53,7 @@ class PathTime:
 
     @property
     def duration(self) -> float:
-        """How long it was planned for, s."""
+        """Planned duration, s."""
         return float(self.step) * (len(self.points) - FEWEST + 1)
 
     def derivatives(self, t: Any) -> Derivatives:

@@ -36,7 +36,7 @@ class PathPause:
 
     @property
     def used(self) -> bool:
-        """Whether it bounds anything."""
+        """True if it bounds anything."""
         return not all(isinstance(each, float) and math.isinf(each) for each in (self.error, self.thrust))
 
     def rate(self, error: Any, thrust: Any) -> Any:

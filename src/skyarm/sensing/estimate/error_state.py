@@ -205,7 +205,7 @@ class ScalarInnovation:
 
 
 def innovations(belief: Navigated, reading: Any, position: Any, attitude: Any, heading: Any) -> list[ScalarInnovation]:
-    """Those of a pose, a position or a heading; the last arguments are deviations of the readings' noise."""
+    """Innovations of a pose, a position or a heading; the last arguments are deviations of the readings' noise."""
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
     off = enumerate(reading.position - belief.position)
@@ -217,14 +217,14 @@ def innovations(belief: Navigated, reading: Any, position: Any, attitude: Any, h
 
 
 def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Any, Any, Any]:
-    """Rotation vector (rad, world axes, to second order) that turns the believed attitude into the read one."""
+    """Rotation vector (rad, world axes, to second order) that turns the estimated attitude into the measured one."""
     turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
 
 def _of_heading(R: Mat3, heading: Any, variance: Any) -> ScalarInnovation:
-    """Of the yaw of the base's x axis, whose innovation lies between -pi and pi.
+    """Innovation of the yaw of the base's x axis, between -pi and pi.
 
     A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
     """

@@ -111,7 +111,7 @@ def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
 
 
 def due_between(time: Any, after: Any, until: Any) -> Any:
-    """Whether an instant lies after one and not after another, but for 10 us of rounding."""
+    """Return True if an instant lies after one and not after another, but for 10 us of rounding."""
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
@@ -223,7 +223,7 @@ class FilterNumbers(Estimator):
 
     @property
     def modelled(self) -> bool:
-        """Whether the model gives the specific force."""
+        """True if the model gives the specific force."""
         return self.force == "modelled"
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:

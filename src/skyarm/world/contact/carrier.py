@@ -54,7 +54,7 @@ class Carrier:
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """What it carries: places and angles in its own axes, without motions."""
+        """Surfaces of the carrier: places and angles in its own axes, without motions."""
         raise NotImplementedError
 
     @property
@@ -86,7 +86,7 @@ class Carrier:
 
     @property
     def step_share(self) -> float:
-        """Share of a material's longest integration step that contact with it bears."""
+        """Share of a material's longest integration step in contact with this carrier."""
         return 1.0
 
     def start(self) -> Any:
@@ -98,7 +98,7 @@ class Carrier:
         return memory
 
     def frame(self, memory: Any) -> CarriedFrame:
-        """Where its axes are, and how they move."""
+        """Pose and motion of its axes."""
         raise NotImplementedError
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any) -> Any:
@@ -146,7 +146,7 @@ class Carrier:
 
     @property
     def spot_count(self) -> int:
-        """How many spots it touches other surfaces with."""
+        """Number of its spots that may touch other surfaces."""
         return 0
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:

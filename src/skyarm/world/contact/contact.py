@@ -100,7 +100,7 @@ class Meeting:
 
     @property
     def of_vehicle(self) -> bool:
-        """Whether a point of the vehicle touches."""
+        """True if a point of the vehicle touches."""
         return self.by == NOBODY
 
 
@@ -401,7 +401,7 @@ class Contact(Force):
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
+        """True if no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
 
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.

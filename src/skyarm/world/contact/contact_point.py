@@ -28,7 +28,7 @@ MOST = 64
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ring:
-    """A ring says places on a circle across the z axis: the rim of a peg.
+    """Places on a circle across the z axis: the rim of a peg.
 
     Attributes:
         count: of places, the first on the x axis.
@@ -108,7 +108,7 @@ class ContactPoint:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """What a surface does to a point, world axes.
+    """Contact of a surface with a point, world axes.
 
     Attributes:
         depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
@@ -132,7 +132,7 @@ class Touch:
 
     @property
     def torque(self) -> Vec3:
-        """Of the force about the point, N m."""
+        """Torque of the force about the point, N m."""
         return self.spot.cross(self.force)
 
     @property

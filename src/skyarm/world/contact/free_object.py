@@ -127,7 +127,7 @@ class FreeObject(Carrier):
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
     def mobility_at(self, reach: Any) -> Any:
-        """Of a grasp that holds the attitude, too: its stiffness there has at most that of one more place."""
+        """Mobility of a grasp that holds the attitude, too: its stiffness there has at most that of one more place."""
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
@@ -143,7 +143,7 @@ class FreeObject(Carrier):
         return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
 
     def start(self) -> ObjectMotion:
-        """Where the fields put it."""
+        """Initial pose of the fields."""
         attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
@@ -205,7 +205,7 @@ class FreeObject(Carrier):
         return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Where it may touch a surface."""
+        """Spots that may touch a surface."""
         if self.shape == "sphere":
             return ((frame.position, self.size[0]),)
         if self.shape == "box":

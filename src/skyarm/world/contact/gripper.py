@@ -59,7 +59,7 @@ class Command:
         return cls(signal_from(entry, where))
 
     def at(self, t: Any) -> Any:
-        """Whether it is closed."""
+        """True while it is closed."""
         return self.signal.derivatives(t)[0] > 0.5
 
 
@@ -84,7 +84,7 @@ class Grip:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Hold:
-    """What a grasp does to the body that is held, world axes.
+    """Wrench of a grasp on the body in it, world axes.
 
     Attributes:
         force: N, at ``place`` (m). torque: N m, beside that of the force.
@@ -156,7 +156,7 @@ class Gripper:
         return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
 
     def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
-        """What the grasp does to a body, if it is the one that is held.
+        """Wrench of the grasp on a body, if this body is in it.
 
         Args:
             grip: memory.
@@ -181,7 +181,7 @@ class Gripper:
         return Hold(force=force, torque=torque, place=place)
 
     def gives_way(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
-        """Whether a grasp is loaded beyond what it bears."""
+        """Return True if a grasp is loaded beyond its limit."""
         force, torque = hold.force, hold.torque
         twisted = torque.dot(torque) > self.torque * self.torque
         if self.kind not in ADHESIVE:
@@ -235,7 +235,7 @@ class Gripper:
 
 
 def is_taken(taken: Any, number: float) -> Any:
-    """Whether a gripper holds the carrier of a number."""
+    """Return True if a gripper holds the carrier of a number."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
@@ -278,7 +278,7 @@ class Grasps:
     carriers: tuple[Carrier, ...]
 
     def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
-        """What asks for a step, in words, and the longest integration step (s), of each grasp."""
+        """Source, in words, and longest integration step (s), of each grasp."""
         for gripper in self.grippers:
             for carrier in self.carriers:
                 mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
@@ -308,7 +308,7 @@ class Grasps:
     def possible(
         self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
     ) -> list[list[Hold]]:
-        """What each grasp does to each body if that is the one that is held: [gripper][carrier]."""
+        """Wrench of each grasp on each body if that body is in it: [gripper][carrier]."""
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
@@ -317,7 +317,7 @@ class Grasps:
         ]
 
     def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """What each grasp does to each body: nothing to those that are not held."""
+        """Wrench of each grasp on each body: zero on bodies outside of it."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [_shared(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
@@ -350,7 +350,7 @@ class Grasps:
         return found
 
     def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
-        """The grips after a control instant (s), at which grippers take hold, let go and give way."""
+        """The grips after a control instant (s), at which grippers grasp, release and slip."""
         frames, bodies = self.frames(motion), self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         found = []
@@ -361,7 +361,7 @@ class Grasps:
         return tuple(found)
 
     def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
-        """Of each gripper the number of what it holds, the force of the grasp (N), how often it gave way, its pull.
+        """For each gripper: index of the body in it, force of the grasp (N), number of slips, pull.
 
         The pull is the force on what it holds, N, world axes.
         """

@@ -66,7 +66,7 @@ def euler_step_of(square: Any, decay: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
-    """A material says with which force a surface answers a point that is pressed into it."""
+    """Force of a surface on a point that is pressed into it."""
 
     stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
     dissipation: Annotated[Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0)] = 1.0
@@ -78,7 +78,7 @@ class Material:
 
     @property
     def largest_step(self) -> Any:
-        """Longest integration step (s) that the contact with a vehicle bears."""
+        """Longest integration step (s) in contact with a vehicle."""
         return self.step_of(LIGHTEST)
 
     def step_of(self, mass: Any) -> Any:

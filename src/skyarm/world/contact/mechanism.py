@@ -110,7 +110,7 @@ class Mechanism(Carrier):
 
     @property
     def turns(self) -> bool:
-        """Whether it is a hinge."""
+        """True if it is a hinge."""
         return KINDS[self.kind].turns
 
     @property
@@ -140,7 +140,7 @@ class Mechanism(Carrier):
 
     @property
     def centre(self) -> Vec3:
-        """Centre of mass, m, its own axes: that of the uniform body whose inertia it has, where nothing is said."""
+        """Centre of mass, m, its own axes: by default that of the uniform body with its inertia."""
         said = type(self.inertia) is not int or any(type(c) is not int for c in self.com)
         return self.com if said or self.solid is None else self.solid.middle
 
@@ -155,7 +155,7 @@ class Mechanism(Carrier):
         return self.mobility_at(0)
 
     def mobility_at(self, reach: Any) -> Any:
-        """Of a place that is so much farther from the axis."""
+        """Mobility of a place that is so much farther from the axis."""
         if not self.turns:
             return 1.0 / self.mass
         lever = maximum(0.0, 1e-3)
@@ -271,7 +271,7 @@ class Detent:
         accept_fields(self, "detent")
 
     def at(self, coordinate: Any) -> Any:
-        """What it asks for, N m or N."""
+        """Effort of the detent, N m or N."""
         u = clip((coordinate - self.place) * (1.0 / self.width), 0.0, 1.0)
         hump = u * (1.0 - u)
         return (16.0 * self.force) * (hump * hump)
@@ -287,7 +287,7 @@ class MechanismMotion:
 
 
 def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any, ...]]:
-    """What spring, damping, detent, stops and friction push with (N m or N), and the rate of friction's bristle."""
+    """Effort of spring, damping, detent, stops and friction (N m or N), and the rate of friction's bristle."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
     if of.detent is not None:
@@ -341,7 +341,7 @@ def bristle_of(of: Mechanism) -> Any:
 
 
 def _at_stop(limit: Any) -> bool:
-    """Whether there is a stop, by structure."""
+    """Return True if there is a stop, by structure."""
     return not (concrete(limit) and math.isinf(limit))
 
 
@@ -373,7 +373,7 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solid:
-    """What of a mechanism can be touched, in its own axes, whose origin is on the hinge or in the front's middle.
+    """Solid part of a mechanism for contact, in its own axes, whose origin is on the hinge or in the front's middle.
 
     Attributes:
         shape, size: as of a surface. middle: of it, m.

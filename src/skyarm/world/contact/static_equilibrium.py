@@ -244,7 +244,7 @@ class _Supports:
         return float(sum(push.z for _, push in self._pushes(self._moved(x), self._indices[0])))
 
     def residual(self, x: Array) -> Array:
-        """Of each object the vertical force less its weight, and both level moments by its size; shares of all."""
+        """For each object the vertical force less its weight, and both level moments by its size; shares of all."""
         moved, rows = self._moved(x), list[float]()
         for i, weight in zip(self._indices, self._weights, strict=True):
             force, moment = 0.0, ZERO3

@@ -53,7 +53,7 @@ Face = tuple[Any, Vec3]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surface:
-    """A surface is the skin of a solid body that does not give way but for its material.
+    """Surface of a solid body, rigid but for its material.
 
     Attributes:
         name: for messages, logs and pictures. shape: one of ``SHAPES``.
@@ -95,7 +95,7 @@ class Surface:
 
     @property
     def moves(self) -> bool:
-        """Whether it has a motion, by structure."""
+        """True if it has a motion, by structure."""
         signals = (self.motion.x, self.motion.y, self.motion.z)
         return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
 
@@ -126,7 +126,7 @@ class Surface:
         return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
-        """Of a point in the surface's axes; the normals of several faces are perpendicular to each other."""
+        """Faces near a point in the surface's axes; the normals of several faces are perpendicular to each other."""
         if self.shape == "plane":
             return ((p.z, E_Z),)
         if self.shape == "sphere":
@@ -144,7 +144,7 @@ class Surface:
         return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
 
     def depth(self, point_W: Vec3, radius: Any, t: Any) -> tuple[Any, Vec3]:
-        """How deep a ball about a point is in the surface (m, negative outside), and the outward normal, world axes.
+        """Depth of a ball about a point in the surface (m, negative outside), and the outward normal, world axes.
 
         Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
         its middle; of a plate with a hole always the nearest place.
@@ -198,7 +198,7 @@ def rotation_of(angles: Vec3) -> Mat3:
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:
-    """How far a disc reaches along a unit vector, m."""
+    """Half width of a disc along a unit vector, m."""
     if type(radius) is int and radius == 0:
         return 0
     along = axis.dot(normal)
@@ -295,7 +295,7 @@ def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
 
 
 def _outside(size: Sequence[Any], away: Any, z: Any) -> Any:
-    """Whether a point of the section is outside of the material: in the hole, or beyond the plate."""
+    """Return True if a point of the section is outside of the material: in the hole, or beyond the plate."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
     hollow = logical_and(z > -depth, away < radius + maximum(z + chamfer, 0.0))

@@ -1,4 +1,4 @@
-"""Shapes, solids and their meshes: what stands for a body in every picture, without mass or contact."""
+"""Shapes, solids and their meshes: the bodies in every picture, without mass or contact."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Solid:
 
     @property
     def moves(self) -> bool:
-        """Whether it is elsewhere at any later instant."""
+        """True if it is elsewhere at any later instant."""
         return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
 
 

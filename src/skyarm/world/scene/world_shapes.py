@@ -281,7 +281,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
 
 
 def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
-    """Whether places (..., 3) in a solid's axes are in it; of a patch, below it; a hole counts as filled."""
+    """Return True for places (..., 3) inside a solid, in its axes; of a patch, below it; a hole counts as filled."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
     found: Any

@@ -205,7 +205,7 @@ def adapt(
 
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
-    """What a mass of 1 kg at the tip does to base and joints in a planned motion: -Y, by d'Alembert."""
+    """Wrench on base and joints of a mass of 1 kg at the tip in a planned motion: -Y, by d'Alembert."""
     tip = posture(vehicle, planned.joints, 2).tip
     r, rd, rdd = (derivative(tip, k) for k in range(3))
     w = planned.rate
@@ -219,7 +219,7 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
 
 
 def _share(par: CentroidalParameters, dt: Any) -> Any:
-    """Of a new value in each of two stages that delay as the joints' observer and the age of measurements do."""
+    """Low-pass share of each of two stages with the delay of the joints' observer and of the measurements' age."""
     late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
     return 1.0 - exp(-divide(dt, late))
 

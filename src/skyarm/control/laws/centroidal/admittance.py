@@ -70,7 +70,7 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotationGains:
-    """Constants of the rotation; ``ends`` says which joints have limits."""
+    """Constants of the rotation; ``ends`` marks the joints that have limits."""
 
     body: Compliance
     threshold: Annotated[Scalar, Unit("N m", "about the tip, above which a torque counts", low=0.0)]
@@ -128,12 +128,12 @@ class AdmittanceGains(Part):
 
     @property
     def senses(self) -> bool:
-        """Whether a force sensor measures the force: structure."""
+        """True if a force sensor measures the force: structure."""
         return self.sensing is not None
 
     @property
     def senses_torque(self) -> bool:
-        """Whether it measures the torque, too."""
+        """True if the sensor measures the torque, too."""
         return self.senses and self.rotation is not None
 
     def start(self, joints: int) -> AdmittanceMemory:

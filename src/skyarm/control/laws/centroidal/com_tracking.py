@@ -48,7 +48,7 @@ class Thrust:
 def quasi_static(
     par: CentroidalParameters, mass: Any, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
 ) -> Vec3:
-    """Force that the base's reference alone asks for, with two derivatives, N: m (p_d'' + g) - d.
+    """Force required by the base's reference alone, with two derivatives, N: m (p_d'' + g) - d.
 
     ``rates`` are what is known of the disturbance's derivatives, N/s and N/s^2.
     """
@@ -135,7 +135,7 @@ def thrust(
 
 
 def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
-    """Highest given derivative of kp e, or of what stands for it where the law brakes in time.
+    """Highest given derivative of kp e, or of its replacement where the law brakes in time.
 
     The velocity that kp e + kv e' settles at is kp / kv e, which no bounded thrust can stop from far away. With
     e_0 = 2 a (kv / kp)^2 it is kp e / (1 + |e / e_0|^4)^(1/8): near by kp e, far away the velocity sqrt(2 a |e|), which
@@ -194,7 +194,7 @@ def followed(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
 
 
 def compensated_motion(memory: ArmMotion, limit: Any, h: list[Vec3]) -> list[Vec3]:
-    """h and its derivatives as the centre of mass follows them, base axes; the mean moves as its filter says."""
+    """h and its derivatives as the centre of mass follows them, base axes; the mean moves by its filter."""
     left = 1.0 - minimum(1.0, divide(limit, memory.size + SMALL))
     mean = [memory.mean]
     for each in h[:-1]:

@@ -62,7 +62,7 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Following:
-    """What the demands of the next period need to know; empty where the law does without.
+    """Memory of the demands for the next period; empty where the law does without.
 
     Attributes:
         shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
@@ -88,7 +88,7 @@ def first_following(par: CentroidalParameters) -> Following:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """What rotors and joints shall do.
+    """Demands on rotors and joints.
 
     Attributes:
         thrust: N, along body z. across: N, beside it, body axes.
@@ -110,7 +110,7 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Where the vehicle shall be now.
+    """Desired configuration of the vehicle at this instant.
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
@@ -283,7 +283,7 @@ def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: 
 
 
 def pushes_across(vehicle: Vehicle) -> bool:
-    """Whether some rotor's axis is not body z."""
+    """Return True if some rotor's axis is not body z."""
     return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
 
 

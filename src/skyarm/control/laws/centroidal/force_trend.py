@@ -1,4 +1,4 @@
-"""The trend of an observed force: its rate, trusted as far as it foretold the force so far.
+"""Trend of an observed force: its rate, weighted by the accuracy of its past predictions.
 
 A steady turn of the wind can be foretold, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
@@ -100,7 +100,7 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
 
 
 def first_trend(gains: TrendGains) -> ForceTrend:
-    """Memory before the first measurement: as if rates of half a step's had foretold nothing."""
+    """Memory before the first measurement: as if rates of half a step's had predicted nothing."""
     zero = Vec3(0.0, 0.0, 0.0)
     chain = (zero,) * STAGES
     return ForceTrend(
@@ -139,14 +139,14 @@ def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ..
 
 
 def believed_share(gains: TrendGains, memory: ForceTrend) -> Any:
-    """The share of the rate that is believed, 0 to 1."""
+    """Weight of the rate, 0 to 1: the share confirmed by its past predictions."""
     slope = divide(memory.agreement, memory.size + gains.noise)
     believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return believed * _no_step(gains, memory.rate)
 
 
 def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
-    """N/s, world axes: what is believed of the rate."""
+    """Weighted rate of the observed force, N/s, world axes."""
     rate: Vec3 = memory.rate * believed_share(gains, memory)
     return rate
 

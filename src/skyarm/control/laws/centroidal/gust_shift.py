@@ -70,7 +70,7 @@ class SlowForce:
 
 
 def gust_gains(share: float, vehicle: Vehicle, gravity: Any) -> GustGains:
-    """Constants for a share of the pendulum's pace; the arm's length stands for the height above the tip."""
+    """Constants for a share of the pendulum's pace; the arm's length approximates the height above the tip."""
     pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
     return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
 

@@ -1,4 +1,4 @@
-"""Pressing on a surface: force along its believed normal n, motion across; for any arm.
+"""Pressing on a surface: force along its estimated normal n, motion across; for any arm.
 
 The observer stays as it is: it takes the surface for a disturbance, and a law that fed this back would push against
 its own push. So along n the *wanted* force stands in place of the observed one: the joints give it, the base carries
@@ -156,7 +156,7 @@ def interact(
 def touches(
     gains: InteractionGains, memory: InteractionMemory, asked: Any, along: Any, into: Any, dt: Any
 ) -> tuple[Any, Any]:
-    """Whether the tip touches (1 or 0), with hysteresis; and how far it is on its way to a loss, 1 at it."""
+    """Contact of the tip (1 or 0), with hysteresis; and progress towards its loss, 1 at the loss."""
     was = memory.touching > 0.5
     weak, through = (
         where(along < gains.lost, dt / gains.loss_time, 0.0),
@@ -172,7 +172,7 @@ def touches(
 
 
 def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
-    """The share of the wanted force one period later."""
+    """The share of the desired force one period later."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
@@ -231,7 +231,7 @@ def rested(gains: InteractionGains, memory: InteractionMemory) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pressing:
-    """What an instant asks of the rest of the law.
+    """Contact order of an instant for the rest of the law.
 
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
@@ -295,7 +295,7 @@ STEEPEST = 0.4
 
 
 def leaning(told: Vec3, lean: Vec3) -> Vec3:
-    """The unit normal that is believed."""
+    """The estimated unit normal."""
     n = told + lean
     # a reference that has not begun has no normal
     unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))
@@ -303,7 +303,7 @@ def leaning(told: Vec3, lean: Vec3) -> Vec3:
 
 
 def slid(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
-    """The lean one period later; none where no contact is asked for.
+    """The lean one period later; none where no contact is requested.
 
     Args:
         lean: before.
@@ -358,7 +358,7 @@ class InteractionGains(Part):
 
     @property
     def senses(self) -> bool:
-        """Whether a force sensor measures the force along the normal: structure."""
+        """True if a force sensor measures the force along the normal: structure."""
         return self.sensing is not None
 
     def start(self, joints: int) -> InteractionMemory:
@@ -366,7 +366,7 @@ class InteractionGains(Part):
         return first_interaction(joints, self.senses)
 
     def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
-        """Exchange the observed force for the wanted one; a surface is no load, no friction and no lag."""
+        """Replace the observed force by the desired one; a surface is no load, no friction and no lag."""
         if not step.reference.push:
             return memory
         observed, state, dt, vehicle = step.observed, step.state, step.dt, step.par.model.vehicle
@@ -444,7 +444,7 @@ class InteractionMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes.
+    """A desired contact of the reference: N, m/s and the unit normal out of the surface, world axes.
 
     Attributes:
         grip: 1 while the tip is held by what it grips; a structural 0 where it never is.
@@ -460,18 +460,18 @@ class Wanted:
 
     @property
     def grips(self) -> bool:
-        """Whether the tip ever grips: structure."""
+        """True if the tip ever grips: structure."""
         return type(self.grip) is not int
 
     @property
     def asked(self) -> Any:
-        """Whether any contact is asked for."""
+        """True if any contact is requested."""
         wanted: Any = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
 
     @property
     def presses(self) -> Any:
-        """Whether the tip shall press on a surface, which it may slide along."""
+        """True if the tip shall press on a surface, which it may slide along."""
         wanted: Any = self.force > 0.0
         return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
 

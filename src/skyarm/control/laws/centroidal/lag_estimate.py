@@ -1,4 +1,4 @@
-"""Lag of the loop beyond what the law believes, found while flying, and what it leaves of the bandwidth.
+"""Estimated lag of the loop beyond the nominal one, and the bandwidth that it allows.
 
 The model says which accelerations the sent commands give: a(t), without what the observer believes to disturb. What
 is measured is y(t) = a(t - L) + the rest, L the lag that nobody told: commands that arrive late, motors or joint drives

@@ -70,7 +70,7 @@ def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Hang:
-    """How a weight at the tip, and a horizontal torque about it, reach base and joints.
+    """Wrench on base and joints of a weight at the tip, and of a horizontal torque about it.
 
     Attributes:
         lift: N on the base, world z, of 1 kg more. turning: N m on the base, base axes, of 1 kg more and of 1 N m about

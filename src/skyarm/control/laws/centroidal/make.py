@@ -205,7 +205,7 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> M
 
 
 def _both(name: str, pair: tuple[float, float], unit: str) -> bool:
-    """Whether an option of two numbers is used: both are above 0."""
+    """Return True if an option of two numbers is used: both are above 0."""
     first, second = pair
     if (first > 0.0) != (second > 0.0):
         raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {unit} above 0, or twice 0")

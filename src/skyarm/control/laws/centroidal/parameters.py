@@ -97,7 +97,7 @@ class ShiftGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipGains:
-    """Of the tip mode.
+    """Gains of the tip mode.
 
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the tip's error.

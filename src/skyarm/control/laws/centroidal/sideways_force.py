@@ -31,7 +31,7 @@ goes away for a moment; more counts on force that is not there (tried from 0.05 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What forces take of rotors.
+    """Rotor speeds needed for forces, and their limits.
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
@@ -111,7 +111,7 @@ def _square(value: Taylor) -> Taylor:
 
 
 def applied(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-    """What the rotors give of a force at this attitude, world axes, N, or its first derivative, N/s.
+    """Force achievable by the rotors at this attitude, world axes, N, or its first derivative, N/s.
 
     Args:
         reach: of the force across body z; None for none.
@@ -147,7 +147,7 @@ def across(force: Vec3) -> Vec3:
 
 
 def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Any, gravity: Any) -> Vec3:
-    """How the planned force changes, axes of the planned body, N/s; ``motion`` of the centre of mass: p'', p'''.
+    """Rate of the planned force, axes of the planned body, N/s; ``motion`` of the centre of mass: p'', p'''.
 
     With f = m (p'' + g) it is R^T m p''' - w x R^T f.
     """

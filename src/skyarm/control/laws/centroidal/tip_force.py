@@ -33,7 +33,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceErrors:
-    """How far parts of the disturbance tell the tip's force: the error of each that weighs as 1 N of the base's.
+    """Errors of the tip force from parts of the disturbance: the error of each that weighs as 1 N of the base's.
 
     Attributes:
         turning: N m, of a revolute joint. sliding: N, of a prismatic one. base: N m, of the base's torque.
@@ -51,7 +51,7 @@ class ForceErrors:
 
 @dataclass(frozen=True, slots=True)
 class TipLevers:
-    """How a force at the tip reaches base and joints.
+    """Levers from a force at the tip to base and joints.
 
     Attributes:
         R: R_WB. tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
@@ -62,7 +62,7 @@ class TipLevers:
     columns: tuple[Vec3, ...]
 
     def disturbance(self, force: Vec3) -> Disturbance:
-        """What a force at the tip (N, world axes) does to base and joints."""
+        """Disturbance on base and joints of a force at the tip (N, world axes)."""
         own = self.R.apply_T(force)
         efforts = tuple(column.dot(own) for column in self.columns)
         return Disturbance(force=force, torque=self.tip.cross(own), efforts=efforts)

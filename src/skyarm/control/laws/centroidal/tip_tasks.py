@@ -112,7 +112,7 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
 
 
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
-    """How far a point of a level vehicle is from the same point of a tilted one, with two derivatives.
+    """Offset of a point of a level vehicle from the same point of a tilted one, with two derivatives.
 
     Args:
         level: the point of the references, base axes.

@@ -26,7 +26,7 @@ TRIM = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """What joint accelerations need under a given force on the base, whose angular acceleration stays as desired.
+    """Joint torques for joint accelerations under a given force on a base whose angular acceleration stays as desired.
 
     Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints; the base's origin moves
     freely.
@@ -91,7 +91,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """What was sent.
+    """Commands sent, and their saturation.
 
     Attributes:
         command: to the actuators.

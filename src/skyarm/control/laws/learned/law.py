@@ -110,7 +110,7 @@ def read_network(text: str) -> tuple[Network, dict[str, Any]]:
 
 
 def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
-    """Masses (kg, base first) and places of the joints (m, in their parents), by which a file knows its vehicle."""
+    """Masses (kg, base first) and joint positions (m, in their parents), which identify the vehicle of a file."""
     return {
         "masses": [float(body.mass) for body in vehicle.bodies],
         "places": [float(c) for link in vehicle.links for c in link.joint.position],

@@ -78,7 +78,7 @@ class Trust:
 
     @property
     def flown(self) -> bool:
-        """Whether plans are flown."""
+        """True while plans are flown."""
         return self.resting <= 0.0
 
 
@@ -92,7 +92,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
 
 
 def trusted(plan: Plan, most: float) -> bool:
-    """Whether a plan may be flown: finite, and no dearer than ``most``."""
+    """Return True if a plan may be flown: finite, and no dearer than ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
     return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
 

@@ -160,7 +160,7 @@ class Purpose:
         return par.model, par.weights, par.bandwidths, *shape, self.dt, par.interaction if self.push else None
 
     def serves(self, other: Purpose) -> bool:
-        """Whether an engine that is made for this does for another."""
+        """Return True if an engine that is made for this does for another."""
         same = self.par is other.par and (self.dt, self.push) == (other.dt, other.push)
         return same or self.made_of == other.made_of
 

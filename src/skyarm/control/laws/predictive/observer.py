@@ -45,7 +45,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bandwidths:
-    """How fast the observer follows, rad/s: linear, angular and joint motion."""
+    """Bandwidths of the observer, rad/s: linear, angular and joint motion."""
 
     linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
     angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]

@@ -422,7 +422,7 @@ class Riccati:
         return found
 
     def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
-        """How far each input may still fall and rise (N, nu): no rotor stops, none turns faster than it can."""
+        """Room of each input to fall and to rise (N, nu): no rotor stops, none exceeds its highest speed."""
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
         efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
         low, high = np.hstack([-speeds / dt, -efforts]), np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
