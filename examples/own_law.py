@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import skyarm
-from skyarm.dynamics.actuators import Mixer, make_mixer, mix
 from skyarm.algebra import E_Z, Motion, Vec3
 from skyarm.dynamics import inverse_dynamics
+from skyarm.dynamics.actuators import Mixer, make_mixer, mix
 
 
 @dataclass(frozen=True, kw_only=True)

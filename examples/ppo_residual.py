@@ -20,10 +20,10 @@ import numpy as np
 
 import skyarm
 import skyarm.envs as learn
-from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.control.laws.learned.law import Network
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.simulate.batch import Batch
+from skyarm.studies.compare.perturbed_plants import Spread, draw
 
 WORLDS, STEPS, ITERATIONS, EPOCHS, PARTS = 1024, 32, 160, 4, 4
 GAMMA, LAMBDA, CLIP, RATE = 0.97, 0.95, 0.2, 2e-3

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from shooting import Shooting
 from skyarm.compile import trace
-from skyarm.control.laws.predictive.cost import Weights, foreseen, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Weights, input_residuals, predict_stage, state_residuals
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.laws.predictive.solver import (
     Bounds,
@@ -62,7 +62,7 @@ class InteriorPoint:
                 *state_residuals(model, weights, x, wanted, mode),
                 *input_residuals(model, weights, x, u, d, wanted),
             )
-            return foreseen(model, x, u, d, wanted, dt[0]), errors
+            return predict_stage(model, x, u, d, wanted, dt[0]), errors
 
         def final(x: State, given: tuple[Any, ...]) -> tuple[Any, ...]:
             return state_residuals(model, weights, x, given[2], mode)

@@ -22,9 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.algebra import ZERO3, Force, Quaternion, Vec3
-from skyarm.studies.compare.suite import NOISE
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, preset
 from skyarm.control.controller import Controller
 from skyarm.control.laws.learned.law import (
@@ -43,17 +41,19 @@ from skyarm.control.laws.learned.law import (
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics import array_front as arrays
-from skyarm.world import ForceWind, Gust, Payload
-from skyarm.records.files import write_atomically
+from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.log.flight_log import Log
 from skyarm.plant.interface import Truth
+from skyarm.records.files import write_atomically
 from skyarm.reference import Reference, Trajectory, circle, hover
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import SensorNoise, measure, noise_count
 from skyarm.simulate.loop import run
+from skyarm.studies.compare.suite import NOISE
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import ForceWind, Gust, Payload
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[str], None]

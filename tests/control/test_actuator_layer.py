@@ -27,7 +27,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.servo import PositionServo
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Scenario
@@ -126,7 +126,7 @@ def setpoints(vehicle, measured, believed=None):
 
 
 def test_rotors_that_tilt_push_along_their_turned_axes_on_the_joints_too():
-    fixed = setpoints(turned(TURNED, ANGLES), ())
+    fixed = setpoints(turn_rotors(TURNED, ANGLES), ())
     level = setpoints(TURNED, ())
     assert np.abs(np.subtract(fixed, level)).max() > 1e-6
     assert setpoints(TURNED, ANGLES) == pytest.approx(fixed, abs=1e-12)

@@ -9,10 +9,10 @@ import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import cos, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.actuators import led
+from skyarm.control.blocks.actuators import compensate_motor_lag
 from skyarm.control.blocks.attitude import Attitude, moving, posture, upright
 from skyarm.control.laws.centroidal import com_tracking
-from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, followed
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, update_arm_motion
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.shift_motion import ShiftMotion, differentiate
 from skyarm.control.laws.centroidal.tip_tasks import goal, level_motion, orientation_error
@@ -135,12 +135,12 @@ def test_the_size_of_the_arms_motion_is_that_of_its_snap():
         phase = w * k * dt
         swing = [0.02 * w**i * np.sin(phase + i * np.pi / 2) for i in range(5)]
         com = Vec3(Taylor.of_derivatives([float(x) for x in swing]), 0.0, 0.0)
-        memory = followed(memory, com, 9.81, dt)
+        memory = update_arm_motion(memory, com, 9.81, dt)
     top = 0.02 * w**4 / 9.81
     assert 0.75 * top < memory.size < top
     assert abs(memory.mean.x) < 0.003
     still = Vec3(Taylor((0.0,) * 5), 0.0, 0.0)
-    after = followed(memory, still, 9.81, dt)
+    after = update_arm_motion(memory, still, 9.81, dt)
     assert after.size == pytest.approx(memory.size * (1.0 - 0.5 * dt))
 
 
@@ -201,7 +201,7 @@ def test_the_thrust_leads_its_plan_by_the_lag_of_the_motors():
     rotors, mixer = MODEL.vehicle.rotors, make_mixer(MODEL.vehicle)
     for rate in (30.0, -30.0):
         tau = rotors[0].time_constant_up if rate > 0.0 else rotors[0].time_constant_down
-        ahead = led(rotors, mixer, Vec3(5.0, -5.0, rate), (0.0,) * 4, 0.005, 0.0)
+        ahead = compensate_motor_lag(rotors, mixer, Vec3(5.0, -5.0, rate), (0.0,) * 4, 0.005, 0.0)
         speed, told = 0.0, 0.0
         for _ in range(400):
             told += rate * 0.005

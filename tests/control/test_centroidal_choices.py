@@ -12,7 +12,7 @@ import skyarm
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.presets import checked, periods_of
+from skyarm.control.laws.centroidal.presets import check_entry, periods_of
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
@@ -68,7 +68,7 @@ ROWS = [name for name, value in PRESETS["robust"].items() if isinstance(value, t
 @pytest.mark.parametrize("name", ROWS)
 def test_a_row_of_gains_is_as_many_numbers_as_the_preset_has(name):
     count = len(PRESETS["robust"][name])
-    assert checked(name, [1.0] * count) == checked(name, (1,) * count) == (1.0,) * count
+    assert check_entry(name, [1.0] * count) == check_entry(name, (1,) * count) == (1.0,) * count
     wrong = (
         *((1.0,) * other for other in (0, count - 1, count + 1)),
         "1" * count,
@@ -82,7 +82,7 @@ def test_a_row_of_gains_is_as_many_numbers_as_the_preset_has(name):
     )
     for value in wrong:
         with pytest.raises(ControllerError, match=rf"^controller\.{name} = .*: must be {count} numbers$"):
-            checked(name, value)
+            check_entry(name, value)
         with pytest.raises(ControllerError, match=rf"controller\.{name} = "):
             make_centroidal(MODEL, **{name: value})
 
@@ -96,7 +96,7 @@ def test_each_number_of_a_row_is_refused_by_its_place(name, bad):
         # an attitude and a wind may be to either side
         row[i] = {"attitude": -1.01, "wind": -100.1}.get(name, bad) if bad == -1e-9 else bad
         with pytest.raises(ControllerError, match=re.escape(f"controller.{name}[{i}] = ")):
-            checked(name, row)
+            check_entry(name, row)
 
 
 @pytest.mark.parametrize("whole", [0, 1, 2, 7, 100])

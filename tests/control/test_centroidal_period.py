@@ -17,7 +17,7 @@ from skyarm.control.blocks.prediction import Disturbance, acceleration, predict,
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import ObserverGains
-from skyarm.control.laws.ladder import _unknown
+from skyarm.control.laws.ladder import _estimate_disturbance
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, speed_after
@@ -90,7 +90,7 @@ def test_the_stepped_law_feels_the_rotors_drag_in_world_axes():
     measured = dataclasses.replace(
         blank_measurement(2, 4), quaternion=quaternion(R), velocity=vec(velocity), rate=vec(rate), rotor_speeds=TURNING
     )
-    observed, felt = _unknown(controller.memory, measured, DT, controller.par)
+    observed, felt = _estimate_disturbance(controller.memory, measured, DT, controller.par)
     force, torque = side(ARM, TURNING, R.inv().apply(velocity), rate)
     np.testing.assert_allclose(array(felt.force), array(observed.force) + R.apply(force), atol=1e-13)
     np.testing.assert_allclose(array(felt.torque), array(observed.torque) + torque, atol=1e-13)

@@ -15,9 +15,9 @@ from skyarm.control.laws.centroidal.force_trend import (
     HORIZON,
     STAGES,
     first_trend,
-    followed,
     trend_gains,
     trusted_rate,
+    update_trend,
 )
 
 DT = 0.005
@@ -28,7 +28,7 @@ def fed(forces, gains=GAINS):
     """Memories after each of the forces (n, 3)."""
     memory, found = first_trend(gains), []
     for each in forces:
-        memory = followed(gains, memory, Vec3(*map(float, each)), DT)
+        memory = update_trend(gains, memory, Vec3(*map(float, each)), DT)
         found.append(memory)
     return found
 
@@ -84,7 +84,7 @@ def test_a_turning_force_is_foretold_noise_is_not():
 def test_what_was_found_is_forgotten_at_its_rate():
     memory = dataclasses.replace(first_trend(GAINS), agreement=1.0, size=2.0)
     for _ in range(200):
-        memory = followed(GAINS, memory, Vec3(0.0, 0.0, 0.0), DT)
+        memory = update_trend(GAINS, memory, Vec3(0.0, 0.0, 0.0), DT)
     assert memory.agreement == pytest.approx(np.exp(-FORGET * 1.0), rel=1e-9)
     assert memory.size == pytest.approx(2.0 * np.exp(-FORGET * 1.0), rel=1e-9)
 

@@ -310,7 +310,7 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
     heard, quiet = gave_way(law, (0.5, 0.0, 0.0))[1], gave_way(law, (0.0, 0.0, 0.0), quiet=0.6)[1]
     late = gave_way(law, (0.0, 0.0, 0.0), quiet=0.4)[1]
-    assert [law.par.parts.admittance.rested(m) for m in (heard, late, quiet)] == [0.0, 0.0, 1.0]
+    assert [law.par.parts.admittance.force_cleared(m) for m in (heard, late, quiet)] == [0.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize("heard", [0.0, 1.0])

@@ -137,7 +137,7 @@ def test_nothing_is_learned_while_a_torque_is_heard():
     loud, _ = gave_way(law, torque=(0.0, 0.2, 0.0), quiet=9.0)
     calm, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 9.0})
     late, _ = gave_way(law, torque=(0.0, 0.02, 0.0), quiet=9.0, turned={"quiet": 0.4})
-    assert [law.par.parts.admittance.rested(m) for m in (loud, late, calm)] == [0.0, 0.0, 1.0]
+    assert [law.par.parts.admittance.force_cleared(m) for m in (loud, late, calm)] == [0.0, 0.0, 1.0]
     assert [*loud.bias.torque, *loud.bias.efforts] == [0.0] * 9
     assert calm.bias.torque.y > 0.0
     # patience: it stays heard for 0.3 s

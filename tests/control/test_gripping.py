@@ -134,7 +134,7 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
 
 
 def test_the_integral_of_a_grip_is_bounded_by_the_size_of_the_force():
-    found = [law.integrated(GAINS, 0.0, -2.0, a, 1.0, 1.0, 0.0, 10.0, signed=True) for a in (10.0, -10.0)]
+    found = [law.integrate_force_error(GAINS, 0.0, -2.0, a, 1.0, 1.0, 0.0, 10.0, signed=True) for a in (10.0, -10.0)]
     assert found == pytest.approx([-1.3, 1.3])
 
 
@@ -154,7 +154,11 @@ def test_the_normal_points_out_of_the_axis_while_the_tip_grips():
 
 def test_only_what_presses_slides():
     assert [wanted(force, grip).presses for force, grip in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0))] == [True, False, False]
-    assert [wanted(force, grip).asked for force, grip in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))] == [True, True, False]
+    assert [wanted(force, grip).requests_contact for force, grip in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))] == [
+        True,
+        True,
+        False,
+    ]
 
 
 def test_a_grip_is_kept_moved_and_read():

@@ -14,7 +14,13 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, leaning, slid
+from skyarm.control.laws.centroidal.interaction import (
+    InteractionGains,
+    Pressing,
+    first_interaction,
+    leaning,
+    update_lean,
+)
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
@@ -63,17 +69,17 @@ def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
 def test_ramps_take_their_times_and_end_at_none_and_all():
     share, up = 0.0, []
     for _ in range(40):
-        share = law.ramped(GAINS, share, 1.0, DT)
+        share = law.ramp_share(GAINS, share, 1.0, DT)
         up.append(share)
     assert up[0] == pytest.approx(DT / 0.15)
     assert up.index(1.0) in (29, 30)
-    down = [law.ramped(GAINS, s, 0.0, DT) for s in (1.0, 0.3, 0.0)]
+    down = [law.ramp_share(GAINS, s, 0.0, DT) for s in (1.0, 0.3, 0.0)]
     assert down == pytest.approx([0.75, 0.05, 0.0])
 
 
 def test_the_integral_is_bounded_and_stands_still_but_at_the_full_force():
     def step(integral, along, touching=1.0, share=1.0, worn=0.0):
-        return law.integrated(GAINS, integral, 2.0, along, touching, share, worn, DT)
+        return law.integrate_force_error(GAINS, integral, 2.0, along, touching, share, worn, DT)
 
     assert step(0.1, 1.5) == pytest.approx(0.1 + 4.0 * 0.5 * DT)
     assert step(0.1, 1.5, share=0.99) == 0.1
@@ -91,7 +97,7 @@ def test_the_reference_comes_follows_and_returns():
         for _ in range(round(seconds / DT)):
             if touching:  # the tip rests on a surface; the reference's own shift closes the gap
                 memory = dataclasses.replace(memory, gap=gap - memory.shift)
-            s, rate, acceleration = law.followed(GAINS, memory, asked, touching, speed, DT)
+            s, rate, acceleration = law.normal_shift(GAINS, memory, asked, touching, speed, DT)
             assert abs(acceleration) <= 4.0
             memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
         return memory
@@ -113,7 +119,7 @@ def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_withi
     memory = dataclasses.replace(FREE, shift=s0, shift_rate=v0)
     for k in range(600):
         held = dataclasses.replace(memory, gap=gap - memory.shift)
-        s, rate, a = law.followed(GAINS, held, False, touching, 0.1, dt)
+        s, rate, a = law.normal_shift(GAINS, held, False, touching, 0.1, dt)
         assert s == pytest.approx(memory.shift + memory.shift_rate * dt + 0.5 * a * dt * dt, abs=1e-15)
         memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
         t, off = (k + 1) * dt, s0 - gap
@@ -126,15 +132,15 @@ def test_what_no_contact_is_is_learned_in_free_flight_and_of_the_base_in_contact
     none, d = FREE.bias, Disturbance(force=Vec3(1.0, 0.0, 0.0), torque=Vec3(0.1, 0.0, 0.0), efforts=(0.2, 0.0))
     push = Vec3(0.4, 0.0, 0.0)
     free, early, pressing = (
-        law.learned(GAINS, none, d, push, asked, since, DT)
+        law.update_bias(GAINS, none, d, push, asked, since, DT)
         for asked, since in ((False, 0.6), (False, 0.4), (True, 0.0))
     )
     assert (free.force.x, free.torque.x, free.efforts[0]) == pytest.approx((share, 0.1 * share, 0.2 * share))
     assert early == none
     # what is learned already and still there stays, and what has changed is followed by a share of the difference
-    assert law.learned(GAINS, d, d, push, False, 0.6, DT) == d
-    assert law.learned(GAINS, d, none, push, False, 0.6, DT).torque.x == pytest.approx(0.1 * (1.0 - share))
-    assert law.learned(GAINS, d, none, push * 0.0, True, 0.0, DT).force.x == pytest.approx(1.0 - wind)
+    assert law.update_bias(GAINS, d, d, push, False, 0.6, DT) == d
+    assert law.update_bias(GAINS, d, none, push, False, 0.6, DT).torque.x == pytest.approx(0.1 * (1.0 - share))
+    assert law.update_bias(GAINS, d, none, push * 0.0, True, 0.0, DT).force.x == pytest.approx(1.0 - wind)
     assert (pressing.force.x, pressing.torque.x, pressing.efforts[0]) == pytest.approx((0.6 * wind, 0.0, 0.0))
 
 
@@ -149,12 +155,12 @@ def test_the_wanted_force_stands_in_place_of_the_observed_one_along_the_normal()
     wind = Disturbance(force=Vec3(0.0, 0.7, 0.0), torque=Vec3(0.0, 0.0, 0.1), efforts=(0.01, 0.02))
     held = at.disturbance(Vec3(-1.5, 0.0, 0.4)) + wind
     for kept, across in ((1.0, 0.4), (0.5, 0.2)):
-        given, expected = pressing(kept=kept).exchanged(held, at, at), at.disturbance(Vec3(-2.0, 0.0, across)) + wind
+        given, expected = pressing(kept=kept).with_order(held, at, at), at.disturbance(Vec3(-2.0, 0.0, across)) + wind
         assert np.allclose(
             [*given.force, *given.torque, *given.efforts], [*expected.force, *expected.torque, *expected.efforts]
         )
-    assert pressing(engaged=0.0).exchanged(held, at, at) == held
-    given, ordered = (pressing(beyond=b).exchanged(held, at, at) for b in (0.3, 0.0))
+    assert pressing(engaged=0.0).with_order(held, at, at) == held
+    given, ordered = (pressing(beyond=b).with_order(held, at, at) for b in (0.3, 0.0))
     more = at.disturbance(Vec3(-0.3, 0.0, 0.0))
     assert given.efforts == ordered.efforts  # joints yield to an impact, the base carries it
     assert np.allclose(given.force - ordered.force, more.force)
@@ -169,15 +175,15 @@ def test_the_tip_keeps_its_goal_across_and_is_only_damped_along_the_normal():
         p, v, a = of.tip
         return a + (v - velocity) * kd + (p - tip) * kp
 
-    free, held = asked(goal), asked(pressing().freed(goal, tip, velocity, kd))
+    free, held = asked(goal), asked(pressing().release_normal(goal, tip, velocity, kd))
     assert (held.y, held.z) == pytest.approx((free.y, free.z))
     assert held.x == pytest.approx(-20.0 * 0.4)
-    assert asked(pressing(share=0.0).freed(goal, tip, velocity, kd)) == free
+    assert asked(pressing(share=0.0).release_normal(goal, tip, velocity, kd)) == free
 
 
 def test_the_reference_moves_along_the_normal_with_its_derivatives():
     still = [Taylor((float(i), 0.0, 0.0, 0.0, 0.0)) for i in range(6)]
-    moved = pressing().shifted(still)
+    moved = pressing().shift_reference(still)
     assert [moved[0].derivative(k) for k in range(3)] == pytest.approx([-0.1, -0.2, -0.3])
     assert [each.derivative(0) for each in moved[1:]] == [1.0, 2.0, 3.0, 4.0, 5.0]
 
@@ -215,7 +221,7 @@ def slope(direction, seconds, *, slides=True, asked=True, angle=0.1745329252):
     velocity = up * (0.1 * direction[1]) + Vec3(0.0, 0.1 * direction[0], 0.0)
     lean = Vec3(0.0, 0.0, 0.0)
     for _ in range(round(seconds / DT)):
-        lean = slid(lean, leaning(told, lean), velocity, 1.0, asked, slides, DT)
+        lean = update_lean(lean, leaning(told, lean), velocity, 1.0, asked, slides, DT)
     return np.array([*leaning(told, lean)])
 
 

@@ -30,7 +30,7 @@ from flown import MODEL, pushes
 from law_flights import replaced, scalars
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.published.l1 import _command, _filtered, make_l1
+from skyarm.control.laws.published.l1 import _advance_filters, _command, make_l1
 from skyarm.control.model import Model
 from vehicles_random import PinocchioTwin
 
@@ -110,7 +110,7 @@ def test_each_estimate_goes_through_its_own_filters_and_stops_at_its_own_limit(s
     memory, R = memory_of(law, rng, min(scale, 0.3)), rotation(gentle(seed)).as_matrix()
     torque, force, efforts = 0.1 * scale * rng.normal(size=3), scale * rng.normal(size=3), scale * rng.normal(size=2)
     attitude = measured(gentle(seed)).quaternion.rotation()
-    found = _filtered(memory, attitude, Force(vec(torque), vec(force)), tuple(efforts.tolist()), DT, law.par)
+    found = _advance_filters(memory, attitude, Force(vec(torque), vec(force)), tuple(efforts.tolist()), DT, law.par)
     once = low_pass(memory.torque, torque, 7.0, 0.04)
     arm = low_pass(memory.efforts, efforts, 11.0, EFFORTS)
     expected = {

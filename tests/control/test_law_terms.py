@@ -18,7 +18,7 @@ from law_flights import replaced, scalars
 from skyarm.control.blocks.common import arm_alone
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
-from skyarm.control.laws.published.indi import _passed, _speeds
+from skyarm.control.laws.published.indi import _filter_signals, _speeds
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from vehicles_random import PinocchioTwin
@@ -226,7 +226,7 @@ def test_every_signal_is_as_late_as_the_measurement_and_filtered_alike(delay, me
     R = last.quaternion.rotation()
     speeds = _speeds(memory, last, law.par, False, DT)
     hold = arm_alone(law.par, R, last.joints, (0, 0))
-    _, found = _passed(memory, last, R, speeds, hold, DT, law.par, False)
+    _, found = _filter_signals(memory, last, R, speeds, hold, DT, law.par, False)
 
     shown = acted(sent, Command(rotor_speeds=seen[0].rotor_speeds, efforts=tuple(held_by(seen[0]))), delay)
     turning = [scalars(each.rotor_speeds) for each in seen]

@@ -25,7 +25,7 @@ from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.learned.law import (
     HISTORY,
-    compensated,
+    compensate,
     feature_names,
     features,
     no_history,
@@ -113,8 +113,8 @@ def test_what_pushes_already_is_taken_off_torque_thrust_and_efforts():
     ours = learned()
     for case in (hovering(joints=(0.2, -0.1)), hovering(joints=(-0.3, 0.4))):
         told = (0.0, 0.0, 0.7, 0.02, -0.03, 0.004, 0.05, -0.02)
-        alone = compensated(case.measurement(), case.reference(), (0.0,) * 8, ours.par)
-        helped = compensated(case.measurement(), case.reference(), told, ours.par)
+        alone = compensate(case.measurement(), case.reference(), (0.0,) * 8, ours.par)
+        helped = compensate(case.measurement(), case.reference(), told, ours.par)
         (torque, thrust), (torque_0, thrust_0) = pushes(ARM2, helped), pushes(ARM2, alone)
         np.testing.assert_allclose(torque - torque_0, [-0.02, 0.03, -0.004], atol=1e-9)
         assert thrust - thrust_0 == pytest.approx(-0.7)

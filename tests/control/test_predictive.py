@@ -19,7 +19,7 @@ from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import input_residuals, state_residuals
 from skyarm.control.laws.predictive.law import WEIGHTS, engine_for, stage_lengths
 from skyarm.control.laws.predictive.observer import Bandwidths, Estimate, observe, predict
-from skyarm.control.laws.predictive.prediction import Inputs, carried, command_for, motors
+from skyarm.control.laws.predictive.prediction import Inputs, command_for, integrate_stage, motors
 from skyarm.control.laws.predictive.solver import (
     Bounds,
     Linear,
@@ -30,11 +30,11 @@ from skyarm.control.laws.predictive.solver import (
     Riccati,
     Rollouts,
     Stages,
-    damped,
     examples,
+    next_damping,
     policy,
     rollout,
-    shifted,
+    shift_plan,
 )
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
@@ -150,7 +150,7 @@ def test_derivatives_of_the_stages_equal_casadi_s(mode):
 
     def stage(a, b, c, e):
         errors = (*state_residuals(MODEL, WEIGHTS, a, e, mode), *input_residuals(MODEL, WEIGHTS, a, b, c, e))
-        return carried(MODEL, a, b, c, 0.03, e.joint_rates), errors
+        return integrate_stage(MODEL, a, b, c, 0.03, e.joint_rates), errors
 
     f = casadi_function(trace(stage, state, inputs, disturbance, goal))
     both = casadi.SX.sym("z", 27)
@@ -222,8 +222,8 @@ def test_stages_and_rollouts_foresee_dry_friction_at_the_rates_that_are_wanted()
     model = Model(vehicle=dry_arm(0.02))
     goal = rebuild(shapes[3], iter(wanted))
     state, inputs, unknown = (rebuild(shape, iter(v)) for shape, v in zip(shapes[:3], (x, u, d), strict=True))
-    expected = leaves(carried(model, state, inputs, unknown, 0.03, goal.joint_rates))
-    assert np.abs(np.subtract(expected, leaves(carried(model, state, inputs, unknown, 0.03)))).max() > 1e-4
+    expected = leaves(integrate_stage(model, state, inputs, unknown, 0.03, goal.joint_rates))
+    assert np.abs(np.subtract(expected, leaves(integrate_stage(model, state, inputs, unknown, 0.03)))).max() > 1e-4
     found = Stages(model, WEIGHTS, "tool", SCALES).derivatives(x[None], u[None], np.array([0.03]), d, wanted[None])
     np.testing.assert_allclose(found[0][0], expected, rtol=1e-12, atol=1e-12)
     rollouts = Rollouts(model, WEIGHTS, "tool", Bounds(np.full(2, 1e9), np.full(4, 1e9)))
@@ -309,13 +309,13 @@ def test_samples_are_extrapolated_with_the_jerk_of_the_last_two():
             joint_accelerations=(0.0, 0.0),
         )
 
-    held = preview.taken(sample(0.1), None, DT)
+    held = preview.update_sample(sample(0.1), None, DT)
     for _ in range(3):
-        held = preview.taken(sample(0.1), held, DT)
+        held = preview.update_sample(sample(0.1), held, DT)
     assert held.age == pytest.approx(3 * DT)
-    held = preview.taken(sample(0.12), held, DT)
+    held = preview.update_sample(sample(0.12), held, DT)
     assert held.age == 0.0
-    values, rates, accelerations = preview.extrapolated(held, np.array([0.2]))
+    values, rates, accelerations = preview.extrapolate(held, np.array([0.2]))
     assert values[0, 0] == pytest.approx(0.32**3, abs=1e-12)
     assert rates[0, 0] == pytest.approx(3 * 0.32**2, abs=1e-12)
     assert accelerations[0, 0] == pytest.approx(6 * 0.32, abs=1e-12)
@@ -323,10 +323,10 @@ def test_samples_are_extrapolated_with_the_jerk_of_the_last_two():
 
 
 def test_a_jump_of_the_reference_starts_without_jerk():
-    first = preview.taken(
+    first = preview.update_sample(
         Reference(position=Vec3(0.0, 0.0, 0.0), joints=(0.0,), joint_rates=(0.0,), joint_accelerations=(0.0,)), None, DT
     )
-    second = preview.taken(
+    second = preview.update_sample(
         Reference(
             position=Vec3(0.3, 0.0, 0.0),
             acceleration=Vec3(5.0, 0.0, 0.0),
@@ -353,7 +353,7 @@ def test_a_plan_moved_on_in_time_is_the_plan_at_its_own_stages():
     x = np.zeros((5, 21))
     x[:, 0], x[:, 3] = np.arange(5.0), 1.0
     plan = Plan(x, np.arange(4.0)[:, None], np.zeros((4, 1, 21)))
-    later = shifted(plan, steps, 0.1)
+    later = shift_plan(plan, steps, 0.1)
     assert later.x[:, 0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 4.0])
     assert later.u[:, 0] == pytest.approx([1.0, 2.0, 3.0, 3.0])
 
@@ -468,7 +468,7 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
             taken = rebuild(inputs, iter(u.tolist()))
             pushes = input_residuals(MODEL, WEIGHTS, at, taken, nothing, wanted)
             total += steps[k] * sum(float(e) ** 2 for e in pushes)
-            x = np.array(leaves(carried(MODEL, at, taken, nothing, steps[k])))
+            x = np.array(leaves(integrate_stage(MODEL, at, taken, nothing, steps[k])))
         # 1e-9: fused multiplications of vector code
         assert motions.cost[lane] == pytest.approx(total, rel=1e-9)
     assert 0 < clipped < 3 * 14 * 2
@@ -493,11 +493,11 @@ def test_no_step_towards_a_far_goal_makes_the_motion_dearer(step):
 
 
 def test_steps_that_were_cut_are_damped_and_whole_ones_free():
-    assert [damped(0.0, 1.0), damped(0.0, 0.7), damped(0.0, 0.25)] == [0.0, 0.0, 1e-3]
-    assert damped(1e-3, 1.0) == 0.0
-    assert damped(0.1, 0.05) == pytest.approx(0.8)
-    assert damped(0.8, 1.0) == pytest.approx(0.1)
-    assert damped(1e3, 0.0) == 1e3
+    assert [next_damping(0.0, 1.0), next_damping(0.0, 0.7), next_damping(0.0, 0.25)] == [0.0, 0.0, 1e-3]
+    assert next_damping(1e-3, 1.0) == 0.0
+    assert next_damping(0.1, 0.05) == pytest.approx(0.8)
+    assert next_damping(0.8, 1.0) == pytest.approx(0.1)
+    assert next_damping(1e3, 0.0) == 1e3
 
 
 def test_damping_shortens_the_step_and_turns_it_towards_steepest_descent():

@@ -24,7 +24,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.law import PredictiveMemory, _seen, make_predictive_controller, nmpc
+from skyarm.control.laws.predictive.law import PredictiveMemory, _estimate_state, make_predictive_controller, nmpc
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, advance, motors
 from skyarm.control.laws.predictive.solver import Bounds, Plan
 from skyarm.control.model import Model
@@ -92,7 +92,7 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
     memory = PredictiveMemory()
     for k in range(12):
         before, shown = len(notes.seen), max(k - delay, 0)
-        left = _seen(made, memory, reading(k, delay), par, DT)
+        left = _estimate_state(made, memory, reading(k, delay), par, DT)
         estimate, sent = left.estimate, left.sent
         assert estimate[0] == shown
         assert len(notes.seen) - before == (1 if shown > 0 else 0)
@@ -117,7 +117,7 @@ def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(
     estimate = np.zeros(29)
     estimate[3:7] = held * last
     seen = dataclasses.replace(reading(1, 0), quaternion=Quaternion(*(sign * now).tolist()))
-    _seen(made, PredictiveMemory(estimate=estimate, sent=(numbered(0),)), seen, par, DT)
+    _estimate_state(made, PredictiveMemory(estimate=estimate, sent=(numbered(0),)), seen, par, DT)
     ((_, _, row),) = notes.seen
     np.testing.assert_array_equal(row[4:8], held * now)
     # nothing else of the measurement is touched
@@ -181,11 +181,11 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_sample_has_come_when_any_one_of_its_numbers_differs(name):
-    first = preview.taken(hover(), None, DT)
-    held = preview.taken(hover(), preview.taken(hover(), first, DT), DT)
+    first = preview.update_sample(hover(), None, DT)
+    held = preview.update_sample(hover(), preview.update_sample(hover(), first, DT), DT)
     assert held.age == pytest.approx(2.0 * DT)
     assert not held.jerks.any()
-    new = preview.taken(dataclasses.replace(hover(), **CHANGES[name]), held, DT)
+    new = preview.update_sample(dataclasses.replace(hover(), **CHANGES[name]), held, DT)
     assert new.age == 0.0
     values, rates, accelerations = preview.read(dataclasses.replace(hover(), **CHANGES[name]))
     for found, wanted in ((new.values, values), (new.rates, rates), (new.accelerations, accelerations)):
@@ -204,19 +204,19 @@ def test_a_jump_of_any_signal_either_way_starts_without_jerk(signal, sign):
         changes = {"position": Vec3(x, y, z + 1.0), "yaw": yaw, "joints": tuple(joints)}
         return dataclasses.replace(hover(), acceleration=Vec3(0.5, 0.0, 0.0), **changes)
 
-    first = preview.taken(hover(), None, DT)
-    assert preview.taken(sample(0.0199), first, DT).jerks[0] == pytest.approx(0.5 / DT)
-    assert not preview.taken(sample(0.0201), first, DT).jerks.any()
+    first = preview.update_sample(hover(), None, DT)
+    assert preview.update_sample(sample(0.0199), first, DT).jerks[0] == pytest.approx(0.5 / DT)
+    assert not preview.update_sample(sample(0.0201), first, DT).jerks.any()
 
 
 def test_what_was_foretold_is_no_jump_however_far_it_is():
     """A base at 30 m/s: 0.15 m from one period to the next, as its last sample said."""
     fast = dataclasses.replace(hover(), velocity=Vec3(30.0, 0.0, 0.0))
-    first = preview.taken(fast, None, DT)
+    first = preview.update_sample(fast, None, DT)
     there = dataclasses.replace(fast, position=Vec3(0.15, 0.0, 1.0), acceleration=Vec3(0.0, 1.0, 0.0))
-    assert preview.taken(there, first, DT).jerks[1] == pytest.approx(1.0 / DT)
+    assert preview.update_sample(there, first, DT).jerks[1] == pytest.approx(1.0 / DT)
     behind = dataclasses.replace(there, position=Vec3(0.0, 0.0, 1.0))
-    assert not preview.taken(behind, first, DT).jerks.any()
+    assert not preview.update_sample(behind, first, DT).jerks.any()
 
 
 @pytest.mark.parametrize(

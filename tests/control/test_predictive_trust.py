@@ -13,8 +13,8 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
 from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_for
-from skyarm.control.laws.predictive.observer import Fresh, filled, frozen, taken_over
-from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, carried
+from skyarm.control.laws.predictive.observer import Fresh, detect_stale, fill_stale, taken_over
+from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, integrate_stage
 from skyarm.control.laws.predictive.preview import shift
 from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
 from skyarm.dynamics import frame_pose
@@ -37,9 +37,9 @@ def swing(t, frequency, amplitude=0.7):
 def test_a_swing_is_foretold_as_one(frequency):
     held = None
     for k in range(80):
-        held = preview.taken(swing(k * 0.01, frequency), held, 0.01)
+        held = preview.update_sample(swing(k * 0.01, frequency), held, 0.01)
     ahead = np.linspace(0.0, 0.65, 14)
-    values, rates, found = preview.extrapolated(held, ahead)
+    values, rates, found = preview.extrapolate(held, ahead)
     w, at = 2.0 * np.pi * frequency, 2.0 * np.pi * frequency * (0.79 + ahead)
     np.testing.assert_allclose(values[:, 4], 0.7 * np.sin(at), atol=0.01)
     np.testing.assert_allclose(rates[:, 4], 0.7 * w * np.cos(at), atol=0.01 * w)
@@ -68,7 +68,7 @@ def test_a_base_under_moving_joints_accelerates_as_the_whole_vehicle_does(seed):
 def test_joints_move_over_a_stage_with_the_accelerations_that_their_torques_give_at_its_start():
     state, inputs, unknown = random_state(4)
     _, _, qdd = accelerations(MODEL, state, inputs.efforts, unknown, (0.0, 0.0))
-    end = carried(MODEL, state, inputs, unknown, 0.1, (0.0, 0.0))
+    end = integrate_stage(MODEL, state, inputs, unknown, 0.1, (0.0, 0.0))
     for q, qd, a, q1, qd1 in zip(state.joints, state.joint_rates, qdd, end.joints, end.joint_rates, strict=True):
         assert q1 == pytest.approx(q + 0.1 * qd + 0.005 * a)
         assert qd1 == pytest.approx(qd + 0.1 * a)
@@ -82,13 +82,13 @@ def a_plan(cost=1.0, **changed):
 def test_a_plan_is_trusted_while_it_is_finite_and_not_too_dear():
     most = ENGINE.most
     assert 100.0 < most < 1e4
-    assert fallback.trusted(a_plan(0.999 * most), most)
+    assert fallback.is_flyable(a_plan(0.999 * most), most)
     for cost in (1.001 * most, float("nan"), float("inf")):
-        assert not fallback.trusted(a_plan(cost), most)
+        assert not fallback.is_flyable(a_plan(cost), most)
     for name, shape in (("u", (14, 6)), ("K", (14, 6, 21))):
         broken = np.zeros(shape)
         broken.flat[7] = np.nan
-        assert not fallback.trusted(a_plan(**{name: broken}), most)
+        assert not fallback.is_flyable(a_plan(**{name: broken}), most)
 
 
 def rests(outcomes, periods_each=2):
@@ -105,8 +105,8 @@ def test_after_a_bad_plan_the_law_rests_until_enough_are_good():
     least, _ = fallback.REST
     for bad in (1, 5, 100):
         found = list(rests([True] * 3 + [False] * bad + [True] * 200))
-        assert all(trust.flown for trust in found[:3])
-        again = next(k for k in range(3, len(found)) if found[k].flown)
+        assert all(trust.flies_plans for trust in found[:3])
+        again = next(k for k in range(3, len(found)) if found[k].flies_plans)
         # 10 ms a plan: the rest is over, and GOOD plans in a row are good
         assert again == max(3 + round(least / 0.01), 3 + bad + fallback.GOOD - 1)
 
@@ -116,9 +116,9 @@ def test_a_rest_doubles_with_each_bad_plan_that_follows_soon_and_is_forgiven_lat
     found, lengths = fallback.Trust(), []
     for calm in (1.0, 1.0, 2.9, 1.0, 1.0, 1.0, 3.1, 1.0):
         found = fallback.after_plan(found, False)
-        assert not found.flown
+        assert not found.flies_plans
         lengths.append(found.rest)
-        while not found.flown:
+        while not found.flies_plans:
             found = fallback.after_plan(fallback.after_period(found, DT), True)
         for _ in range(round(calm / DT)):
             found = fallback.after_period(found, DT)
@@ -164,8 +164,8 @@ def test_the_computed_torque_law_flies_in_place_of_a_planted_bad_plan(how):
     for k in range(3):
         memory, command = law.nmpc(memory, hovering(time=k * DT), hover_reference(), DT, par=par)
         commands.append(leaves(command))
-    assert not memory.trust.flown
-    sample = preview.taken(hover_reference(), None, DT)
+    assert not memory.trust.flies_plans
+    sample = preview.update_sample(hover_reference(), None, DT)
     known = bearable(memory.estimate[-8:], ENGINE.bounds.efforts)
     reading = np.array(leaves(hovering(time=2 * DT)))
     np.testing.assert_allclose(commands[2], leaves(ENGINE.stabiliser.command(reading, known, sample)), atol=1e-6)
@@ -173,7 +173,7 @@ def test_the_computed_torque_law_flies_in_place_of_a_planted_bad_plan(how):
 
 
 def fallback_command(measurement, disturbance=None):
-    sample = preview.taken(hover_reference(), None, DT)
+    sample = preview.update_sample(hover_reference(), None, DT)
     pushing = np.zeros(8) if disturbance is None else np.array(disturbance)
     return ENGINE.stabiliser.command(np.array(leaves(measurement)), pushing, sample)
 
@@ -216,7 +216,7 @@ def test_the_delay_of_commands_is_found_from_rotor_speeds_with_noise(late):
     found = observer.first_lateness(modelled[0])
     for k in range(1, 80):
         seen = modelled[max(k - late, 0)] + 0.1 * rng.normal(size=4)
-        found = observer.compared(found, modelled[k], seen, DT)
+        found = observer.update_lateness(found, modelled[k], seen, DT)
     assert found.periods == late
 
 
@@ -225,28 +225,28 @@ def test_rotors_that_say_nothing_or_nonsense_leave_the_delay_as_it_is():
     for nonsense in (np.zeros(4), np.full(4, np.nan), None):
         found = observer.first_lateness(np.full(4, 500.0))
         for _ in range(60):
-            found = observer.compared(found, 500.0 + rng.normal(size=4), nonsense, DT)
+            found = observer.update_lateness(found, 500.0 + rng.normal(size=4), nonsense, DT)
         assert found.periods == 0
 
 
 def test_what_is_the_same_to_the_last_bit_is_no_news():
     rng = np.random.default_rng(5)
     last, reading, foreseen = rng.normal(size=25), rng.normal(size=25), rng.normal(size=29)
-    assert frozen(None, reading, 2).parts == ()
+    assert detect_stale(None, reading, 2).parts == ()
     reading[8:11] = last[8:11]
-    stuck = frozen(Fresh(last, 3), reading, 2)
+    stuck = detect_stale(Fresh(last, 3), reading, 2)
     assert (stuck.parts, stuck.silent, stuck.spoke_again) == (("velocity",), 4, False)
-    got = filled(reading, foreseen, stuck.parts, 2)
+    got = fill_stale(reading, foreseen, stuck.parts, 2)
     np.testing.assert_array_equal(got[8:11], foreseen[7:10])
     np.testing.assert_array_equal(np.delete(got, [8, 9, 10]), np.delete(reading, [8, 9, 10]))
     # an arm at rest is news while anything else is
     reading[17:21] = last[17:21]
-    assert "arm" not in frozen(Fresh(last, 0), reading, 2).parts
-    whole = frozen(Fresh(last, 0), last.copy(), 2)
+    assert "arm" not in detect_stale(Fresh(last, 0), reading, 2).parts
+    whole = detect_stale(Fresh(last, 0), last.copy(), 2)
     assert whole.parts == ("position", "quaternion", "velocity", "rate", "arm")
-    np.testing.assert_array_equal(filled(last, foreseen, whole.parts, 2)[17:21], foreseen[13:17])
-    assert frozen(Fresh(last, 3), rng.normal(size=25), 2).spoke_again
-    assert not frozen(Fresh(last, 2), rng.normal(size=25), 2).spoke_again
+    np.testing.assert_array_equal(fill_stale(last, foreseen, whole.parts, 2)[17:21], foreseen[13:17])
+    assert detect_stale(Fresh(last, 3), rng.normal(size=25), 2).spoke_again
+    assert not detect_stale(Fresh(last, 2), rng.normal(size=25), 2).spoke_again
 
 
 def test_news_after_silence_is_taken_over_and_teaches_no_force():

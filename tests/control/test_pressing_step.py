@@ -18,7 +18,7 @@ from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, slid, wanted_of
+from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, update_lean, wanted_of
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.tip_force import levers
@@ -276,8 +276,8 @@ def numbers_of_a_step(*numbers):
     after, pressing = law.interact(
         GAINS, memory[0], wanted_of(memory[1]), ARM, d, levers(ARM, Mat3.identity(), rest[8:10]), rest[10], rest[11], DT
     )
-    lean = slid(after.lean, pressing.n, Vec3(*rest[12:15]), 1.0, pressing.share > 0.1, rest[10] > 0.0, DT)
-    given = pressing.exchanged(d, AT, AT)
+    lean = update_lean(after.lean, pressing.n, Vec3(*rest[12:15]), 1.0, pressing.share > 0.1, rest[10] > 0.0, DT)
+    given = pressing.with_order(d, AT, AT)
     return [*leaves(after), *lean, *given.force, *given.torque, *given.efforts, pressing.order, *pressing.shift]
 
 

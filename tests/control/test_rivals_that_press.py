@@ -14,7 +14,15 @@ from skyarm.algebra.scalars.fold import data
 from skyarm.control.catalogue import make_controller, rescale
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.laws.centroidal.interaction import Pressing
-from skyarm.control.laws.pressing import Touch, freed, level_tip, listen, moved, pressed, yielded
+from skyarm.control.laws.pressing import (
+    Touch,
+    admittance_motion,
+    level_tip,
+    observe_contact,
+    pressing_command,
+    release_normal,
+    shift_base,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.controller_table import controller_by_name
@@ -44,10 +52,10 @@ def contact(case, n=N, *, turning=1.0, **changes):
     gains = {"gains.attitude": turning, "gains.rate": turning}
     own = unclipped(rescale(make_controller("hybrid_ct", FREE), gains))
     reference = dataclasses.replace(case.reference(), push=(1.0, 0.1, *n))
-    touch = listen(own.memory, case.measurement(), reference, DT, own.par)[1]
+    touch = observe_contact(own.memory, case.measurement(), reference, DT, own.par)[1]
     parts = {"share": 1.0, "order": 0.0, **changes}
     touch = dataclasses.replace(touch, pressing=dataclasses.replace(touch.pressing, **parts))
-    return touch, pressed(own.par, case.measurement(), reference, touch)
+    return touch, pressing_command(own.par, case.measurement(), reference, touch)
 
 
 def test_the_order_is_taken_off_joints_torque_and_thrust_by_the_tips_jacobian():
@@ -86,7 +94,7 @@ def test_the_tip_is_left_damping_alone_along_the_normal():
         R = np.array([[*row] for row in case.measurement().quaternion.rotation().rows])
         n = R.T @ np.array([*touch.pressing.n])
         row = np.array([np.dot([*column], n) for column in touch.at.columns])
-        found = np.array(freed(touch, wanted))
+        found = np.array(release_normal(touch, wanted))
         length, damping = row @ row, float(touch.pressing.damping)
         # as far as joints move the tip there at all
         left = (row @ wanted - damping * touch.into) * 1e-4 / (length + 1e-4)
@@ -94,7 +102,8 @@ def test_the_tip_is_left_damping_alone_along_the_normal():
         aside = np.array([-row[1], row[0]])
         assert aside @ found == pytest.approx(aside @ wanted)
         assert (
-            freed(dataclasses.replace(touch, pressing=dataclasses.replace(touch.pressing, share=0.0)), wanted) == wanted
+            release_normal(dataclasses.replace(touch, pressing=dataclasses.replace(touch.pressing, share=0.0)), wanted)
+            == wanted
         )
 
 
@@ -117,14 +126,14 @@ def test_the_tip_that_goes_into_the_surface_and_the_level_tip_are_those_of_kinem
 def test_the_reference_moves_along_the_normal_and_the_gap_is_the_tips_way_from_it():
     case, own = CASES[1], make_controller("hybrid_ct", FREE)
     reference = dataclasses.replace(case.reference(), push=(1.0, 0.1, *N))
-    shifted = moved(reference, N, (0.2, -0.3, 0.5))
+    shifted = shift_base(reference, N, (0.2, -0.3, 0.5))
     n = np.array([*N])
     for word, way in (("position", 0.2), ("velocity", -0.3), ("acceleration", 0.5)):
         assert np.subtract([*getattr(shifted, word)], [*getattr(reference, word)]) == pytest.approx(way * n)
     seen = case.measurement()
-    touch = listen(own.memory, seen, reference, DT, own.par)[1]
+    touch = observe_contact(own.memory, seen, reference, DT, own.par)[1]
     following, _ = own.law(own.memory, seen, reference, DT, par=own.par)
-    goal = level_tip(FREE.vehicle, moved(reference, N, touch.pressing.shift))
+    goal = level_tip(FREE.vehicle, shift_base(reference, N, touch.pressing.shift))
     tip = np.array([*(seen.position + touch.at.R.apply(touch.at.tip))])
     assert following.interaction.gap == pytest.approx(n @ (tip - [*goal]))
 
@@ -141,7 +150,7 @@ def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
     touch = Touch(at=None, pressing=pressing, force=force, along=along, speed=0.1, into=0.0)
     found = (shift, 0.0, 0.0)
     for _ in range(round(seconds / DT)):
-        found = yielded(own.par, memory, touch, DT)
+        found = admittance_motion(own.par, memory, touch, DT)
         held = dataclasses.replace(memory.interaction, shift=data(found[0]), shift_rate=data(found[1]))
         memory = dataclasses.replace(memory, interaction=held)
     return found

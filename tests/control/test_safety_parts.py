@@ -17,7 +17,7 @@ from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.command_limits import (
-    _bounded,
+    _within_barrier,
     apply_joint_barrier,
     floating_inertia_times,
     limit_slew,
@@ -26,7 +26,7 @@ from skyarm.control.safety.command_limits import (
 )
 from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import HIGHEST, Limits, limits_for
-from skyarm.control.safety.recovery import Confidence, steep_error, stowed, update_confidence
+from skyarm.control.safety.recovery import Confidence, steep_error, stow_position, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
 from skyarm.records.units import units
 
@@ -210,9 +210,9 @@ def test_the_steep_attitude_error_grows_up_to_180_degrees():
 
 def test_an_arm_is_stowed_in_the_middle_of_its_range_or_hanging():
     joint = ARM2.links[0].joint
-    assert stowed(joint) == 0.0
-    assert stowed(dataclasses.replace(joint, lower=-0.2, upper=1.0)) == pytest.approx(0.4)
-    assert stowed(dataclasses.replace(joint, lower=0.3)) == 0.3
+    assert stow_position(joint) == 0.0
+    assert stow_position(dataclasses.replace(joint, lower=-0.2, upper=1.0)) == pytest.approx(0.4)
+    assert stow_position(dataclasses.replace(joint, lower=0.3)) == 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -326,4 +326,4 @@ def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_
     model = limited_arm(-1e3, 1e3)
     limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0, joint_pole=20.0)
     seen = dataclasses.replace(CASES[0].measurement(), joints=(0.0, 0.0), joint_rates=(1.5, -1.0))
-    assert _bounded(model, limits, seen, (1e6, -1e6)) == pytest.approx([80.0 * 0.5, -80.0 * 1.0], rel=1e-12)
+    assert _within_barrier(model, limits, seen, (1e6, -1e6)) == pytest.approx([80.0 * 0.5, -80.0 * 1.0], rel=1e-12)

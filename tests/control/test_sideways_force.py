@@ -16,14 +16,14 @@ from sideways_program import array, largest, lopsided
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.control.blocks.actuators import command_for, led
+from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.sideways_force import (
-    applied,
+    achievable_force,
     gauge,
     leaning,
     planned_rate,
@@ -91,14 +91,14 @@ def test_what_rotors_give_of_a_force_and_its_derivative(size):
         force, R = moving(t)
         force[:2] *= size
         rows = Mat3(*(vec(row) for row in R.as_matrix()))
-        return array(applied(REACH, [vec(force)], rows, STILL))
+        return array(achievable_force(REACH, [vec(force)], rows, STILL))
 
     h = 1e-6
     force, R = moving(0.3)
     force[:2] *= size
     slope = (moving(0.3 + h)[0] - moving(0.3 - h)[0]) / (2.0 * h) * [size, size, 1.0]
     rate = (moving(0.3 - h)[1].inv() * moving(0.3 + h)[1]).as_rotvec() / (2.0 * h)
-    found = applied(REACH, [vec(force), vec(slope)], Mat3(*(vec(row) for row in R.as_matrix())), vec(rate))
+    found = achievable_force(REACH, [vec(force), vec(slope)], Mat3(*(vec(row) for row in R.as_matrix())), vec(rate))
     np.testing.assert_allclose(array(found), (given(0.3 + h) - given(0.3 - h)) / (2.0 * h), rtol=1e-5, atol=1e-6)
     body, wanted = R.inv().apply(given(0.3)), R.inv().apply(force)
     assert body[2] == pytest.approx(wanted[2], rel=1e-12)
@@ -112,7 +112,7 @@ def test_what_rotors_give_of_a_force_and_its_derivative(size):
 def test_a_thrust_along_body_z_is_what_is_left_without_a_reach():
     force, R = moving(0.3)
     rows = Mat3(*(vec(row) for row in R.as_matrix()))
-    found = R.inv().apply(array(applied(None, [vec(force)], rows, STILL)))
+    found = R.inv().apply(array(achievable_force(None, [vec(force)], rows, STILL)))
     np.testing.assert_allclose(found, [0.0, 0.0, R.inv().apply(force)[2]], atol=1e-12)
 
 
@@ -202,7 +202,7 @@ def test_rotors_follow_a_force_that_changes_as_planned_without_lag(share, sign):
     speeds, late, plain = [480.0] * 6, [], [480.0] * 6
     for k in range(100):
         wanted = [start + c * k * dt for c in change]
-        ahead = led(HEXA.rotors, MIXER, rate, wanted, dt, share)
+        ahead = compensate_motor_lag(HEXA.rotors, MIXER, rate, wanted, dt, share)
         now = []
         for who, targets in ((speeds, ahead), (plain, wanted)):
             sent = [

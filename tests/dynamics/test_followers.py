@@ -162,7 +162,7 @@ def test_a_point_on_a_follower_moves_and_a_force_there_works_on_the_leader():
     from skyarm.algebra import ZERO3, Vec3
 
     moving = motion.velocity(Vec3(*point), body=2)
-    total, efforts = motion.generalized(Vec3(*push), ZERO3, Vec3(*point), 2)
+    total, efforts = motion.generalized_force(Vec3(*push), ZERO3, Vec3(*point), 2)
     power = sum(float(a) * float(b) for a, b in zip(efforts, state.joint_rates, strict=True))
     assert power == pytest.approx(sum(float(a) * b for a, b in zip(moving, push, strict=True)))
     assert tuple(map(float, total.linear if hasattr(total, "linear") else total.force)) == pytest.approx(push)

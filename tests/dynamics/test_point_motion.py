@@ -64,7 +64,7 @@ def test_a_wrench_on_a_body_is_what_the_transposed_jacobian_makes_of_it(n, seed,
     for frame in vehicle.frames:
         wrench = 5.0 * rng.normal(size=6)
         force, torque = Vec3(*wrench[:3].tolist()), Vec3(*wrench[3:].tolist())
-        total, efforts = motion.generalized(force, torque, frame.position, frame.link)
+        total, efforts = motion.generalized_force(force, torque, frame.position, frame.link)
         _, _, jacobian = twin.frame(state, frame.name)
         # our generalized force: on the base in world axes, about its origin in base axes, along the joints
         ours = [*motion.rotation.apply(total.force), *total.torque, *efforts]
@@ -79,7 +79,7 @@ def test_a_force_does_the_work_that_its_generalized_force_does(seed):
     motion = PointMotion(vehicle, state)
     for body in range(-1, 4):
         force, point = Vec3(*rng.normal(size=3).tolist()), Vec3(*rng.normal(size=3).tolist())
-        total, efforts = motion.generalized(force, Vec3(0.0, 0.0, 0.0), point, body)
+        total, efforts = motion.generalized_force(force, Vec3(0.0, 0.0, 0.0), point, body)
         there = force.dot(motion.velocity(point, body))
         velocity_B = motion.rotation.apply_T(state.velocity)
         work = total.force.dot(velocity_B) + total.torque.dot(state.rate)

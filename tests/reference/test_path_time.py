@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from skyarm.reference import Constant, Sine, Trajectory, hover
-from skyarm.reference.governor.path_time import PathTime, governed
+from skyarm.reference.governor.path_time import PathTime, governed_reference
 
 GENERATOR = np.random.default_rng(5)
 STEP = 0.2
@@ -57,16 +57,16 @@ def test_one_time_and_many_have_the_same_bits():
 
 def test_when_is_where_the_curve_has_come_to():
     for s in (1.0, 2.5, 3.7):
-        assert abs(float(PATH.derivatives(PATH.when(s))[0]) - s) < 1e-12
-    assert PATH.when(1e9) == PATH.duration
+        assert abs(float(PATH.derivatives(PATH.instant_of(s))[0]) - s) < 1e-12
+    assert PATH.instant_of(1e9) == PATH.duration
 
 
 def numerically(read, order, h=2e-3):
     """A derivative of what a law is told, by central differences of the lower one."""
     weights = {-2: 1.0, -1: -8.0, 1: 8.0, 2: -1.0}
-    return sum(w * np.stack(read(governed(MOTION, PATH, TIMES + k * h))[order - 1]) for k, w in weights.items()) / (
-        12.0 * h
-    )
+    return sum(
+        w * np.stack(read(governed_reference(MOTION, PATH, TIMES + k * h))[order - 1]) for k, w in weights.items()
+    ) / (12.0 * h)
 
 
 def base(r):
@@ -85,14 +85,14 @@ def heading(r):
 
 @pytest.mark.parametrize(("read", "orders"), [(base, 4), (joints, 4), (heading, 2)], ids=["base", "joints", "heading"])
 def test_what_is_told_are_derivatives_of_what_is_told(read, orders):
-    told = read(governed(MOTION, PATH, TIMES))
+    told = read(governed_reference(MOTION, PATH, TIMES))
     for order in range(1, orders + 1):
         found = numerically(read, order)
         assert np.abs(np.stack(told[order]) - found).max() < 2e-6 * np.abs(found).max() + 1e-9, order
 
 
 def test_what_rests_by_structure_rests_when_governed():
-    told = governed(hover([0.0, 0.0, 1.0], joints=[0.1]), PATH, 1.0)
+    told = governed_reference(hover([0.0, 0.0, 1.0], joints=[0.1]), PATH, 1.0)
     assert all(type(c) is int for c in (*told.velocity, *told.snap, *told.joint_rates, told.yaw_rate))
 
 

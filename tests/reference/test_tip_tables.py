@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.feasibility import _tilted, feasibility
+from skyarm.reference.feasibility import _tilt, feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, peaks, sample_derivatives, through
@@ -172,7 +172,7 @@ def test_the_tilt_is_the_least_rotation_of_the_vertical():
     up, arm = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0]), np.array([0.1, 0.2, -0.4])
     axis = np.cross([0.0, 0.0, 1.0], up)
     turn = Rotation.from_rotvec(np.arccos(up[2]) * axis / np.linalg.norm(axis))
-    np.testing.assert_allclose(_tilted(up[:, None], arm[:, None])[:, 0], turn.apply(arm), atol=1e-12)
+    np.testing.assert_allclose(_tilt(up[:, None], arm[:, None])[:, 0], turn.apply(arm), atol=1e-12)
 
 
 def test_the_body_rate_is_that_at_which_the_thrust_turns():

@@ -15,7 +15,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.actuators.motion_demand import Motion
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.reference import Constant, Sine, Sum, Trajectory
-from skyarm.reference.governor.path_time import governed
+from skyarm.reference.governor.path_time import governed_reference
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.path_governor import GovernorOptions, GovernorWarning, Limits, _require_no_instants
@@ -72,7 +72,7 @@ def accelerations(scenario):
     h = 1e-3
 
     def position(t):
-        return np.stack([c + 0.0 * t for c in governed(scenario.reference, scenario.path_time, t).position])
+        return np.stack([c + 0.0 * t for c in governed_reference(scenario.reference, scenario.path_time, t).position])
 
     return (position(TIME + h) - 2.0 * position(TIME) + position(TIME - h)) / h**2
 
@@ -190,17 +190,17 @@ class Parabola(Signal):
 
 def test_a_jump_of_the_acceleration_is_told_as_a_small_one():
     path = skyarm.govern(flight(3.0, x=Parabola())).path_time
-    assert 0.1 < 6.0 * float(path.derivatives(path.when(2.0))[1]) ** 2 < 1.0
+    assert 0.1 < 6.0 * float(path.derivatives(path.instant_of(2.0))[1]) ** 2 < 1.0
 
 
 def test_the_path_stands_still_at_a_corner_and_only_there():
     path = led("corners").path_time
     for corner in (0.5, 0.9, 1.3):
-        when = path.when(corner)
+        when = path.instant_of(corner)
         s, *rates = path.derivatives(when + 0.1)
         assert abs(float(s) - corner) < 1e-12
         assert max(abs(float(rate)) for rate in rates) < 1e-6
-    between = [path.when(0.5 * (a + b)) for a, b in ((0.5, 0.9), (0.9, 1.3))]
+    between = [path.instant_of(0.5 * (a + b)) for a, b in ((0.5, 0.9), (0.9, 1.3))]
     assert path.derivatives(np.array(between))[1].min() > 0.2
 
 
@@ -238,7 +238,7 @@ def test_less_tilt_is_kept_and_more_reserve_is_slower():
 
 def test_joints_keep_their_speed():
     path = skyarm.govern(SWING, joint_speed=2.0).path_time
-    told = governed(SWING.reference, path, TIME)
+    told = governed_reference(SWING.reference, path, TIME)
     assert max(np.abs(rate).max() for rate in told.joint_rates) < 2.01
 
 

@@ -213,5 +213,5 @@ def test_noise_of_a_channel_changes_the_noise_of_those_after_it_in_its_sensor_an
 @pytest.mark.parametrize(("resolution", "read"), [(0.0, 0.37), (0.25, 0.25), (0.1, 0.4), (1e-9, 0.37), (2.0, 0.0)])
 def test_a_resolution_rounds_and_one_of_zero_does_not(resolution, read):
     with np.errstate(all="ignore"):  # both branches are computed
-        found = Channel(resolution=np.array([resolution])).rounded(np.array([0.37]))
+        found = Channel(resolution=np.array([resolution])).quantize(np.array([0.37]))
     assert found[0] == pytest.approx(read, abs=1e-12)

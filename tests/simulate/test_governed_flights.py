@@ -10,7 +10,7 @@ import skyarm
 from skyarm.cli.run_command import facts
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import score
-from skyarm.reference.governor.path_time import governed
+from skyarm.reference.governor.path_time import governed_reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
@@ -75,7 +75,7 @@ def test_the_law_is_told_the_governed_sample_and_errors_are_taken_against_the_co
     skyarm.run(dataclasses.replace(SLOWED, controller=heard, duration=1.0))
     for k in (0, 60, 130):
         # samples are published at 50 Hz and held for four periods of 200 Hz
-        wanted = governed(SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0)
+        wanted = governed_reference(SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0)
         for name in ("position", "velocity", "acceleration", "joints", "joint_rates"):
             given = np.array(list(getattr(told[-200 + k], name)), dtype=float)
             assert np.allclose(given, np.array(list(getattr(wanted, name)), dtype=float), rtol=1e-12, atol=1e-12)

@@ -49,19 +49,19 @@ def test_a_force_at_a_frame_does_the_work_of_its_signal_on_the_frame():
         (wrench,) = record.wrenches((), 1.0, motion, ())
         f, m = Vec3(2.0, -0.5, 0.0), Vec3(0.0, 0.0, 0.3)
         if axes == "frame":
-            f, m = (motion.turned(turned.apply(v), 1) for v in (f, m))
+            f, m = (motion.to_world(turned.apply(v), 1) for v in (f, m))
         assert tuple(wrench.force_W) == pytest.approx(tuple(f))
         assert tuple(wrench.torque_W) == pytest.approx(tuple(m))
-        on_base, efforts = motion.generalized(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+        on_base, efforts = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
         v_base = STATE.quaternion.rotation().apply_T(STATE.velocity)
         power = on_base.force.dot(v_base) + on_base.torque.dot(STATE.rate) + np.dot(efforts, STATE.joint_rates)
-        moved = motion.velocity(wrench.point, 1), motion.turned(motion.angular_velocity(1), 1)
+        moved = motion.velocity(wrench.point, 1), motion.to_world(motion.angular_velocity(1), 1)
         assert power == pytest.approx(f.dot(moved[0]) + m.dot(moved[1]))
 
 
 def test_an_angular_velocity_turns_a_body_as_its_points_move():
     motion = PointMotion(VEHICLE, STATE)
-    w = motion.turned(motion.angular_velocity(1), 1)
+    w = motion.to_world(motion.angular_velocity(1), 1)
     a, b = Vec3(0.1, 0.2, -0.3), Vec3(-0.2, 0.05, 0.1)
     apart = motion.position(a, 1) - motion.position(b, 1)
     assert tuple(motion.velocity(a, 1) - motion.velocity(b, 1)) == pytest.approx(tuple(w.cross(apart)))

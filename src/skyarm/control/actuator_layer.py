@@ -19,7 +19,7 @@ from skyarm.control.vectored_layer import VectoredMemory, angles_seen
 from skyarm.dynamics.actuators import Command, Mixer, joint_force
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -193,7 +193,7 @@ def _setpoints(
         strict=True,
     )
     for drive, held, effort, q, qd, qdd in rows:
-        begun = drive.settled(held, q, drive.standing(effort, q))
+        begun = drive.steady_memory(held, q, drive.standing(effort, q))
         now = blend(memory.started > 0.5, held, begun)
         setpoint = data(drive.setpoint(now, effort, *_mean_motion(drive, q, qd, qdd, dt), dt))
         setpoints.append(setpoint)
@@ -219,7 +219,7 @@ def effort_at_rest(drive: Any, effort: Any, acceleration: Any, dt: float) -> Any
     """
     memory = drive.begin(0.0, drive.standing(effort, 0.0), dt)
     setpoint = drive.setpoint(memory, effort, *_mean_motion(drive, 0.0, 0.0, acceleration, dt), dt)
-    return drive.effort(drive.settled(memory, 0.0, setpoint), setpoint, 0.0, 0.0)
+    return drive.effort(drive.steady_memory(memory, 0.0, setpoint), setpoint, 0.0, 0.0)
 
 
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Any, ...]:
@@ -231,7 +231,7 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
 def _accelerations(model: Model, measurement: Measurement, angles: Sequence[Any], efforts: Any) -> tuple[Any, ...]:
     """Joint accelerations of the model under torques and the thrust of its rotors, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
-    torque, force = rotor_thrust(turned(vehicle, angles), measurement.rotor_speeds)
+    torque, force = rotor_thrust(turn_rotors(vehicle, angles), measurement.rotor_speeds)
     rows = zip(vehicle.links, efforts, rates, strict=True)
     torques = tuple(joint_force(link.joint, effort, qd) for link, effort, qd in rows)
     found = dynamics.forward_dynamics(

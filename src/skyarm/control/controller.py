@@ -108,7 +108,9 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
         desired, updated = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
     else:
         return memory
-    return dataclasses.replace(updated, applied=_applied(desired, sent)) if hasattr(memory, "applied") else updated
+    return (
+        dataclasses.replace(updated, applied=_applied_flags(desired, sent)) if hasattr(memory, "applied") else updated
+    )
 
 
 def part_of(record: Any, name: str) -> Any:
@@ -142,7 +144,7 @@ def all_applied(joints: int) -> tuple[float, ...]:
     return (1.0,) * (1 + joints)
 
 
-def _applied(desired: Command, sent: Command) -> tuple[Any, ...]:
+def _applied_flags(desired: Command, sent: Command) -> tuple[Any, ...]:
     """Return 1 for the rotors, and for each joint, whose applied commands are the desired ones; else 0, as for NaN."""
     rotors: Any = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):

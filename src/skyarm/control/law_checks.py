@@ -117,14 +117,14 @@ def checked_law(controller: Controller) -> Law:
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
     law = controller.law
-    if not is_own(controller) or getattr(law, "func", None) is _checked:
+    if not is_own(controller) or getattr(law, "func", None) is _check_step:
         return law
     vehicle = controller.par.model.vehicle
     counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
-    return partial(_checked, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
+    return partial(_check_step, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
 
 
-def _checked(
+def _check_step(
     memory: Any,
     measurement: Any,
     reference: Any,
@@ -314,12 +314,12 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
     """Measurements of a vehicle that drifts a little."""
     return [
-        dataclasses.replace(drifted(first, k), time=float(first.time) + k * period) if k else drifted(first, 0)
+        dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) if k else perturb(first, 0)
         for k in range(PERIODS)
     ]
 
 
-def drifted(record: Any, k: int) -> Any:
+def perturb(record: Any, k: int) -> Any:
     """A record of floats with a quaternion, every number a little other in every period ``k`` but the first."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:

@@ -30,7 +30,14 @@ from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, allocation_matrix
-from skyarm.dynamics.actuators.tilting import Force, angles_after, as_pairs, forces_of_pairs, speeds_of_pairs, turned
+from skyarm.dynamics.actuators.tilting import (
+    Force,
+    angles_after,
+    as_pairs,
+    forces_of_pairs,
+    speeds_of_pairs,
+    turn_rotors,
+)
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -154,7 +161,7 @@ def _motor_lag(rotor: Rotor) -> Any:
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
-def _matched(vehicle: Vehicle, angles: Sequence[Any], goals: Sequence[Any], dt: Any) -> list[Any]:
+def _lagging_angles(vehicle: Vehicle, angles: Sequence[Any], goals: Sequence[Any], dt: Any) -> list[Any]:
     """Angles of servos that lag as the motors of their rotors do, one period later."""
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
@@ -191,7 +198,7 @@ def vectored_law(
         inner=following,
         goals=tuple(data(each) for each in goals),
         angles=tuple(data(each) for each in angles_after(vehicle, angles, setpoints, dt)),
-        matched=tuple(data(each) for each in _matched(vehicle, memory.matched, goals, dt)),
+        matched=tuple(data(each) for each in _lagging_angles(vehicle, memory.matched, goals, dt)),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
@@ -233,8 +240,8 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
     left = iter(angles)
     stand = [next(left) if rotor.tilt is not None else 0 for rotor in vehicle.rotors]
     kept = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
-    goal = _times(allocation_matrix(turned(vehicle, wanted)), [force.push for force in forces])
-    A = allocation_matrix(turned(vehicle, angles))
+    goal = _times(allocation_matrix(turn_rotors(vehicle, wanted)), [force.push for force in forces])
+    A = allocation_matrix(turn_rotors(vehicle, angles))
     short = [sub(a, b) for a, b in zip(goal, _times(A, kept), strict=True)]
     gram = [[inner_product(a, b) for b in A] for a in A]
     at_rest = allocation_matrix(vehicle)[2]

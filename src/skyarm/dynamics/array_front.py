@@ -63,7 +63,7 @@ def inverse_dynamics(
     lead = leading_axes(position, quaternion_wxyz, joints, velocity, acceleration)
     base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
     force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
-    return stacked([*R.apply(force.force), *force.torque, *torques], lead)
+    return stack_leaves([*R.apply(force.force), *force.torque, *torques], lead)
 
 
 def forward_dynamics(
@@ -85,7 +85,7 @@ def forward_dynamics(
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
     linear, angular = coordinate_acceleration(R, base, one_number("gravity", gravity))
-    return stacked([*linear, *angular, *qdd], lead)
+    return stack_leaves([*linear, *angular, *qdd], lead)
 
 
 def mass_matrix(
@@ -97,7 +97,7 @@ def mass_matrix(
     components("position", position, 3)
     R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
     lead = leading_axes(position, quaternion_wxyz, joints)
-    return stacked(dynamics.mass_matrix(vehicle, R, q), lead)
+    return stack_leaves(dynamics.mass_matrix(vehicle, R, q), lead)
 
 
 def frame_pose_world(
@@ -110,7 +110,7 @@ def frame_pose_world(
     q = components("joints", joints, n)
     lead = leading_axes(position, quaternion_wxyz, joints)
     pose = base @ frame_pose(vehicle, named, q)
-    return stacked(list(pose.p), lead), stacked([list(row) for row in pose.R.rows], lead)
+    return stack_leaves(list(pose.p), lead), stack_leaves([list(row) for row in pose.R.rows], lead)
 
 
 def frame_jacobian(
@@ -128,7 +128,7 @@ def frame_jacobian(
     angular = [tuple(R.apply(column.angular)) for column in columns]
     rows = [[*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)] for i in range(3)]
     rows += [[0, 0, 0, *R.rows[i], *(c[i] for c in angular)] for i in range(3)]
-    return stacked(rows, lead)
+    return stack_leaves(rows, lead)
 
 
 def _state(
@@ -161,14 +161,14 @@ def energy(
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
     g = one_number("gravity", gravity)
     total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
-    return stacked(total, lead)
+    return stack_leaves(total, lead)
 
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Return the centre of mass in the world (..., 3), m."""
     still = np.zeros(6 + _joint_count(vehicle))
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, still)
-    return stacked(list(dynamics.center_of_mass(vehicle, state)), lead)
+    return stack_leaves(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
 def momentum(
@@ -177,7 +177,7 @@ def momentum(
     """Return linear and angular momentum about the centre of mass (..., 6), world axes."""
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
     found = dynamics.momentum(vehicle, state)
-    return stacked([*found.linear, *found.angular], lead)
+    return stack_leaves([*found.linear, *found.angular], lead)
 
 
 Array = npt.NDArray[np.float64]
@@ -254,10 +254,10 @@ def unit_rotation(quaternion_wxyz: ArrayLike) -> Mat3:
     return unit_quaternion(quaternion_wxyz).rotation()
 
 
-def stacked(values: Any, lead: tuple[int, ...]) -> Array:
+def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:
     """Nested lists of scalars as one array with the leading axes first."""
     if isinstance(values, (list, tuple)):
-        parts = [stacked(value, lead) for value in values]
+        parts = [stack_leaves(value, lead) for value in values]
         return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
     return np.broadcast_to(np.asarray(values, dtype=float), lead)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import add, divide, mul
-from skyarm.dynamics.kinematics import Pose, link_poses, untied
+from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -52,7 +52,7 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
-    vehicle, state = untied(vehicle, state)
+    vehicle, state = untie_followers(vehicle, state)
     total: Vec3 = ZERO3
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         total = total + motion.com * body.mass
@@ -63,7 +63,7 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
 def momentum(vehicle: Vehicle, state: State) -> Momentum:
     """Linear momentum and angular momentum about the centre of mass; both are kept in free fall but for weight."""
     linear, angular = ZERO3, ZERO3
-    vehicle, state = untied(vehicle, state)
+    vehicle, state = untie_followers(vehicle, state)
     com = center_of_mass(vehicle, state)
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         p = motion.velocity * body.mass
@@ -75,7 +75,7 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
 
 def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     """Kinetic energy, J."""
-    vehicle, state = untied(vehicle, state)
+    vehicle, state = untie_followers(vehicle, state)
     total: Any = 0
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         w = motion.pose.R.apply_T(motion.w)

@@ -119,7 +119,7 @@ def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Moti
     return found
 
 
-def untied(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
+def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
     """The same motion of a vehicle whose followers have joints of their own."""
     if not vehicle.followers:
         return vehicle, state

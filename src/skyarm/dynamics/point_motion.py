@@ -74,7 +74,7 @@ class PointMotion:
             total = total + column.angular * rate
         return self._links[body].R.apply_T(total)
 
-    def turned(self, vector: Vec3, body: int = BASE) -> Vec3:
+    def to_world(self, vector: Vec3, body: int = BASE) -> Vec3:
         """A vector of a body's axes in world axes."""
         return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
 
@@ -83,7 +83,7 @@ class PointMotion:
         found = self.vehicle.frame(name)
         return found.position, found.link
 
-    def generalized(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, tuple[Any, ...]]:
+    def generalized_force(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, tuple[Any, ...]]:
         """J^T of a wrench on a body: force on the base (about its origin, base axes) and joint torques."""
         push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
         at = self._in_base(point, body)

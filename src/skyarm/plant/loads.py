@@ -10,7 +10,7 @@ from skyarm.algebra import ZERO3, Force
 from skyarm.algebra.scalars import add, minimum, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
-from skyarm.dynamics.actuators.tilting import angles_after, turned
+from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
@@ -75,7 +75,7 @@ def applied_force(
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
         step: s, of a method that takes forces once in the middle of its step; None of others.
     """
-    around, vehicle = surroundings_of(around), turned(vehicle, state.tilts)
+    around, vehicle = surroundings_of(around), turn_rotors(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity, step=step)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
@@ -97,7 +97,7 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
     """Wrenches on bodies as force on the base and joint torques."""
     total, pushed = Force(ZERO3, ZERO3), [0] * motion.vehicle.n
     for wrench in wrenches:
-        force, efforts = motion.generalized(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+        force, efforts = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
         total = total + force
         pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
     return total, pushed

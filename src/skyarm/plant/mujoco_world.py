@@ -254,7 +254,7 @@ class WorldBuilder:
         body.ipos = _array(_lever(mechanism))
         kind = mujoco.mjtJoint.mjJNT_HINGE if mechanism.turns else mujoco.mjtJoint.mjJNT_SLIDE
         axis = _array(mechanism.along)
-        self._joints.append(body.add_joint(type=kind, axis=axis, armature=float(mechanism.moved)))
+        self._joints.append(body.add_joint(type=kind, axis=axis, armature=float(mechanism.generalized_inertia)))
         found = enumerate(mechanism.surfaces)
         return [_add_shape(body, f"mechanism {mechanism.name} {i}", each, each.position) for i, each in found]
 
@@ -266,7 +266,7 @@ def _lever(mechanism: Mechanism) -> Vec3:
     along = mechanism.along
     first = Vec3(*(1.0 if i == min(range(3), key=lambda k: abs(float(along[k]))) else 0.0 for i in range(3)))
     across = along.cross(first)
-    length = math.sqrt(float(mechanism.mobility * mechanism.moved) / float(across.dot(across)))
+    length = math.sqrt(float(mechanism.mobility * mechanism.generalized_inertia) / float(across.dot(across)))
     place: Vec3 = across * length
     return place
 

@@ -273,7 +273,7 @@ def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
         link, load = payload.body(vehicle, memory.caught)
         spin = load.inertia.apply(motion.angular_velocity(link))
         impulse = motion.velocity(load.com, link) * load.mass
-        force, efforts = motion.generalized(-impulse, -motion.turned(spin, link), load.com, link)
+        force, efforts = motion.generalized_force(-impulse, -motion.to_world(spin, link), load.com, link)
         total = total + force
         pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
     for i, share in enumerate(stuck_of(around)):

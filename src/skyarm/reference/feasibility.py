@@ -102,7 +102,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     def table(values: Any) -> Array:
         return np.stack([np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in values])
 
-    arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.reached(_constants(reference)))
+    arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.tip_position(_constants(reference)))
     base, wanted, yaw = table(reference.position), table(reference.tip), table((reference.yaw,))[0]
     derivatives = [table(getattr(reference, name)) for name in ("velocity", "acceleration", "jerk", "snap")]
     force = derivatives[1] + np.array([[0.0], [0.0], [setting.gravity]])
@@ -112,7 +112,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
         deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
-        carried_off=float(np.linalg.norm(_tilted(force / size, level) - level, axis=0).max()),
+        carried_off=float(np.linalg.norm(_tilt(force / size, level) - level, axis=0).max()),
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),
         peaks=peaks(derivatives, setting.gravity),
         highest_thrust=setting.thrust_to_weight,
@@ -132,7 +132,7 @@ def _level(yaw: Array, arm: Array) -> Array:
     return np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
 
 
-def _tilted(up: Array, arm: Array) -> Array:
+def _tilt(up: Array, arm: Array) -> Array:
     """The arm turned by the least rotation that takes the vertical to ``up``: v + k x v + k x (k x v) / (1 + up_z)."""
     k = np.stack([-up[1], up[0], np.zeros_like(up[0])])
     once = np.cross(k, arm, axis=0)

@@ -56,14 +56,14 @@ def signal_from(entry: Any, where: str) -> Signal:
 
 
 def _constant(fields: Fields) -> Signal:
-    return _clipped(Constant(fields.number("value")), *window_of(fields))
+    return _clip_to_window(Constant(fields.number("value")), *window_of(fields))
 
 
 def _sine(fields: Fields) -> Signal:
     amplitude, frequency = fields.number("amplitude"), fields.number("frequency_hz")
     sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=fields.number("phase", 0.0))
     start, stop = window_of(fields)
-    return _clipped(sine if math.isinf(start) else Shifted(sine, start), start, stop)
+    return _clip_to_window(sine if math.isinf(start) else Shifted(sine, start), start, stop)
 
 
 def _ramp(fields: Fields) -> Signal:
@@ -97,11 +97,11 @@ def _sum(fields: Fields) -> Signal:
     return signal_from(entries, f"{fields.where}.signals")
 
 
-def _windowed(fields: Fields) -> Signal:
-    return _clipped(signal_from(fields.take("signal"), f"{fields.where}.signal"), *window_of(fields))
+def _windowed_signal(fields: Fields) -> Signal:
+    return _clip_to_window(signal_from(fields.take("signal"), f"{fields.where}.signal"), *window_of(fields))
 
 
-def _shifted(fields: Fields) -> Signal:
+def _shifted_signal(fields: Fields) -> Signal:
     return Shifted(signal_from(fields.take("signal"), f"{fields.where}.signal"), fields.number("delay"))
 
 
@@ -128,7 +128,7 @@ def window_of(fields: Fields) -> tuple[float, float]:
     return start, stop
 
 
-def _clipped(signal: Signal, start: float, stop: float) -> Signal:
+def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
     """Windowed, if there is a window."""
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
@@ -145,8 +145,8 @@ _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "ramp": _ramp,
     "sequence": _sequence,
     "sum": _sum,
-    "windowed": _windowed,
-    "shifted": _shifted,
+    "windowed": _windowed_signal,
+    "shifted": _shifted_signal,
     "product": _product,
     "pulses": _pulses,
     "spline": lambda fields: _of_waypoints("spline", fields),

@@ -115,12 +115,12 @@ class Ramp(Signal):
         scale = self.height
         for order, piece in enumerate(blend((t - self.start) * rate)):
             after = self.height if order == 0 else 0.0
-            pieces.append(self._joined(t, piece * scale, after) if type(piece) is not int else 0)
+            pieces.append(self._select_piece(t, piece * scale, after) if type(piece) is not int else 0)
             scale = scale * rate
         d0, d1, d2, d3, d4 = pieces
         return d0, d1, d2, d3, d4
 
-    def _joined(self, t: Any, inside: Any, after: Any) -> Any:
+    def _select_piece(self, t: Any, inside: Any, after: Any) -> Any:
         return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
 
     def switch_times(self) -> tuple[float, ...]:

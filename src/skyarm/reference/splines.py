@@ -57,7 +57,7 @@ class Polynomials(Signal):
             c = list(np.array(self.coefficients, dtype=float)[pieces].T)
             begin = np.array(numbers)[pieces]
         else:
-            *c, begin = _selected(
+            *c, begin = _select_row(
                 t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers
             )
         s = where(t < first, first, where(t < last, t, last)) - begin
@@ -82,12 +82,12 @@ def _polynomial(c: Sequence[Any], s: Any, order: int) -> Any:
     return total
 
 
-def _selected(t: Any, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Any]:
+def _select_row(t: Any, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Any]:
     """The row that holds at a traced time: a tree of comparisons, as deep as the logarithm of their number."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
     half = len(rows) // 2
-    early, late = _selected(t, rows[:half], knots[:half]), _selected(t, rows[half:], knots[half:])
+    early, late = _select_row(t, rows[:half], knots[:half]), _select_row(t, rows[half:], knots[half:])
     before = t < knots[half]
     return [where(before, a, b) for a, b in zip(early, late, strict=True)]
 
@@ -193,7 +193,7 @@ def knot_derivatives(
                     b[row] -= value * known[j]
                 elif at[j] <= row:
                     A[row][row - at[j]] += value
-    solved = _banded(A, b, band)
+    solved = _solve_banded(A, b, band)
     return [start, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), end]
 
 
@@ -209,7 +209,7 @@ def snap_cost(motion: Polynomials) -> float:
     return total
 
 
-def _banded(A: list[list[float]], b: list[float], band: int) -> list[float]:
+def _solve_banded(A: list[list[float]], b: list[float], band: int) -> list[float]:
     """Solve a symmetric positive definite system of a band by L D L^T, in one order on every machine."""
     n = len(b)
     L = [[0.0] * (band + 1) for _ in range(n)]

@@ -61,7 +61,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     if phase.take("until", None) is None:
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
-    found = _asked(fields)
+    found = _guard_conditions(fields)
     found["hold"] = within(fields.number("hold", 0.5, low=0.0), fields.at("hold"))
     found["timeout"] = within(fields.number("timeout", 5.0), fields.at("timeout"), CLOSEST)
     found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
@@ -80,7 +80,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     return found
 
 
-def _asked(fields: Fields) -> dict[str, Any]:
+def _guard_conditions(fields: Fields) -> dict[str, Any]:
     """Conditions of a guard: numbers, and names of switches."""
     found: dict[str, Any] = {}
     for name in SWITCHES:

@@ -52,11 +52,11 @@ class Arm:
     joints: tuple[Joint, ...]
     tip: Annotated[Vec3, Unit("m", "axes of the last link")] = ZERO3
 
-    def reached(self, joints: Sequence[Taylor]) -> Vec3:
+    def tip_position(self, joints: Sequence[Taylor]) -> Vec3:
         """Tip against the base origin, base axes, as series; ``joints`` are those of the whole vehicle."""
-        point = _lifted(self.tip)
+        point = _to_series(self.tip)
         for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
-            point = joint_placement(_lifted(joint), joints[number]).apply(point)
+            point = joint_placement(_to_series(joint), joints[number]).apply(point)
         found: Vec3 = point
         return found
 
@@ -116,7 +116,7 @@ class TipMotion:
             joints: values, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
-        arm = _derivatives(turned(yaw, self.arm.reached(series)))
+        arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
         p, v, a, j, s = (tip - held for tip, held in zip(self.path(t), arm, strict=True))
         return p, v, a, j, s
 
@@ -126,11 +126,11 @@ class TipMotion:
         if not self.relative:
             return path
         arm = Vec3(*(Taylor.of_derivatives(each) for each in zip(*path, strict=True)))
-        p, v, a, j, s = (b + held for b, held in zip(base, _derivatives(turned(yaw, arm)), strict=True))
+        p, v, a, j, s = (b + held for b, held in zip(base, _derivatives(rotate_by_yaw(yaw, arm)), strict=True))
         return p, v, a, j, s
 
 
-def turned(yaw: Sequence[Any], v: Vec3) -> Vec3:
+def rotate_by_yaw(yaw: Sequence[Any], v: Vec3) -> Vec3:
     """Return R_z(yaw) v for a heading with four derivatives and a vector of series."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
     c, s = cos(heading), sin(heading)
@@ -144,7 +144,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
     return p, vel, a, j, s
 
 
-def _lifted(record: Any) -> Any:
+def _to_series(record: Any) -> Any:
     """The record with every number a series: an engine's scalar left of a product does not support series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 

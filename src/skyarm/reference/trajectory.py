@@ -66,7 +66,7 @@ class Reference:
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
 
-    def mapped(self, function: Callable[[Any], Any]) -> Reference:
+    def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
         """Apply a function to every scalar, structural ones too."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
@@ -80,7 +80,7 @@ class Reference:
 
     def dense(self) -> Reference:
         """Return the same sample as data: no integer is left, so that one traced program fits every reference."""
-        return self.mapped(lambda value: float(value) if isinstance(value, (int, float)) else value)
+        return self.map_scalars(lambda value: float(value) if isinstance(value, (int, float)) else value)
 
 
 PLAIN_NUMBERS = {float, int}
@@ -268,7 +268,7 @@ class Publisher:
         """Time of that sample, s; one division, so that 10.5 s is 10.5 and meets the switch times."""
         return self.held_tick(tick) / self.control_rate
 
-    def held(self, trajectory: Trajectory, tick: int) -> Reference:
+    def sample_and_hold(self, trajectory: Trajectory, tick: int) -> Reference:
         """Sample the controller sees at a tick, as data."""
         return trajectory.at(self.held_time(tick)).dense()
 

@@ -11,7 +11,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.vehicle.linkage import BASE, Link
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -209,7 +209,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
     """(distance in m, rotor, surface) of every rotor's disc and every surface that stands still."""
     R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
     for contact in scenario.worlds:
-        for rotor in turned(scenario.plant.vehicle, state.tilts).rotors:
+        for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
             for surface in contact.still:
                 found.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))

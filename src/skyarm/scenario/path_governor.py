@@ -226,7 +226,7 @@ class GovernorOptions:
     def pause(self) -> PathPause | None:
         """The pause in flight; None where nothing bounds it."""
         found = PathPause(error=self.pause_error, thrust=self.pause_thrust, acceleration=self.pause_acceleration)
-        return found if found.used else None
+        return found if found.is_active else None
 
 
 class Limits:

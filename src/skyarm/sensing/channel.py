@@ -127,7 +127,7 @@ class Channel:
             off = add(off, drift[i]) if drift else off
             off = add(off, mul(deviation, noise[i])) if self.noisy else off
             scaled = value if absent(self.scale) else value * add(1.0, self.scale)
-            found.append(self.rounded(add(scaled, off)))
+            found.append(self.quantize(add(scaled, off)))
         return tuple(found)
 
     def deviation(self, dt: float) -> Any:
@@ -137,7 +137,7 @@ class Channel:
         discrete = self.density * dt**-0.5
         return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
 
-    def rounded(self, value: Any) -> Any:
+    def quantize(self, value: Any) -> Any:
         """A value to the nearest multiple of the resolution."""
         if absent(self.resolution):
             return value

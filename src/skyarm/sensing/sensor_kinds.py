@@ -212,17 +212,17 @@ class Encoders(ChannelSensor):
 
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
         """Positions in whole steps, and rates; the first difference is 0."""
-        joints = tuple(self._stepped(q) for q in values[0])
+        joints = tuple(self._quantize(q) for q in values[0])
         if self.rates == "measured":
             return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
         rates = tuple(where(first, 0.0, sub(q, old) * (1.0 / dt)) for q, old in zip(joints, own, strict=True))
         return joints, EncoderReading(time=t, joints=joints, joint_rates=rates)
 
-    def _stepped(self, q: Any) -> Any:
+    def _quantize(self, q: Any) -> Any:
         if absent(self.bits):
             return q
         # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
-        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).rounded(q)
+        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).quantize(q)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -261,7 +261,7 @@ class FramedSensor(ChannelSensor):
         """State of the low pass."""
         return NO_PUSH
 
-    def passed(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
+    def filter_push(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
         """Output of the low pass; the first push as it is."""
         if type(self.bandwidth) in (int, float) and self.bandwidth == 0:
             return push
@@ -271,7 +271,7 @@ class FramedSensor(ChannelSensor):
 
     def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
         """One reading."""
-        behind = self.passed(memory, memory.own, push, dt)
+        behind = self.filter_push(memory, memory.own, push, dt)
         return self.read(dataclasses.replace(memory, own=behind), t, self.felt(behind), (), draws, dt)
 
 
@@ -326,7 +326,7 @@ class TactileSwitch(FramedSensor):
     def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
         """One reading: the low pass before the switch."""
         before = memory.own
-        behind = self.passed(memory, before.push, push, dt)
+        behind = self.filter_push(memory, before.push, push, dt)
         own = Switched(push=behind, closed=before.closed)
         return self.read(dataclasses.replace(memory, own=own), t, self.felt(behind), (), draws, dt)
 

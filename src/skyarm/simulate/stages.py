@@ -327,7 +327,7 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
             weight = Vec3(0, 0, mul(-gravity, load.mass))
             force = force + weight
             torque = torque + (motion.position(load.com, link) - at).cross(weight)
-    axes = [motion.turned(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
+    axes = [motion.to_world(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
     return Push(
         force=Vec3(*(data(axis.dot(force)) for axis in axes)),
         torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),

@@ -23,12 +23,12 @@ from skyarm.control.law_checks import (
     check_controller,
     check_made,
     difference,
-    drifted,
     is_own,
     kind_of,
     made_by,
     memory_mistake,
     mistake_in,
+    perturb,
     try_law,
 )
 from skyarm.control.model import Model
@@ -129,7 +129,7 @@ def check_components(scenario: Scenario) -> None:
     period = 1.0 / scenario.rates.control
     for part in _checked_parts(scenario):
         state = first_state(scenario)
-        instants = [((k * period,), drifted(state, k), _uniforms(part.draws, k)) for k in range(PERIODS)]
+        instants = [((k * period,), perturb(state, k), _uniforms(part.draws, k)) for k in range(PERIODS)]
         compare_with_floats(part.checked, part.memory, instants, part.refusal, first=part.first)
 
 

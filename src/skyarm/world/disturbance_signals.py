@@ -34,7 +34,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Air, Force, Wrench, require_frame
-from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scaled
+from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scale_noise
 
 AXES = ("world", "frame")
 
@@ -83,15 +83,15 @@ class Disturbance(Force):
         """Force and torque on the frame's body."""
         force, torque = self.force.at(t), self.torque.at(t)
         if self.noise is not None:
-            force = force + scaled(self.noise.force, memory[:3])
-            torque = torque + scaled(self.noise.torque, memory[3:])
+            force = force + scale_noise(self.noise.force, memory[:3])
+            torque = torque + scale_noise(self.noise.torque, memory[3:])
         if not self.frame:
             point, body = ZERO3, BASE
         else:
             point, body = motion.frame(self.frame)
         if self.axes == "frame":
             R = None if not self.frame else motion.vehicle.frame(self.frame).rotation
-            force, torque = (motion.turned(v if R is None else R.apply(v), body) for v in (force, torque))
+            force, torque = (motion.to_world(v if R is None else R.apply(v), body) for v in (force, torque))
         return (Wrench(force_W=force, torque_W=torque, point=point, body=body),)
 
 
@@ -123,4 +123,4 @@ class AirSignals(Air):
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Signals and noise."""
         found = self.velocity_W.at(t)
-        return found if self.noise is None else found + scaled(self.noise.velocity, memory)
+        return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)

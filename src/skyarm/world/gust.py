@@ -46,9 +46,9 @@ class Gust:
         shape: Any = 1
         if self.shape == "one_minus_cosine":
             shape = 0.5 * (1.0 - cos(2.0 * math.pi * since / self.duration))
-        return Vec3(*(self._windowed(t, mul(peak, shape)) for peak in self.peak))
+        return Vec3(*(self._in_window(t, mul(peak, shape)) for peak in self.peak))
 
-    def _windowed(self, t: Any, value: Any) -> Any:
+    def _in_window(self, t: Any, value: Any) -> Any:
         if type(value) is int and value == 0:
             return 0  # a direction without a gust stays structure
         return where(t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0))

@@ -110,7 +110,7 @@ class HangingPayload(TimedPayload):
         """Memory for the period that begins at ``t`` (s): the load at its end, and the mean pull on the frame in it."""
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
-        held, caught, gone, place = self.passed(memory, t, holder)
+        held, caught, gone, place = self.next_status(memory, t, holder)
         below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
         first = Vec3(*(where(caught > 0.5, b, p) for b, p in zip(below, memory.position, strict=True)))
         still = Vec3(*(where(caught > 0.5, 0.0, v) for v in memory.velocity))

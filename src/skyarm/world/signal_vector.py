@@ -97,6 +97,6 @@ class ColouredNoise:
         return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
 
 
-def scaled(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
+def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
     """Unit noise times standard deviations; none where a deviation is a structural zero."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

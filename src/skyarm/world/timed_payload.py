@@ -110,7 +110,7 @@ class TimedPayload(Component):
 
     def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
         """Grasp and release at the beginning of a control period."""
-        held, caught, gone, place = self.passed(memory, t, motion.position(*motion.frame(self.frame or None)))
+        held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
 
     @property
@@ -122,17 +122,17 @@ class TimedPayload(Component):
         """Mass that is held, kg."""
         return (mul(self.mass, memory.held),)
 
-    def passed(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
+    def next_status(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
         """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
-        pick, drop = self.reached(t, position_W)
+        pick, drop = self.events_reached(t, position_W)
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(held, where(drop, 1.0, 0.0), 0.0)
         now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
         place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
-    def reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
+    def events_reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
         """True once instant and place of the grasp, and of the release, are reached, with the frame at a place (m)."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:

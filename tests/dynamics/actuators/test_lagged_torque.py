@@ -32,7 +32,7 @@ def test_it_begins_with_what_holds_the_arm_and_settles_at_its_setpoint():
     memory = drive.begin(0.1, -0.4, 0.005)
     assert drive.effort(memory, -0.4, 0.1, 0.0) == -0.4
     assert drive.standing(-0.4, 0.1) == -0.4
-    assert drive.effort(drive.settled(memory, 0.1, 0.9), 0.9, 0.1, 0.0) == 0.9
+    assert drive.effort(drive.steady_memory(memory, 0.1, 0.9), 0.9, 0.1, 0.0) == 0.9
     assert drive.effort(drive.start(0.1), 0.0, 0.1, 0.0) == 0.0
 
 

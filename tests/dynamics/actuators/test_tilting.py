@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command, rotor_forces
-from skyarm.dynamics.actuators.tilting import angle_after, turned, with_rest
+from skyarm.dynamics.actuators.tilting import angle_after, turn_rotors, with_rest
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
@@ -50,7 +50,7 @@ def test_a_servo_without_a_largest_rate_is_a_first_order_lag():
 def test_thrust_and_drag_torque_go_along_the_turned_axis():
     """The wrench from the axis that SciPy's rotation about the arm gives, written out with NumPy."""
     still = Vec3(0.0, 0.0, 0.0)
-    found = rotor_forces(turned(VOLIRO, ANGLES).rotors, SPEEDS, still, still)
+    found = rotor_forces(turn_rotors(VOLIRO, ANGLES).rotors, SPEEDS, still, still)
     force, torque = np.zeros(3), np.zeros(3)
     for rotor, speed, angle in zip(VOLIRO.rotors, SPEEDS, ANGLES, strict=True):
         at = np.array([float(c) for c in rotor.position])
@@ -71,7 +71,7 @@ def state(vehicle):
 
 
 def test_a_turned_rotor_moves_the_plant_as_one_that_is_mounted_so():
-    fixed = turned(VOLIRO, ANGLES)
+    fixed = turn_rotors(VOLIRO, ANGLES)
     assert not fixed.tilts
     calm = WindSample()
     rates = [derivative(Truth(vehicle=v), state(v), SPEEDS, (0.1, 0.0), calm, SPEEDS) for v in (VOLIRO, fixed)]
@@ -101,4 +101,4 @@ def test_a_command_that_says_nothing_of_servos_leaves_them_at_rest():
     assert with_rest(VOLIRO, told) is told
     flat_one = skyarm.load_vehicle("tilted_hexarotor")
     assert with_rest(flat_one, plain) is plain
-    assert turned(flat_one, ()) is flat_one
+    assert turn_rotors(flat_one, ()) is flat_one

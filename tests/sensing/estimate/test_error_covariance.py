@@ -10,7 +10,7 @@ import pytest
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.sensing.estimate.error_state import (
     Navigated,
-    corrected,
+    correct_state,
     diagonal,
     gate_of,
     innovations,
@@ -92,7 +92,7 @@ def test_the_transition_is_the_derivative_of_the_navigation(modelled):
     size = 18 if modelled else 15
 
     def moved(error):
-        return navigate(corrected(belief, error), before, after, GRAVITY, STEP, force if modelled else None)
+        return navigate(correct_state(belief, error), before, after, GRAVITY, STEP, force if modelled else None)
 
     centre, force_W = moved([0.0] * size)
     F = dense(transition(belief.quaternion.rotation(), force_W, STEP, modelled=modelled), size)
@@ -146,7 +146,7 @@ def test_each_innovation_falls_by_its_derivative(kind):
     h = 1e-6
     H = dense([row.H for row in rows(belief)], 18)
     for j in range(18):
-        ahead, back = (rows(corrected(belief, [h * s * (i == j) for i in range(18)])) for s in (1.0, -1.0))
+        ahead, back = (rows(correct_state(belief, [h * s * (i == j) for i in range(18)])) for s in (1.0, -1.0))
         found = [-(a.value - b.value) / (2 * h) for a, b in zip(ahead, back, strict=True)]
         np.testing.assert_allclose(H[:, j], found, atol=1e-7)
     variances = {"pose": [0.01] * 3 + [0.04] * 3, "heading": [0.09], "force": [1.0] * 3}[kind]

@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
 from skyarm.view.figures.style import TALK_DARK
 from skyarm.view.figures.vehicle_drawing import AZIMUTH, BENT, ELEVATION, drawing_angles, pose, vehicle_drawing
-from skyarm.world.scene.shapes import between
+from skyarm.world.scene.shapes import shape_between
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from thorough import sampled
 
@@ -132,12 +132,12 @@ def test_an_outline_is_the_hull() -> None:
 
 
 def test_surfaces_have_their_sizes() -> None:
-    rod = between("rod", "link", "capsule", 0, 0.01, (0.0, 0.0, 0.0), (0.3, 0.0, 0.4))
+    rod = shape_between("rod", "link", "capsule", 0, 0.01, (0.0, 0.0, 0.0), (0.3, 0.0, 0.4))
     flat = SIDE.flat(surface(rod))
     # a capsule ends half a ball beyond its ends
     assert flat.max(axis=0) == pytest.approx([0.31, 0.41], abs=1e-4)
     assert flat.min(axis=0) == pytest.approx([-0.01, -0.01], abs=1e-4)
-    disc = between("disc", "rotor", "cylinder", 0, 0.2, (0.0, 0.0, 0.0), (0.0, 0.0, 0.02))
+    disc = shape_between("disc", "rotor", "cylinder", 0, 0.2, (0.0, 0.0, 0.0), (0.0, 0.0, 0.02))
     assert np.ptp(TOP.flat(surface(disc)), axis=0) == pytest.approx([0.4, 0.4], abs=1e-3)
     hull_shape = vehicle_shapes(skyarm.load_vehicle("hummingbird"))[0]
     half = hull_shape.size

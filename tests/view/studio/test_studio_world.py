@@ -14,7 +14,7 @@ import pytest
 from scenes_without_browser import Scene
 from skyarm import scenario_from
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.controls import Chart, charts
@@ -166,7 +166,7 @@ def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
     seen: Any = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
     ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turns)  # type: ignore[arg-type]
     blades = scene.nodes["/law1/-1/blades"].batched_wxyzs
-    for i, (rotor, after) in enumerate(zip(vehicle.rotors, turned(vehicle, tuple(angles)).rotors, strict=True)):
+    for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
         R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])
         np.testing.assert_allclose(R[:, 2], axis, atol=3e-4)

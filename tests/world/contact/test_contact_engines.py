@@ -77,7 +77,7 @@ def test_the_force_acts_where_the_ball_touches_and_its_power_is_that_of_the_spot
         state, memory = rebuild((START, MEMORY), iter(row.tolist()))
         motion = PointMotion(BIRD, state)
         (wrench,) = (each for each in CONTACT.wrenches(memory, 0.0, motion, ()) if each.body == BASE)
-        w = motion.turned(motion.angular_velocity(wrench.body), wrench.body)
+        w = motion.to_world(motion.angular_velocity(wrench.body), wrench.body)
         power = wrench.force_W.dot(motion.velocity(wrench.point, wrench.body)) + wrench.torque_W.dot(w)
         expected, h = 0.0, 1e-7
         after = dataclasses.replace(
@@ -180,7 +180,7 @@ def test_points_of_one_body_push_together_as_each_would_alone():
         motion, found = PointMotion(BIRD, start), np.zeros(8)
         wrenches = contact.wrenches(memory, 0.0, motion, ())
         for wrench in wrenches:
-            base, joints = motion.generalized(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+            base, joints = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
             found += [*leaves(base), *joints]
         return found, len(wrenches)
 

@@ -150,7 +150,7 @@ def momentum(state):
     for index, body in ((-1, ARM.base), *((i, link.body) for i, link in enumerate(ARM.links))):
         x, v = (np.array([float(c) for c in f(body.com, index)]) for f in (motion.position, motion.velocity))
         w = motion.angular_velocity(index)
-        spin = motion.turned(body.inertia.apply(w), index)
+        spin = motion.to_world(body.inertia.apply(w), index)
         linear = linear + float(body.mass) * v
         angular = angular + float(body.mass) * np.cross(x, v) + [float(c) for c in spin]
     return linear, angular

@@ -215,10 +215,10 @@ def test_words_say_how_a_mechanism_moves_and_what_of_it_is_touched():
         frame = m.frame(rebuild(m.start(), iter((1.0, 0.0))))
         own = Vec3(0.8 if m is door else 0.0, 0.0, 0.0)
         assert [*(frame.position + frame.rotation.apply(own))] == pytest.approx(place)
-    assert door.moved == pytest.approx(2.0 * (0.64 / 3.0 + 0.0016 / 12.0))
-    assert lever.moved == pytest.approx(2.0 * (0.09 / 3.0 + 0.0016 / 12.0))
-    assert (valve.moved, drawer.moved) == (pytest.approx(2.0 * 0.15**2 / 2.0), 2.0)
-    assert Mechanism(**numbers, kind="door", size=(0.8, 2.0, 0.04), inertia=0.3).moved == 0.3
+    assert door.generalized_inertia == pytest.approx(2.0 * (0.64 / 3.0 + 0.0016 / 12.0))
+    assert lever.generalized_inertia == pytest.approx(2.0 * (0.09 / 3.0 + 0.0016 / 12.0))
+    assert (valve.generalized_inertia, drawer.generalized_inertia) == (pytest.approx(2.0 * 0.15**2 / 2.0), 2.0)
+    assert Mechanism(**numbers, kind="door", size=(0.8, 2.0, 0.04), inertia=0.3).generalized_inertia == 0.3
 
 
 ARM = Surface(name="arm", shape="box", size=(0.1, 0.4, 0.1), position=(0.0, 0.2, 0.05))

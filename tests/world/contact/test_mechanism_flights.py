@@ -163,7 +163,7 @@ def test_a_gripper_on_a_handle_moves_the_mechanism_and_is_moved_by_it(kind):
     held = [rebuild(memory, iter(row[len(leaves(start)) :].tolist())).carried[0] for row in rows]
 
     def momentum(state, coordinate, rate):
-        return axis_momentum(bird, state, place, lever) + handled.moved * rate
+        return axis_momentum(bird, state, place, lever) + handled.generalized_inertia * rate
 
     before, after = (
         momentum(start, 0.0, 0.0),
@@ -189,6 +189,6 @@ def axis_momentum(bird, state, place, lever):
         if lever == 0.0:
             total += float(body.mass) * float(velocity.x)
         else:
-            spin = motion.turned(body.inertia.apply(motion.angular_velocity(index)), index).z
+            spin = motion.to_world(body.inertia.apply(motion.angular_velocity(index)), index).z
             total += float(body.mass) * float((middle - place).cross(velocity).z) + float(spin)
     return total

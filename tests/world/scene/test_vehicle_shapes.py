@@ -15,7 +15,7 @@ from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world.scene.shapes import ROLES, Shape, between, turn_onto
+from skyarm.world.scene.shapes import ROLES, Shape, shape_between, turn_onto
 from skyarm.world.scene.vehicle_shapes import PAYLOAD_DENSITY, body_poses, payload_shape, rotor_radius, vehicle_shapes
 
 NAMES = list_vehicles()
@@ -88,7 +88,7 @@ def test_nothing_hangs_in_the_air(vehicle: Vehicle) -> None:
 def test_a_rod_goes_from_its_start_to_its_end() -> None:
     draw = np.random.default_rng(6)
     for start, end in [*draw.normal(size=(20, 2, 3)), ([0, 0, 0], [0, 0, -1]), ([0, 0, 1], [0, 0, 3])]:
-        rod = between("rod", "link", "capsule", 0, 0.01, tuple(start), tuple(end))
+        rod = shape_between("rod", "link", "capsule", 0, 0.01, tuple(start), tuple(end))
         along = np.array(rod.rotation) @ [0.0, 0.0, rod.size[1]]
         np.testing.assert_allclose(np.array(rod.position) - 0.5 * along, start, atol=1e-12)
         np.testing.assert_allclose(np.array(rod.position) + 0.5 * along, end, atol=1e-12)

@@ -11,7 +11,7 @@ import pytest
 from skyarm import load_vehicle
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.reference.signals import Constant, Sine
 from skyarm.view.figures.projection import surface as outline_points
@@ -248,7 +248,7 @@ def test_discs_are_turned_as_the_servos_turn_the_thrust() -> None:
     turns = rotor_turns(vehicle, angles)
     shapes = {each.name: each for each in vehicle_shapes(vehicle)}
     for k, row in enumerate(angles):
-        for before, after in zip(vehicle.rotors, turned(vehicle, tuple(row)).rotors, strict=True):
+        for before, after in zip(vehicle.rotors, turn_rotors(vehicle, tuple(row)).rotors, strict=True):
             R = shape_rotation(shapes[disc_name(before.name)], turns)
             axis = (R[k] if before.tilt is not None else R)[:, 2]
             np.testing.assert_allclose(axis, [float(c) for c in after.axis], atol=1e-12)

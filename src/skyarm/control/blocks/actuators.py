@@ -63,7 +63,7 @@ def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> A
     return clip(target + change * (share * where(change > 0.0, rise, fall)), 0.0, rotor.max_speed)
 
 
-def led(
+def compensate_motor_lag(
     rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Any], dt: Any, share: Any
 ) -> tuple[Any, ...]:
     """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that changes as planned.

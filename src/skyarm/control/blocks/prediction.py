@@ -48,7 +48,7 @@ class Disturbance:
             efforts=tuple(sub(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
         )
 
-    def filtered(self, new: Disturbance, share: Any, force_share: Any) -> Disturbance:
+    def blend_towards(self, new: Disturbance, share: Any, force_share: Any) -> Disturbance:
         """A share of the way towards a new one, and another share of its force: as a memory keeps it."""
         return Disturbance(
             force=vector_data(self.force + (new.force - self.force) * force_share),

@@ -106,7 +106,7 @@ def stepped_computed_torque(
     """One control step."""
     steps, R = par.steps, measurement.quaternion.rotation()
     goal, channels, age = _present(memory, reference, dt, par)
-    observed, unknown = _unknown(memory, measurement, dt, par)
+    observed, unknown = _estimate_disturbance(memory, measurement, dt, par)
     qdd = joint_accelerations(par, measurement, goal)
     wanted = wanted_specific_force(par, measurement, goal)
     force = _force(wanted, measurement, R, qdd, unknown, par)
@@ -162,7 +162,9 @@ def _present(
     return now, channels, age
 
 
-def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters) -> tuple[Any, Disturbance]:
+def _estimate_disturbance(
+    memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters
+) -> tuple[Any, Disturbance]:
     """The observer's memory and its estimate; nothing without it."""
     if not isinstance(memory.observed, Observed):
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)

@@ -111,7 +111,7 @@ class Touch:
     into: Any
 
 
-def listen(
+def observe_contact(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, par: PressingParameters
 ) -> tuple[PressingMemory, Touch | None]:
     """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
@@ -141,7 +141,7 @@ def listen(
     return dataclasses.replace(after, interaction=held), touch
 
 
-def moved(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Reference:
+def shift_base(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Reference:
     """The reference with the base's path moved along a normal (m, m/s, m/s^2)."""
     s, rate, acceleration = shift
     return dataclasses.replace(
@@ -189,14 +189,14 @@ def hybrid_ct(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
     """The paper's computed torque across the normal, force along it."""
-    after, touch = listen(memory, measurement, reference, dt, par)
+    after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
         return dataclasses.replace(after, sent=command), command
-    reference = moved(reference, touch.pressing.n, touch.pressing.shift)
+    reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
     wanted = level_tip(par.model.vehicle, reference)
     gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - wanted)
-    command = pressed(par, measurement, reference, touch)
+    command = pressing_command(par, measurement, reference, touch)
     held = dataclasses.replace(after.interaction, gap=gap)
     return dataclasses.replace(after, sent=command, interaction=held), command
 
@@ -207,13 +207,13 @@ def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     return reference.position + arm
 
 
-def pressed(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
+def pressing_command(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
     """The command with the order along the normal; with no order and no touch the paper's law."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
     known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
     alpha = turn_towards(par, measurement, reference, R, up - known.force * divide(1.0, vehicle.mass))
-    qdd = freed(touch, joint_accelerations(par, measurement, reference))
+    qdd = release_normal(touch, joint_accelerations(par, measurement, reference))
     force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
     efforts = [sub(torque, effort) for torque, effort in zip(torques, known.efforts, strict=True)]
     thrust = force.force.z - R.apply_T(known.force).z
@@ -221,7 +221,7 @@ def pressed(par: PressingParameters, measurement: Measurement, reference: Refere
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def freed(touch: Touch, wanted: Sequence[Any]) -> tuple[Any, ...]:
+def release_normal(touch: Touch, wanted: Sequence[Any]) -> tuple[Any, ...]:
     """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
@@ -249,11 +249,11 @@ def admittance_pd(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
     """The paper's baseline, its reference shifted by the virtual mass."""
-    after, touch = listen(memory, measurement, reference, dt, par)
+    after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
-        shift = yielded(par, memory, touch, dt)
+        shift = admittance_motion(par, memory, touch, dt)
         held = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
-        after, reference = dataclasses.replace(after, interaction=held), moved(reference, touch.pressing.n, shift)
+        after, reference = dataclasses.replace(after, interaction=held), shift_base(reference, touch.pressing.n, shift)
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
@@ -262,7 +262,7 @@ def admittance_pd(
     return dataclasses.replace(after, sent=command), command
 
 
-def yielded(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Any) -> tuple[Any, Any, Any]:
+def admittance_motion(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Any) -> tuple[Any, Any, Any]:
     """Place, velocity and acceleration of the virtual mass one period later, m along the normal."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))

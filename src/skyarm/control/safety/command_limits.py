@@ -85,7 +85,7 @@ def apply_joint_barrier(
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
     caused = _accelerations(model, measurement, efforts)
-    allowed = _bounded(model, limits, measurement, caused)
+    allowed = _within_barrier(model, limits, measurement, caused)
     added = floating_inertia_times(model, measurement.joints, [sub(a, b) for a, b in zip(allowed, caused, strict=True)])
     # other joints keep their torques: where a drive is dead the model is wrong about what they cause
     return tuple(
@@ -104,7 +104,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any
     )[1]
 
 
-def _bounded(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> list[Any]:
+def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> list[Any]:
     """Accelerations within the barrier."""
     found: list[Any] = []
     k = limits.joint_pole

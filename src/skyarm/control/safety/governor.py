@@ -31,8 +31,8 @@ def govern_base(
     stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical. 4. Errors within
     ``step`` and ``step_speed`` pass all the same: a stiff law bounds its own answer to those.
     """
-    v_d = _shortened(reference.velocity, limits.speed)
-    pull = _shortened(reference.position - measurement.position, divide(mul(limits.speed, damping), stiffness))
+    v_d = _limit_length(reference.velocity, limits.speed)
+    pull = _limit_length(reference.position - measurement.position, divide(mul(limits.speed, damping), stiffness))
     brake = v_d - measurement.velocity
     asked = pull * stiffness + brake * damping + reference.acceleration
     rise = minimum(1.0, divide(limits.climb, absolute(asked.z) + TINY))
@@ -46,17 +46,17 @@ def govern_base(
     fast = _longer(reference.velocity, v_d)
     bound = [logical_or(logical_or(share < 1.0, far), fast) for share in shares]
 
-    def chosen(new: Vec3, old: Vec3) -> Vec3:
+    def where_bound(new: Vec3, old: Vec3) -> Vec3:
         return Vec3(*(where(c, a, b) for c, a, b in zip(bound, new, old, strict=True)))
 
     return dataclasses.replace(
         reference,
-        position=chosen(measurement.position + pull.scaled(shares), reference.position),
-        velocity=chosen(measurement.velocity + brake.scaled(shares), reference.velocity),
-        acceleration=chosen(reference.acceleration.scaled(shares), reference.acceleration),
+        position=where_bound(measurement.position + pull.scaled(shares), reference.position),
+        velocity=where_bound(measurement.velocity + brake.scaled(shares), reference.velocity),
+        acceleration=where_bound(reference.acceleration.scaled(shares), reference.acceleration),
         # a reference that moves with the measurement has no higher derivatives
-        jerk=chosen(Vec3(0.0, 0.0, 0.0), reference.jerk),
-        snap=chosen(Vec3(0.0, 0.0, 0.0), reference.snap),
+        jerk=where_bound(Vec3(0.0, 0.0, 0.0), reference.jerk),
+        snap=where_bound(Vec3(0.0, 0.0, 0.0), reference.snap),
     )
 
 
@@ -64,7 +64,7 @@ def _length(v: Vec3) -> Any:
     return sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 
 
-def _shortened(v: Vec3, longest: Any) -> Vec3:
+def _limit_length(v: Vec3, longest: Any) -> Vec3:
     """A vector no longer than ``longest``; the same bits if it is not."""
     length = _length(v)
     share = divide(longest, length + TINY)

@@ -177,7 +177,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
         values |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
     for name, value in (values | given).items():
         alone = name in per_joint and not isinstance(value, (list, tuple))
-        values[name] = held = _held(name, (value,) * len(joints) if alone else value)
+        values[name] = held = _check_limit(name, (value,) * len(joints) if alone else value)
         if name in per_joint and len(held) != len(joints):
             said = f"safety.{name} = {shown(value)}: {len(held)} values"
             raise ControllerError(f"{said}, must be {len(joints)} (one per joint)")
@@ -188,7 +188,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     return Limits(**values)
 
 
-def _held(name: str, value: Any) -> Any:
+def _check_limit(name: str, value: Any) -> Any:
     """A limit as its field holds it."""
     try:
         return rules(Limits)[name](f"safety.{name}", value)

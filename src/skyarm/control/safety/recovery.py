@@ -135,7 +135,7 @@ class Recovery:
     stow_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "on the way there")]
 
 
-def stowed(joint: Joint) -> float:
+def stow_position(joint: Joint) -> float:
     """Middle of a joint's range; where a side is open zero, or the value in the range next to it."""
     low, high = float(joint.lower), float(joint.upper)
     if low > -float("inf") and high < float("inf"):

@@ -34,7 +34,7 @@ from skyarm.control.safety.recovery import (
     not_finite,
     pose_of,
     recover,
-    stowed,
+    stow_position,
     update_confidence,
 )
 from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
@@ -293,7 +293,7 @@ def with_safety_layer(
     recovery = Recovery(
         gains=default_gains(model),
         joint_gains=default_joint_gains(model, torque=True),
-        stow=tuple(stowed(link.joint) for link in links) if stow is None else pose_of(stow, links),
+        stow=tuple(stow_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
         stow_speed=tuple(STOW_SPEEDS[link.joint.kind] for link in links),
     )
     par = SafetyParameters(

@@ -85,7 +85,7 @@ class Drive:
         """First memory of a drive that needs to know more: the setpoint before the first command, the period (s)."""
         return self.start(position)
 
-    def settled(self, memory: Any, position: Any, setpoint: Any) -> Any:
+    def steady_memory(self, memory: Any, position: Any, setpoint: Any) -> Any:
         """A memory like ``memory``, of a drive that received its setpoint long ago: initial state of its model."""
         return memory
 
@@ -160,7 +160,7 @@ class LaggedTorque(TorqueDrive):
         """The torque that has held the joint before the first command."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
-    def settled(self, memory: LaggedTorqueMemory, position: Any, setpoint: Any) -> LaggedTorqueMemory:
+    def steady_memory(self, memory: LaggedTorqueMemory, position: Any, setpoint: Any) -> LaggedTorqueMemory:
         """The setpoint itself."""
         return LaggedTorqueMemory(setpoint, setpoint)
 

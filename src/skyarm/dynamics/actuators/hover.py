@@ -83,19 +83,19 @@ def time_aloft(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[Any] = 
     share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     least = share * float(battery.reference_voltage)
 
-    def held(charge: float) -> float | None:
+    def voltage_at(charge: float) -> float | None:
         """Voltage at a charge; None where the battery cannot hold the hover."""
         voltage, idle = float(battery.voltage(charge, power)), float(battery.open_circuit_voltage(charge))
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None
 
     start = float(battery.charge)
-    voltage = held(start)
+    voltage = voltage_at(start)
     if min(trim.squared) < 0.0 or voltage is None:
         raise VehicleError(f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for a level hover")
     seconds, charge, width = 0.0, start, start / STEPS
     for i in range(STEPS):
-        middle = held(start - (i + 0.5) * width)
+        middle = voltage_at(start - (i + 0.5) * width)
         if middle is None:
             break
         voltage, charge = middle, start - (i + 1) * width

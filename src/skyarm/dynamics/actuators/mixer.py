@@ -225,14 +225,14 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[
         The commanded speeds and the squared speeds of torque and thrust before any limit.
     """
     raw = tuple(inner_product(row, [*torque, thrust]) for row in mixer.inverse)
-    allowed = _prioritized(mixer, torque, thrust) if mixer.policy != "clip" else raw
+    allowed = _prioritize(mixer, torque, thrust) if mixer.policy != "clip" else raw
     if mixer.across:
         side = [inner_product(row, [across.x, across.y]) for row in mixer.across]
         allowed = _with_side(mixer, raw, allowed, side)
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 
-def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
+def _prioritize(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
     """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
 
     1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to

@@ -143,7 +143,7 @@ def demand_of_motion(
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force) - outside.force)
         wrench = np.vstack([lanes(force.torque) - outside.torque, needed])
         squared = inverse @ np.vstack([wrench[:3], np.einsum("ik,ik->k", R[:, 2], needed)[None]])
-        if disturbance is None or not again or _settled(before, (squared, wrench)):
+        if disturbance is None or not again or _has_converged(before, (squared, wrench)):
             break
         R = attitude(settled(needed), yaw)
         outside = disturbance(R, rate, squared)
@@ -162,7 +162,7 @@ def demand_of_motion(
     )
 
 
-def _settled(before: Sequence[Array], now: Sequence[Array]) -> bool:
+def _has_converged(before: Sequence[Array], now: Sequence[Array]) -> bool:
     return all(np.max(np.abs(b - a)) < SETTLED * np.max(np.abs(b)) for a, b in zip(before, now, strict=True))
 
 

@@ -119,10 +119,10 @@ class Servo(Drive):
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
-    def settled(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
+    def steady_memory(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
         """A loop that received its setpoint long ago."""
         waiting = (setpoint,) * len(memory.waiting)
-        return ServoMemory(goal=self._told(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
+        return ServoMemory(goal=self._loop_setpoint(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
         """A loop that received its setpoint long ago; the latency sets how many more are on their way."""
@@ -130,9 +130,9 @@ class Servo(Drive):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
         empty = ServoMemory(goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count)
-        return self.settled(empty, position, setpoint)
+        return self.steady_memory(empty, position, setpoint)
 
-    def _told(self, setpoint: Any) -> Any:
+    def _loop_setpoint(self, setpoint: Any) -> Any:
         """The setpoint as the loop holds it."""
         return setpoint
 
@@ -146,7 +146,7 @@ class Servo(Drive):
         older, newer, share = seen[0], seen[1], clip(self.latency / dt - (count - 1), 0.0, 1.0)
         return newer + (older - newer) * share, seen[1:]
 
-    def _integrated(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
+    def _integrate(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
         """The integral after a period; it stands still while a bound holds the torque and the error would wind it up.
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
@@ -156,7 +156,7 @@ class Servo(Drive):
         pushing_up, pushing_down = logical_and(asked > high, error > 0.0), logical_and(asked < low, error < 0.0)
         return where(pushing_up, memory.integral, where(pushing_down, memory.integral, moved))
 
-    def _bounded(self, asked: Any, rate: Any) -> Any:
+    def _clip_torque(self, asked: Any, rate: Any) -> Any:
         low, high = self.bounds(rate)
         return clip(asked, low, high)
 
@@ -188,23 +188,25 @@ class PositionServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.damping), float(self.stiffness))
 
-    def _told(self, setpoint: Any) -> Any:
-        return self._rounded(setpoint)
+    def _loop_setpoint(self, setpoint: Any) -> Any:
+        return self._quantize(setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
         """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
         heard, waiting = self._heard(memory, setpoint, dt)
         step = mul(self.speed_limit, dt)
-        goal = memory.goal + clip(self._rounded(heard) - memory.goal, -step, step)
-        rounding = self._rounded(position) - position
+        goal = memory.goal + clip(self._quantize(heard) - memory.goal, -step, step)
+        rounding = self._quantize(position) - position
         error = goal - position - rounding
-        asked = self._asked(goal, memory.integral, position + rounding, rate)
-        integral = self._integrated(memory, error, asked, rate, dt)
+        asked = self._loop_torque(goal, memory.integral, position + rounding, rate)
+        integral = self._integrate(memory, error, asked, rate, dt)
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
         """Torque of the loop, within the bounds of motor and supply."""
-        return self._bounded(self._asked(memory.goal, memory.integral, position + memory.rounding, rate), rate)
+        return self._clip_torque(
+            self._loop_torque(memory.goal, memory.integral, position + memory.rounding, rate), rate
+        )
 
     def standing(self, effort: Any, position: Any) -> Any:
         """Next to the joint, by the deflection of the loop's spring under the torque."""
@@ -215,10 +217,10 @@ class PositionServo(Servo):
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
-    def _asked(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
+    def _loop_torque(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
         return self.stiffness * (goal - position) - self.damping * rate + self.integral * integral
 
-    def _rounded(self, value: Any) -> Any:
+    def _quantize(self, value: Any) -> Any:
         if type(self.resolution) is int:
             return value
         return self.resolution * floor(value / self.resolution + 0.5)
@@ -246,12 +248,12 @@ class VelocityServo(Servo):
         heard, waiting = self._heard(memory, setpoint, dt)
         goal = clip(heard, -self.speed_limit, self.speed_limit)
         error = goal - rate
-        integral = self._integrated(memory, error, self._asked(goal, memory.integral, rate), rate, dt)
+        integral = self._integrate(memory, error, self._loop_torque(goal, memory.integral, rate), rate, dt)
         return ServoMemory(goal=goal, integral=integral, rounding=memory.rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
         """Torque of the loop, within the bounds of motor and supply."""
-        return self._bounded(self._asked(memory.goal, memory.integral, rate), rate)
+        return self._clip_torque(self._loop_torque(memory.goal, memory.integral, rate), rate)
 
     def standing(self, effort: Any, position: Any) -> Any:
         """The rate setpoint that gives the torque at a joint at rest."""
@@ -261,5 +263,5 @@ class VelocityServo(Servo):
         """The inverse of the loop's law, whose integral takes this period's error before it acts."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
-    def _asked(self, goal: Any, integral: Any, rate: Any) -> Any:
+    def _loop_torque(self, goal: Any, integral: Any, rate: Any) -> Any:
         return add(mul(self.gain, goal - rate), mul(self.integral, integral))

@@ -71,7 +71,7 @@ def turned_rotor(rotor: Rotor, angle: Any) -> Rotor:
     return dataclasses.replace(rotor, axis=axis, tilt=None)
 
 
-def turned(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
+def turn_rotors(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
     """The vehicle with its rotors' axes where the servos hold them; the same record where none tilts."""
     if not vehicle.tilts:
         return vehicle

@@ -12,7 +12,15 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.quaternion import euler_angles as euler_angles_of
-from skyarm.dynamics.array_front import Array, ArrayLike, components, leading_axes, one_number, stacked, unit_rotation
+from skyarm.dynamics.array_front import (
+    Array,
+    ArrayLike,
+    components,
+    leading_axes,
+    one_number,
+    stack_leaves,
+    unit_rotation,
+)
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters
 
@@ -32,7 +40,7 @@ def mass_matrix(q: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> A
 
     Source: Barakou, Tzafestas, Valavanis 2026, (51)-(66).
     """
-    return stacked(mass.mass_matrix(parameters, components("q", q, 8)), leading_axes(q))
+    return stack_leaves(mass.mass_matrix(parameters, components("q", q, 8)), leading_axes(q))
 
 
 def mass_matrix_derivative(q: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> Array:
@@ -40,7 +48,7 @@ def mass_matrix_derivative(q: ArrayLike, *, parameters: PlanarArmParameters = TA
 
     Source: Barakou, Tzafestas, Valavanis 2026, Appendix C, completed for every block.
     """
-    return stacked(mass_derivative.mass_matrix_partials(parameters, components("q", q, 8)), leading_axes(q))
+    return stack_leaves(mass_derivative.mass_matrix_partials(parameters, components("q", q, 8)), leading_axes(q))
 
 
 def coriolis_matrix(q: ArrayLike, qd: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> Array:
@@ -49,7 +57,7 @@ def coriolis_matrix(q: ArrayLike, qd: ArrayLike, *, parameters: PlanarArmParamet
     Source: Barakou, Tzafestas, Valavanis 2026, (67), (68).
     """
     lead = leading_axes(q, qd)
-    return stacked(coriolis.coriolis_matrix(parameters, components("q", q, 8), components("qd", qd, 8)), lead)
+    return stack_leaves(coriolis.coriolis_matrix(parameters, components("q", q, 8), components("qd", qd, 8)), lead)
 
 
 def coriolis_matrix_numeric(
@@ -61,7 +69,7 @@ def coriolis_matrix_numeric(
     """
     lead = leading_axes(q, qd)
     configuration, rates = components("q", q, 8), components("qd", qd, 8)
-    return stacked(coriolis.coriolis_central_differences(parameters, configuration, rates, step=step), lead)
+    return stack_leaves(coriolis.coriolis_central_differences(parameters, configuration, rates, step=step), lead)
 
 
 def gravity_vector(
@@ -81,7 +89,7 @@ def gravity_vector(
 
     Source: Barakou, Tzafestas, Valavanis 2026, (71)-(77); reduced (78), (79).
     """
-    return stacked(
+    return stack_leaves(
         _gravity(parameters, components("q", q, 8), one_number("gravity", gravity), reduced), leading_axes(q)
     )
 
@@ -92,7 +100,7 @@ def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
     Raises:
         ValueError: wrong shape, not of unit length, or a pitch within 1e-6 rad of 90 degrees.
     """
-    angles = stacked(list(euler_angles_of(unit_rotation(quaternion_wxyz))), leading_axes(quaternion_wxyz))
+    angles = stack_leaves(list(euler_angles_of(unit_rotation(quaternion_wxyz))), leading_axes(quaternion_wxyz))
     refuse_singular_pitch(angles[..., 1])
     return angles
 
@@ -107,7 +115,7 @@ def body_torque(q: ArrayLike, euler_torque: ArrayLike) -> Array:
     """
     angles = _regular_angles(q)
     found = transforms.body_torque(angles, Vec3(*components("euler_torque", euler_torque, 3)))
-    return stacked(list(found), leading_axes(q, euler_torque))
+    return stack_leaves(list(found), leading_axes(q, euler_torque))
 
 
 def euler_acceleration(q: ArrayLike, qd: ArrayLike, angular_acceleration: ArrayLike) -> Array:
@@ -120,7 +128,9 @@ def euler_acceleration(q: ArrayLike, qd: ArrayLike, angular_acceleration: ArrayL
     """
     angles, rates = _regular_angles(q), components("qd", qd, 8)[3:6]
     alpha = Vec3(*components("angular_acceleration", angular_acceleration, 3))
-    return stacked(list(transforms.euler_acceleration(angles, rates, alpha)), leading_axes(q, qd, angular_acceleration))
+    return stack_leaves(
+        list(transforms.euler_acceleration(angles, rates, alpha)), leading_axes(q, qd, angular_acceleration)
+    )
 
 
 def refuse_singular_pitch(pitch: ArrayLike) -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import rotor_forces
-from skyarm.dynamics.actuators.tilting import turned
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
@@ -381,7 +381,7 @@ def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
     def values(part: Part) -> dict[str, Any]:
         slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
-        rotors = turned(vehicle, tuple(part["tilts"].T)).rotors if vehicle.tilts else vehicle.rotors
+        rotors = turn_rotors(vehicle, tuple(part["tilts"].T)).rotors if vehicle.tilts else vehicle.rotors
         total = rotor_forces(rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
         wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
         return {"header": part.header(BASE_LINK), "wrench": wrench}

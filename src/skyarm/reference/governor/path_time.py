@@ -74,7 +74,7 @@ class PathTime:
         d0, d1, d2, d3, d4 = found
         return d0, d1, d2, d3, d4
 
-    def when(self, path_time: float) -> float:
+    def instant_of(self, path_time: float) -> float:
         """First time of the flight (s) at which the reference's time has come to ``path_time``; its end if never."""
         low, high = 0.0, self.duration
         if float(self.derivatives(high)[0]) < path_time:
@@ -88,7 +88,7 @@ class PathTime:
         return high
 
 
-def governed(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
+def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
     """The time-scaled reference at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
@@ -101,14 +101,14 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     """
 
     def vectors(first: Vec3, second: Vec3, third: Vec3, fourth: Vec3) -> list[Vec3]:
-        rows = [_chained(d, s) for d in zip(first, second, third, fourth, strict=True)]
+        rows = [_chain_rule(d, s) for d in zip(first, second, third, fourth, strict=True)]
         return [Vec3(*column) for column in zip(*rows, strict=True)]
 
     r = reference
     velocity, acceleration, jerk, snap = vectors(r.velocity, r.acceleration, r.jerk, r.snap)
-    yaw_rate, yaw_acceleration, _, _ = _chained((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
+    yaw_rate, yaw_acceleration, _, _ = _chain_rule((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
     joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
-    moved = tuple(zip(*(_chained(d, s) for d in joints), strict=True)) or ((),) * 4
+    moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
     return dataclasses.replace(
         r,
         velocity=velocity,
@@ -124,7 +124,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     )
 
 
-def _chained(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
+def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
     """Derivatives one to four by t of x(s(t)), from those by s."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1

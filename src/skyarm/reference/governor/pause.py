@@ -35,7 +35,7 @@ class PathPause:
             raise RecordError(f"reference.governor.pause.thrust = {self.thrust!r}: must be below 1, or infinite")
 
     @property
-    def used(self) -> bool:
+    def is_active(self) -> bool:
         """True if it bounds anything."""
         return not all(isinstance(each, float) and math.isinf(each) for each in (self.error, self.thrust))
 

@@ -173,7 +173,7 @@ def navigate(
     return following, force
 
 
-def corrected(now: Navigated, error: Sequence[Any]) -> Navigated:
+def correct_state(now: Navigated, error: Sequence[Any]) -> Navigated:
     """The nominal state corrected by the mean error."""
     p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
     return Navigated(

@@ -37,7 +37,7 @@ from skyarm.sensing.estimate.error_state import (
     transition,
     update_by_scalar,
 )
-from skyarm.sensing.estimate.error_state import corrected as with_error
+from skyarm.sensing.estimate.error_state import correct_state as with_error
 from skyarm.sensing.estimate.filter_constants import (
     AIDS,
     BLANK_BELIEF,
@@ -69,12 +69,12 @@ class ErrorStateFilter(FilterNumbers):
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
             started=0.0,
-            belief=replace(BLANK_BELIEF, push=zero) if self.modelled else BLANK_BELIEF,
+            belief=replace(BLANK_BELIEF, push=zero) if self.uses_model else BLANK_BELIEF,
             covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
             aiding=tuple((BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
-            modelled=(zero,) * waiting if self.modelled else (),
+            modelled=(zero,) * waiting if self.uses_model else (),
             rotor_speeds=(0.0,) * len(vehicle.rotors),
             taken=0.0,
             refused=0.0,
@@ -95,7 +95,7 @@ class ErrorStateFilter(FilterNumbers):
             joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
         present = replace(memory, belief=belief, joints=joints)
         now = replace(
-            self._turned(present, imu, command, started, dt),
+            self._advance_rotors(present, imu, command, started, dt),
             started=memory.started * 0.0 + 1.0,
             inertial=(*before[1:], imu),
             aiding=tuple(
@@ -103,43 +103,45 @@ class ErrorStateFilter(FilterNumbers):
                 for queue, new in zip(memory.aiding, arrived, strict=True)
             ),
         )
-        following = self._aided(self._predicted(now, before[0]), before[0].time)
+        following = self._apply_aiding(self._predict(now, before[0]), before[0].time)
         return following, self._told(following, imu, encoders)
 
-    def _turned(self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any) -> FilterMemory:
+    def _advance_rotors(
+        self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any
+    ) -> FilterMemory:
         """With the rotors one period later under the command that acted, and the force that the model gives then."""
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
         turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
         speeds = tuple(data(where(started, a, b)) for a, b in zip(turned, command.rotor_speeds, strict=True))
-        if not self.modelled:
+        if not self.uses_model:
             return replace(memory, rotor_speeds=speeds)
         belief, joints = memory.belief, memory.joints
         old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
         velocity = belief.quaternion.rotation().apply_T(belief.velocity)
         rate = imu.rate - belief.gyro_bias
         # servos of rotors that tilt count as where they are told to be
-        leaning = tilting.turned(self.vehicle, command.tilts) if command.tilts else self.vehicle
+        leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
         force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
         kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
-    def _predicted(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
+    def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
         """State and covariance at the filter's instant, from those at the reading before."""
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
-        given = memory.modelled[0] if self.modelled else None
+        given = memory.modelled[0] if self.uses_model else None
         following, force = navigate(belief, before, reading, self.gravity, dt, given)
-        F = transition(R, force, dt, modelled=self.modelled)
+        F = transition(R, force, dt, modelled=self.uses_model)
         P = predict_covariance(memory.covariance, F, self.added_variances(belief, reading, dt))
-        if self.modelled:
+        if self.uses_model:
             variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
             rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
-            following, P, _ = _corrected(following, P, rows, dt > 0.0, float("inf"))
+            following, P, _ = _apply_innovations(following, P, rows, dt > 0.0, float("inf"))
         return replace(memory, belief=following, covariance=P)
 
-    def _aided(self, memory: FilterMemory, after: Any) -> FilterMemory:
+    def _apply_aiding(self, memory: FilterMemory, after: Any) -> FilterMemory:
         """With the aiding readings of the filter's instant taken in."""
         belief, P = memory.belief, memory.covariance
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
@@ -147,7 +149,7 @@ class ErrorStateFilter(FilterNumbers):
             due, reading = in_turn(queue, after, memory.inertial[0].time)
             rows = innovations(belief, reading, self.position, self.attitude, self.heading)
             allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
-            belief, updated, found = _corrected(belief, P, rows, due, allowed)
+            belief, updated, found = _apply_innovations(belief, P, rows, due, allowed)
             passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
             P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
             taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
@@ -158,7 +160,7 @@ class ErrorStateFilter(FilterNumbers):
         """The estimate of the filter's instant carried to the present."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
-            given = memory.modelled[i + 1] if self.modelled else None
+            given = memory.modelled[i + 1] if self.uses_model else None
             present, _ = navigate(present, old, new, self.gravity, new.time - old.time, given)
         joints, rates = memory.joints.joints, memory.joints.rates
         if joints:
@@ -178,7 +180,7 @@ class ErrorStateFilter(FilterNumbers):
         )
 
 
-def _corrected(
+def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
 ) -> tuple[Navigated, Covariance, Any]:
     """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""

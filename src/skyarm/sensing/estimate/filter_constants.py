@@ -222,7 +222,7 @@ class FilterNumbers(Estimator):
                 raise RecordError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
 
     @property
-    def modelled(self) -> bool:
+    def uses_model(self) -> bool:
         """True if the model gives the specific force."""
         return self.force == "modelled"
 
@@ -237,7 +237,7 @@ class FilterNumbers(Estimator):
         Raises:
             ValueError: one line with the joint.
         """
-        for joint, drive in drives.items() if self.modelled else ():
+        for joint, drive in drives.items() if self.uses_model else ():
             if not isinstance(drive, TorqueDrive):
                 raise ValueError(
                     f"estimator.force = 'modelled': must be 'measured' for {vehicle!r}, whose joint {joint!r} has a "
@@ -252,7 +252,7 @@ class FilterNumbers(Estimator):
             heading = self.heading if self.aiding == "position_heading" else self.first_heading
         parts = [self.position] * 3 + [self.first_velocity] * 3 + [tilt, tilt, heading]
         parts += [self.first_gyro_bias] * 3 + [self.first_accelerometer_bias] * 3
-        parts += [self.first_push] * 3 if self.modelled else []
+        parts += [self.first_push] * 3 if self.uses_model else []
         return diagonal([each * each for each in parts])
 
     def first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
@@ -265,10 +265,10 @@ class FilterNumbers(Estimator):
     def added_variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
         """Process noise of a step, for each component; none of the position, it is of third order in dt."""
         added: list[Any] = [0] * 3
-        noise = 0 if self.modelled else self.accelerometer * self.accelerometer
+        noise = 0 if self.uses_model else self.accelerometer * self.accelerometer
         for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):
             added += [mul(density, dt)] * 3
-        if self.modelled:
+        if self.uses_model:
             turning = belief.quaternion.rotation().apply(reading.rate - belief.gyro_bias).cross(belief.push)
             walk = self.push_walk * self.push_walk
             added += [(walk + c * c * self.push_turn) * dt for c in turning]

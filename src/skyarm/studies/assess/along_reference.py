@@ -136,7 +136,7 @@ def _stretches(part: FlightPart, end: float) -> list[Array]:
 def _switches(scenario: Scenario) -> list[float]:
     """Times of the flight at which the reference that the law receives may jump, in order, s."""
     path, times = scenario.path_time, scenario.reference.switch_times()
-    return list(times) if path is None else [path.when(t) for t in times if t > 0.0]
+    return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
 
 
 def _stretch(part: FlightPart, time: Array) -> Followed:

@@ -19,7 +19,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import STEADY, applied_force
 from skyarm.plant.surroundings import Surroundings
-from skyarm.reference.governor.path_time import governed
+from skyarm.reference.governor.path_time import governed_reference
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
@@ -97,7 +97,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
     for i, payload in enumerate(scenario.payloads):
         start = stop = math.inf
         for times in _control_instants(scenario):
-            pick, drop = payload.reached(times, Vec3(*_along(scenario, payload.frame, times)))
+            pick, drop = payload.events_reached(times, Vec3(*_along(scenario, payload.frame, times)))
             if math.isinf(start):
                 start = _first(times, pick)
             stop = _first(times, drop & (times > start))
@@ -165,7 +165,7 @@ def _point_at(gripper: Any, mass: float) -> Callable[[Vehicle], tuple[int, Body]
 def reference_at(scenario: Scenario, time: Array) -> Reference:
     """The reference that the law follows, at many instants."""
     path = scenario.path_time
-    return scenario.reference.at(time) if path is None else governed(scenario.reference, path, time)
+    return scenario.reference.at(time) if path is None else governed_reference(scenario.reference, path, time)
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:

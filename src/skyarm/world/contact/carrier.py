@@ -124,7 +124,7 @@ class Carrier:
         """Memory after a time (s) in which velocities stay: places move by them."""
         raise NotImplementedError
 
-    def pushed(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any, dt: Any) -> Any:
+    def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any, dt: Any) -> Any:
         """Memory after force (N) and torque (N m) of a time (s); own torques are those of the velocities in its middle.
 
         By one iteration of the implicit midpoint rule, which is of second order.

@@ -373,7 +373,7 @@ class Contact(Force):
         """Bodies are pushed by touches and grasps; bristles have moved before."""
         pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
-        carried = tuple(carrier.pushed(held, *push, motion.gravity, dt) for carrier, held, push in rows)
+        carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Any) -> ContactMemory:

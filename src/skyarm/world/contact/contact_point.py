@@ -195,11 +195,11 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
     for point, (at, body) in zip(points, places, strict=True):
         ball = not (type(point.radius) is int and point.radius == 0)
         if body in shared:
-            lever, turning = axes[body].apply(at), motion.turned(motion.angular_velocity(body), body)
+            lever, turning = axes[body].apply(at), motion.to_world(motion.angular_velocity(body), body)
             position, velocity = motion.position(ZERO3, body), motion.velocity(ZERO3, body)
             found.append((position + lever, velocity + turning.cross(lever), turning if ball else ZERO3))
         else:
-            turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
+            turning = motion.to_world(motion.angular_velocity(body), body) if ball else ZERO3
             found.append((motion.position(at, body), motion.velocity(at, body), turning))
     return found
 
@@ -231,4 +231,4 @@ def _axes(motion: PointMotion, body: int) -> Mat3:
     """Axes of a body to world axes."""
     if body == BASE:
         return motion.rotation
-    return Mat3.columns(*(motion.turned(axis, body) for axis in (E_X, E_Y, E_Z)))
+    return Mat3.columns(*(motion.to_world(axis, body) for axis in (E_X, E_Y, E_Z)))

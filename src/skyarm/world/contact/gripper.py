@@ -221,10 +221,10 @@ class Gripper:
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
                 takes = _both(takes, rising > 0.0)
             taken = where(takes, i + 1.0, taken)
-            place = _chosen(takes, body.rotation.apply_T(frame.position - body.position), place)
-            normal = _chosen(takes, body.rotation.apply_T(outward), normal)
+            place = _select(takes, body.rotation.apply_T(frame.position - body.position), place)
+            normal = _select(takes, body.rotation.apply_T(outward), normal)
             now = frame.rotation.T @ body.rotation
-            turn = Mat3(*(_chosen(takes, new, old) for new, old in zip(now.rows, turn.rows, strict=True)))
+            turn = Mat3(*(_select(takes, new, old) for new, old in zip(now.rows, turn.rows, strict=True)))
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(held, taken > 0.5)
         return Grip(
@@ -254,7 +254,7 @@ def _any(a: Any, b: Any) -> Any:
     return b if a is False else a if b is False else logical_or(a, b)
 
 
-def _chosen(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+def _select(condition: Any, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
@@ -290,13 +290,13 @@ class Grasps:
         found = []
         for gripper in self.grippers:
             at = motion.vehicle.frame(gripper.frame or None)
-            columns = [motion.turned(at.rotation.column(i), at.link) for i in range(3)]
+            columns = [motion.to_world(at.rotation.column(i), at.link) for i in range(3)]
             found.append(
                 CarriedFrame(
                     position=motion.position(at.position, at.link),
                     rotation=Mat3.columns(*columns),
                     velocity=motion.velocity(at.position, at.link),
-                    turning=motion.turned(motion.angular_velocity(at.link), at.link),
+                    turning=motion.to_world(motion.angular_velocity(at.link), at.link),
                 )
             )
         return found
@@ -320,7 +320,7 @@ class Grasps:
         """Wrench of each grasp on each body: zero on bodies outside of it."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
-            [_shared(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
+            [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
             for grip, row in zip(memory.grips, possible, strict=True)
         ]
 
@@ -385,6 +385,6 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
     return -deepest, normal
 
 
-def _shared(hold: Hold, share: Any) -> Hold:
+def _scale_hold(hold: Hold, share: Any) -> Hold:
     """A part of what a grasp does."""
     return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)

@@ -76,7 +76,7 @@ def require_places_apart(contact: Contact, gravity: float, most: float) -> None:
             for a in one.surfaces:
                 for b in other.surfaces:
                     pressed = most * max(weights[i], weights[j]) / min(a.material.stiffness, b.material.stiffness)
-                    place = _shared((a, frames[i]), (b, frames[j]), SHALLOW + pressed)
+                    place = _common_place((a, frames[i]), (b, frames[j]), SHALLOW + pressed)
                     if place is not None:
                         boxes = all(isinstance(e, FreeObject) and e.standing and e.shape == "box" for e in (one, other))
                         raise ValueError(
@@ -85,7 +85,7 @@ def require_places_apart(contact: Contact, gravity: float, most: float) -> None:
                         )
 
 
-def _shared(a: tuple[Surface, CarriedFrame], b: tuple[Surface, CarriedFrame], deep: float) -> list[float] | None:
+def _common_place(a: tuple[Surface, CarriedFrame], b: tuple[Surface, CarriedFrame], deep: float) -> list[float] | None:
     """The place (m, world axes) that is deepest inside of both, by more than ``deep`` (m); None without one."""
     (one, of_one), (other, of_other) = a, b
     away = [float(c) for c in _middle(*a) - _middle(*b)]

@@ -96,7 +96,9 @@ class Mechanism(Carrier):
         turns = KINDS[self.kind].turns
         if not turns and type(self.inertia) is not int:
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
-        if type(self.moved) is int or (concrete(self.moved) and not self.moved > 0.0):
+        if type(self.generalized_inertia) is int or (
+            concrete(self.generalized_inertia) and not self.generalized_inertia > 0.0
+        ):
             what = "inertia" if turns and not self.size else "mass"
             instead = ", or an inertia" if turns and self.size else ""
             raise RecordError(f"mechanism.{what}: is missing; a {self.kind} must have one above 0{instead}")
@@ -130,7 +132,7 @@ class Mechanism(Carrier):
         return (own, *self.parts)
 
     @property
-    def moved(self) -> Any:
+    def generalized_inertia(self) -> Any:
         """Its inertia along the coordinate, kg m^2 or kg."""
         if not self.turns:
             return self.mass
@@ -163,7 +165,7 @@ class Mechanism(Carrier):
             away = surface.position - self.along * self.along.dot(surface.position)
             lever = maximum(lever, sqrt(away.dot(away) + 1e-24) + surface.farthest)
         lever = add(lever, reach)
-        return lever * lever / self.moved
+        return lever * lever / self.generalized_inertia
 
     @property
     def along(self) -> Vec3:
@@ -213,11 +215,11 @@ class Mechanism(Carrier):
         else:
             applied = axis.dot(force_W + weight)
         own, bristle = inner_effort(self, memory)
-        return MechanismMotion(coordinate=rate, rate=(applied + own) / self.moved, bristle=bristle)
+        return MechanismMotion(coordinate=rate, rate=(applied + own) / self.generalized_inertia, bristle=bristle)
 
     def effort(self, memory: MechanismMotion, slope: MechanismMotion, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
         """Effort along the coordinate, inner efforts and weight in it, N m or N."""
-        return (mul(slope.rate, self.moved),)
+        return (mul(slope.rate, self.generalized_inertia),)
 
     def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
         """The bristle of dry friction has moved."""
@@ -293,9 +295,9 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     if of.detent is not None:
         effort = effort - of.detent.at(q)
     if _at_stop(of.lower):
-        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, stop_of(of).step_of(of.moved))
+        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, stop_of(of).step_of(of.generalized_inertia))
     if _at_stop(of.upper):
-        effort = effort - stop_of(of).normal_force(q - of.upper, rate, stop_of(of).step_of(of.moved))
+        effort = effort - stop_of(of).normal_force(q - of.upper, rate, stop_of(of).step_of(of.generalized_inertia))
     if not memory.bristle:
         return effort, ()
     length, (z,) = bristle_of(of), memory.bristle
@@ -304,7 +306,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     bending = Material(bristle_length=length).bristle_rate(Vec3(z, 0, 0), Vec3(rate, 0, 0), 1.0, fastest).x
     held = of.friction / length
     # half of critical damping: vibration of the bristle dies away
-    wanted = held * z + sqrt(held * of.moved) * bending
+    wanted = held * z + sqrt(held * of.generalized_inertia) * bending
     return effort - clip(wanted, -of.friction, of.friction), (bending,)
 
 
@@ -316,21 +318,23 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Any:
     stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
         held = of.friction / bristle_of(of)
-        stiffness, damping = stiffness + held, damping + sqrt(held * of.moved)
+        stiffness, damping = stiffness + held, damping + sqrt(held * of.generalized_inertia)
     if of.detent is not None:
         stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
-    fastest = maximum(sqrt(stiffness / of.moved), of.damping / of.moved)
+    fastest = maximum(sqrt(stiffness / of.generalized_inertia), of.damping / of.generalized_inertia)
     step = minimum(divide(BRISTLE_STEP, fastest), LONGEST)
     if euler:
-        step = minimum(step, euler_step_of(stiffness / of.moved, damping / of.moved))
-    return minimum(step, stop_of(of).step_of(of.moved)) if _at_stop(of.lower) or _at_stop(of.upper) else step
+        step = minimum(step, euler_step_of(stiffness / of.generalized_inertia, damping / of.generalized_inertia))
+    return (
+        minimum(step, stop_of(of).step_of(of.generalized_inertia)) if _at_stop(of.lower) or _at_stop(of.upper) else step
+    )
 
 
 def stop_of(of: Mechanism) -> Material:
     """A stop as what a surface is to a point: rad and N m in place of m and N where it turns."""
     stiffness = of.stop_stiffness
     if type(stiffness) is int:
-        stiffness = STOP_RATE * STOP_RATE * of.moved
+        stiffness = STOP_RATE * STOP_RATE * of.generalized_inertia
         stiffness = stiffness if of.turns else maximum(stiffness, STOP_LEAST)
     return Material(stiffness=stiffness, dissipation=of.stop_damping, friction=0.0)
 

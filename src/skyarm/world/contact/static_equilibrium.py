@@ -148,7 +148,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
         supports = _Supports(contact, stack, gravity)
         x = _root(supports.residual, np.zeros(3 * len(stack)), 30, 1e-9, FARTHEST)
         if x is not None:
-            contact = supports.placed(x)
+            contact = supports.contact_at(x)
     return contact
 
 
@@ -196,7 +196,7 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
         raise ValueError(
             f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
         )
-    return supports.placed(found)
+    return supports.contact_at(found)
 
 
 def _half_of(body: FreeObject) -> float:
@@ -220,7 +220,7 @@ class _Supports:
         self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
         self._weights = [float(contact.objects[i].mass) * gravity for i in indices]
 
-    def _moved(self, x: Array) -> list[Any]:
+    def _displace(self, x: Array) -> list[Any]:
         """Motions of every carrier; objects are turned about level axes through their centres of mass."""
         found = list(self._first)
         for i, (up, about_x, about_y) in zip(self._indices, x.reshape(-1, 3).tolist(), strict=True):
@@ -236,16 +236,16 @@ class _Supports:
 
     def gap(self, x: Array) -> float:
         """m from the first object to the nearest thing."""
-        meetings = self._pushes(self._moved(x), self._indices[0])
+        meetings = self._pushes(self._displace(x), self._indices[0])
         return -max((float(each.touch.depth) for each, _ in meetings), default=-LOWEST)
 
     def force(self, x: Array) -> float:
         """Vertical force on the first object, N."""
-        return float(sum(push.z for _, push in self._pushes(self._moved(x), self._indices[0])))
+        return float(sum(push.z for _, push in self._pushes(self._displace(x), self._indices[0])))
 
     def residual(self, x: Array) -> Array:
         """For each object the vertical force less its weight, and both level moments by its size; shares of all."""
-        moved, rows = self._moved(x), list[float]()
+        moved, rows = self._displace(x), list[float]()
         for i, weight in zip(self._indices, self._weights, strict=True):
             force, moment = 0.0, ZERO3
             for each, push in self._pushes(moved, i):
@@ -255,15 +255,15 @@ class _Supports:
             rows += [force - weight, float(moment.x) / length, float(moment.y) / length]
         return np.array(rows) / sum(self._weights)
 
-    def placed(self, x: Array) -> Contact:
+    def contact_at(self, x: Array) -> Contact:
         """The contact with the objects where they have moved to."""
-        objects, moved = list(self._contact.objects), self._moved(x)
+        objects, moved = list(self._contact.objects), self._displace(x)
         for i in self._indices:
-            objects[i] = _placed(objects[i], moved[i])
+            objects[i] = _place_object(objects[i], moved[i])
         return replace(self._contact, objects=tuple(objects))
 
 
-def _placed(of: FreeObject, memory: ObjectMotion) -> FreeObject:
+def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
     """The object with position and angles of a motion."""
     frame = of.frame(memory)
     (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)

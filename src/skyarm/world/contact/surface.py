@@ -162,7 +162,7 @@ class Surface:
         faces = self._faces(p)
         height, normal = _nearest(faces)
         if len(faces) > 1 and not (type(radius) is int and radius == 0):
-            height, normal = _rounded(faces, height, normal)
+            height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
 
     def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Any, t: Any) -> Any:
@@ -180,7 +180,7 @@ class Surface:
         """
         R = self.rotation
         axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
-        known = [*faces, _rounded(faces, *_nearest(faces))] if len(faces) > 1 else faces
+        known = [*faces, _nearest_edge(faces, *_nearest(faces))] if len(faces) > 1 else faces
         found = [height - _half_width(axis, normal, radius) for height, normal in known]
         widest = found[0]
         for each in found[1:]:
@@ -223,7 +223,7 @@ def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
-def _rounded(faces: tuple[Face, ...], height: Any, normal: Vec3) -> Face:
+def _nearest_edge(faces: tuple[Face, ...], height: Any, normal: Vec3) -> Face:
     """The same where a point outside may be nearest to an edge or a corner."""
     outside = [maximum(above, 0.0) for above, _ in faces]
     away = sqrt(sum(each * each for each in outside) + _CENTRE)

@@ -80,7 +80,7 @@ class Solid:
         return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
 
 
-def between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
+def shape_between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
     """A capsule or cylinder from one point of a body to another."""
     along = floats(b - a for a, b in zip(start, end, strict=True))
     centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))

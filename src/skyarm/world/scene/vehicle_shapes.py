@@ -21,7 +21,7 @@ from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
-from skyarm.world.scene.shapes import Shape, Vector, between, floats, own_mesh, turn_onto
+from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
 
 LEAST_REACH = 0.1
 """m: scale of what has no rotors."""
@@ -57,7 +57,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
             half = 0.07 * reach
             axis = floats(link.joint.axis)
             ends = (floats(-half * c for c in axis), floats(half * c for c in axis))
-            shapes.append(between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
+            shapes.append(shape_between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
     if vehicle.end_effector:
         tip = vehicle.frame()
         shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), floats(tip.position)))
@@ -92,7 +92,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
     for rotor in vehicle.rotors:
         hub = floats(rotor.position)
         if math.hypot(*hub) > 1e-6:
-            shapes.append(between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
+            shapes.append(shape_between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
         disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
         shapes.append(Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis))
     return shapes
@@ -108,7 +108,7 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
     rods = []
     for carried, end in ends:
         if math.hypot(*floats(end)) > 1e-6:
-            rods.append(between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)))
+            rods.append(shape_between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)))
     return rods
 
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.scene.shapes import OBJECT, Shape, Solid, between, floats
+from skyarm.world.scene.shapes import OBJECT, Shape, Solid, floats, shape_between
 from skyarm.world.scene.vehicle_shapes import longest_boom, matrices, rotations_of, vectors
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def point_shapes(contacts: Iterable[Contact], vehicle: Vehicle) -> tuple[Shape, 
             found.append(Shape(f"point/{point.name}", "point", "sphere", body, (radius or least,), place))
             if math.hypot(*place) > 2.0 * least:
                 ends = (0.0, 0.0, 0.0), place
-                found.append(between(f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends))
+                found.append(shape_between(f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends))
     return tuple(found)
 
 

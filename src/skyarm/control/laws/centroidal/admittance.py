@@ -155,10 +155,10 @@ class AdmittanceGains(Part):
             self, memory, step.par.model.vehicle, step.observed, step.signals, sensor, step.dt
         )
         step.external = memory.channels[0].detected
-        step.isolate(self.rested(memory))
+        step.isolate(self.force_cleared(memory))
         return memory
 
-    def rested(self, memory: AdmittanceMemory) -> Any:
+    def force_cleared(self, memory: AdmittanceMemory) -> Any:
         """1 where nothing of an external force or torque is left in what is observed, else 0."""
         quiet = memory.channels[0].quiet
         for each in memory.channels[1:]:
@@ -256,7 +256,7 @@ def detect(
     return dataclasses.replace(
         memory,
         age=where(settled, memory.age, memory.age + dt),
-        bias=memory.bias.filtered(beside, share, wind),
+        bias=memory.bias.blend_towards(beside, share, wind),
         channels=tuple(dataclasses.replace(each, offset=b) for each, b in zip(found, offsets, strict=True)),
     )
 

@@ -25,7 +25,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, derivative, reachable
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.sideways_force import Reach, across, applied
+from skyarm.control.laws.centroidal.sideways_force import Reach, achievable_force, across
 from skyarm.records.units import Unit
 
 
@@ -113,19 +113,19 @@ def thrust(
     e, ed = position - wanted[0], velocity - wanted[1]
     off = [e]
     pull = [_attraction(par, off) + kv.scaled(ed)]
-    force = (wanted[2] + gravity - _bounded(pull, limit)) * mass - disturbance
+    force = (wanted[2] + gravity - _soft_limit(pull, limit)) * mass - disturbance
     per_mass = divide(1.0, mass)
-    edd = (applied(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
+    edd = (achievable_force(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.scaled(edd))
-    first = (wanted[3] - _bounded(pull, limit)) * mass - force_rate
-    eddd = (applied(reach, [force, first], R, w) + force_rate) * per_mass - wanted[3]
+    first = (wanted[3] - _soft_limit(pull, limit)) * mass - force_rate
+    eddd = (achievable_force(reach, [force, first], R, w) + force_rate) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.scaled(eddd))
-    second = (wanted[4] - _bounded(pull, limit)) * mass - force_bend
+    second = (wanted[4] - _soft_limit(pull, limit)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
-    pushed = applied(reach, [derivative(held, 0)], R, w)
+    pushed = achievable_force(reach, [derivative(held, 0)], R, w)
     return Thrust(
         force=held,
         along=derivative(held, 0).dot(R.column(2)),
@@ -153,7 +153,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
     return Vec3(*(p * (each * left).derivative(len(errors) - 1) for p, each in zip(kp, series, strict=True)))
 
 
-def _bounded(pull: list[Vec3], limit: Any) -> Vec3:
+def _soft_limit(pull: list[Vec3], limit: Any) -> Vec3:
     """Highest given derivative of pull / sqrt(1 + |pull|^2 / limit^2): a smooth bound that small pulls do not feel."""
     series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
@@ -182,7 +182,7 @@ class ArmMotion:
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
 
 
-def followed(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
+def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
     """The memory one period later; ``com`` is h as a series of fourth order."""
     top = derivative(com, 4)
     size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)

@@ -141,7 +141,7 @@ def demands(step: Step) -> Demand:
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
-        arm = center_of_mass.followed(arm, course.level.com, model.gravity, step.dt)
+        arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, par.center.arm_turn, h)
     wanted = center_of_mass.goal(course.base, h, course.still, par.tip.shift is not None)
     push = center_of_mass.thrust(
@@ -179,7 +179,7 @@ def demands(step: Step) -> Demand:
         )
         if pressing is not None:
             gap = pressing.n.dot(present.tip - course.goal.tip[0])
-            goal = pressing.freed(goal, present.tip, present.tip_velocity, par.tip.velocity)
+            goal = pressing.release_normal(goal, present.tip, present.tip_velocity, par.tip.velocity)
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     if par.joint_ends:
         preferred = within_limits(vehicle, par.joint_ends, par.joint_gains, state, joints, preferred)

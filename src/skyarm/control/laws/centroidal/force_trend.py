@@ -61,7 +61,7 @@ class TrendGains(Part):
 
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
         """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
-        trend = followed(self, memory, step.observed.force, step.dt)
+        trend = update_trend(self, memory, step.observed.force, step.dt)
         rate, free = trusted_rate(self, trend), 1.0
         if type(step.external) is not int:
             free = 1.0 - step.external
@@ -108,14 +108,14 @@ def first_trend(gains: TrendGains) -> ForceTrend:
     )
 
 
-def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
+def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
     """The memory one period later; ``force`` is the observer's, N, world axes."""
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
     level, rate = ahead + miss * (1.0 - b * b), memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
-    forces, rates = _delayed(memory.forces, force, share), _delayed(memory.rates, rate, share)
+    forces, rates = _advance_delay(memory.forces, force, share), _advance_delay(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
     told = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
@@ -129,7 +129,7 @@ def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> For
     )
 
 
-def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ...]:
+def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ...]:
     """The stages one period later."""
     found = []
     for each in chain:

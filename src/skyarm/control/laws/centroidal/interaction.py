@@ -109,7 +109,7 @@ def interact(
         felt: N, the tip's force as a sensor tells it, world axes; None without one. It decides on touch and loss, and
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
-    n, asked = wanted.normal, wanted.asked
+    n, asked = wanted.normal, wanted.requests_contact
     force, _ = tip_wrench(vehicle, gains.errors, at, (), observed - memory.bias)
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
@@ -118,12 +118,14 @@ def interact(
     if wanted.grips:
         kept = where(wanted.grip > 0.5, gains.yielding, kept)
         touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
-    share = ramped(gains, memory.share, touching, dt)
-    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips)
+    share = ramp_share(gains, memory.share, touching, dt)
+    integral = integrate_force_error(
+        gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips
+    )
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
-    shift = followed(gains, memory, asked, touching, wanted.speed, dt)
+    shift = normal_shift(gains, memory, asked, touching, wanted.speed, dt)
     after = dataclasses.replace(
         memory,
         touching=touching,
@@ -134,7 +136,7 @@ def interact(
         shift=shift[0],
         shift_rate=shift[1],
         free=free,
-        bias=learned(gains, memory.bias, observed, force, asked, free, dt),
+        bias=update_bias(gains, memory.bias, observed, force, asked, free, dt),
         force=vector_data(force),
         felt=memory.felt if felt is None else vector_data(felt),
     )
@@ -171,12 +173,12 @@ def touches(
     return where(asked, found, 0.0), losing
 
 
-def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
+def ramp_share(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
     """The share of the desired force one period later."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
-def integrated(
+def integrate_force_error(
     gains: InteractionGains,
     integral: Any,
     wanted: Any,
@@ -197,7 +199,7 @@ def integrated(
     return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
 
 
-def followed(
+def normal_shift(
     gains: InteractionGains, memory: InteractionMemory, asked: Any, touching: Any, speed: Any, dt: Any
 ) -> tuple[Any, Any, Any]:
     """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
@@ -213,7 +215,7 @@ def followed(
     return s + (rate + moved) * (0.5 * dt), moved, acceleration
 
 
-def learned(
+def update_bias(
     gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Any, free: Any, dt: Any
 ) -> Disturbance:
     """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
@@ -221,10 +223,10 @@ def learned(
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
     unexplained = dataclasses.replace(d, force=d.force - force * where(learns, 0.0, 1.0))
-    return bias.filtered(unexplained, share, wind)
+    return bias.blend_towards(unexplained, share, wind)
 
 
-def rested(gains: InteractionGains, memory: InteractionMemory) -> Any:
+def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Any:
     """1 where nothing of a contact is left in what is observed, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
 
@@ -252,12 +254,12 @@ class Pressing:
     kept: Any
     asked: Any = False
 
-    def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
+    def shift_reference(self, signals: Sequence[Taylor]) -> list[Taylor]:
         """The reference's signals with x, y and z moved along the normal."""
         s = Taylor((self.shift[0], self.shift[1], mul(0.5, self.shift[2]), 0.0, 0.0))
         return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
 
-    def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
+    def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
         """The disturbance with the order in place of what the observer holds along n, by the levers of the present.
 
         The joints give the order, and yield to all else; the base carries what is still felt beyond it, too.
@@ -273,7 +275,7 @@ class Pressing:
             efforts=tuple(mul(each, self.engaged) for each in change.efforts),
         )
 
-    def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
+    def release_normal(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
         """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
         p, v, a = goal.tip
         n, slower = self.n, 1.0 - self.damping / velocity_gain
@@ -302,7 +304,7 @@ def leaning(told: Vec3, lean: Vec3) -> Vec3:
     return unit
 
 
-def slid(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
+def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
     """The lean one period later; none where no contact is requested.
 
     Args:
@@ -392,12 +394,12 @@ class InteractionGains(Part):
         into = -wanted.normal.dot(velocity)
         memory, pressing = interact(self, memory, wanted, vehicle, disturbance(observed), then, into, effort, dt, felt)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
-        lean = slid(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
-        given = pressing.exchanged(step.unknown, then, now)
+        lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
+        given = pressing.with_order(step.unknown, then, now)
         step.force = observed.force + given.force - step.unknown.force
         step.pressing, step.unknown = pressing, given
-        step.signals, step.external = pressing.shifted(step.signals), pressing.engaged
-        step.isolate(rested(self, memory))
+        step.signals, step.external = pressing.shift_reference(step.signals), pressing.engaged
+        step.isolate(contact_cleared(self, memory))
         return dataclasses.replace(memory, lean=vector_data(lean))
 
     def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
@@ -464,7 +466,7 @@ class Wanted:
         return type(self.grip) is not int
 
     @property
-    def asked(self) -> Any:
+    def requests_contact(self) -> Any:
         """True if any contact is requested."""
         wanted: Any = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted

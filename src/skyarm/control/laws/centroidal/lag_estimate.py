@@ -169,7 +169,7 @@ def _lags(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
 
 def estimate(bank: Bank, step: Any) -> Any:
     """Lag in seconds, the bank's lags being ``step`` apart."""
-    paid, least = _paid(bank.means)
+    paid, least = _price_lags(bank.means)
     total: Any = 0.0
     weighted: Any = 0.0
     for j, each in enumerate(paid):
@@ -178,7 +178,7 @@ def estimate(bank: Bank, step: Any) -> Any:
     return step * divide(weighted, total)
 
 
-def _paid(means: Sequence[Any]) -> tuple[list[Any], Any]:
+def _price_lags(means: Sequence[Any]) -> tuple[list[Any], Any]:
     """Means with the prices of their lags, and the least of them."""
     paid = [mean + PRIOR * j for j, mean in enumerate(means)]
     least = paid[0]
@@ -218,11 +218,11 @@ def learn(
     seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
     believed = _in_row(memory.believed, own, running, dt)
     measured = _in_row(memory.measured, seen, running, dt)
-    band = _banded(believed)
+    band = _band_pass(believed)
     delayed = [band, *(memory.past[k - 1] for k in range(gains.stride, len(memory.past) + 1, gains.stride))]
     weight = isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
     keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
-    here = _banded(measured)
+    here = _band_pass(measured)
     groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
     base, arm = (_bank(bank, here[part], [each[part] for each in delayed], keep, running * dt) for bank, part in groups)
     return LagMemory(
@@ -250,7 +250,7 @@ def _in_row(before: Sequence[Sequence[Any]], new: Sequence[Any], running: Any, d
     return tuple(found)
 
 
-def _banded(filtered: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+def _band_pass(filtered: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
     """The part in the band: below its upper edge without what is below its lower one."""
     return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
 
@@ -271,6 +271,6 @@ def _bank(bank: Bank, seen: Sequence[Any], delayed: Sequence[Sequence[Any]], kee
     size = minimum(mean * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
     means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
-    _, least = _paid(means)
+    _, least = _price_lags(means)
     bounded = (minimum(mean, least + (LEAD - PRIOR * j)) for j, mean in enumerate(means))
     return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))

@@ -118,7 +118,7 @@ def _present(step: Step) -> State:
     par, observed, measurement = step.par, step.observed, step.measurement
     share = par.observation.measured_rates
 
-    def mixed(filtered: Any, measured: Any) -> Any:
+    def blend(filtered: Any, measured: Any) -> Any:
         return add(filtered, mul(share, sub(measured, filtered)))
 
     state = State(
@@ -127,7 +127,7 @@ def _present(step: Step) -> State:
         velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
         rate=observed.rate + (measurement.rate - observed.rate) * share,
         joints=observed.joints,
-        joint_rates=tuple(mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
+        joint_rates=tuple(blend(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
         rotor_speeds=observed.rotor_speeds,
     )
     for command in step.memory.sent[1:]:

@@ -32,7 +32,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.interaction import rested
+from skyarm.control.laws.centroidal.interaction import contact_cleared
 from skyarm.control.laws.centroidal.load_inertia import (
     InertiaGains,
     InertiaMemory,
@@ -169,7 +169,7 @@ def learn_load(
     after = LoadMemory(
         mass=where(holds, m, 0.0),
         place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
-        bias=memory.bias.filtered(observed, share, share),
+        bias=memory.bias.blend_towards(observed, share, share),
         inertia=inertia,
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
@@ -232,7 +232,7 @@ class LoadGains(Part):
             contact: Any = par.parts.interaction
             learns = where(logical_or(step.pressing.engaged > 0.5, step.pressing.asked), 0.0, learns)
             # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
-            learns = mul(learns, where(holds, 1.0, rested(contact, before.parts.interaction)))
+            learns = mul(learns, where(holds, 1.0, contact_cleared(contact, before.parts.interaction)))
         R, turned = observed.quaternion.rotation(), None
         if self.inertia is not None:
             late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)

@@ -173,7 +173,7 @@ def learn_inertia(
     kept = where(holds, 1.0 - low_pass_share(gains.forgetting, dt) * learns * new, 0.0)
     A = [old * kept + each for old, each in zip(memory.A, (squares.A[i][j] for i, j in LOWER), strict=True)]
     b = [old * kept + each for old, each in zip(memory.b, squares.b, strict=True)]
-    solved, known = _solved(gains, mass, size, A, b)
+    solved, known = _solve_moments(gains, mass, size, A, b)
     found = consistent(gains, mass, size, solved, known)
     pace = low_pass_share(gains.pace, dt)
     moments = consistent(gains, mass, size, memory.moments + (found - memory.moments) * pace, known)
@@ -191,7 +191,7 @@ LOWER = [(i, j) for i in range(3) for j in range(i + 1)]
 """Rows and columns of the lower triangle, row by row."""
 
 
-def _solved(
+def _solve_moments(
     gains: InertiaGains, mass: Any, size: Any, A: Sequence[Any], b: Sequence[Any]
 ) -> tuple[Vec3, tuple[Any, ...]]:
     """The moments of the least squares, kg m^2, and the information of each."""

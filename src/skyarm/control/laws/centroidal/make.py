@@ -41,11 +41,11 @@ from skyarm.control.laws.centroidal.presets import (
     ENTRIES,
     PERIODS,
     PRESETS,
-    bounded,
-    checked,
+    check_entry,
     damping_share,
     must_act,
     name_of,
+    number_within,
     one_of,
     periods_of,
 )
@@ -96,7 +96,7 @@ def make_centroidal(
     """
     one_of("mode", mode, MODES)
     one_of("preset", preset, sorted(PRESETS))
-    gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
+    gains = {**PRESETS[preset], **{name: check_entry(name, value) for name, value in changes.items()}}
     must_act(changes, gains, mode)
     periods, vehicle, sideways = periods_of(delay, control_period), model.vehicle, gains["sideways"] > 0.0
     if sideways and vehicle.tilts:
@@ -166,7 +166,7 @@ def make_centroidal(
             pushes_across=pushes_across(vehicle) and not sideways,
         ),
         delay_periods=periods,
-        reference_period=bounded("reference_period", reference_period, *PERIODS),
+        reference_period=number_within("reference_period", reference_period, *PERIODS),
         continuation=gains["continuation"],
         parts=Parts(
             lag=LagGains(base=late[0], joints=late[1], stride=stride_of(control_period))
@@ -176,7 +176,7 @@ def make_centroidal(
             admittance=admittance_gains(admittance, mode, vehicle, sensor, lead, others),
             load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
-            adaptation=adaptation_gains(vehicle, gains, bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
+            adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
     )
     if gains["bandwidth"] != 1.0:

@@ -184,7 +184,7 @@ def one_of(name: str, value: Any, words: Sequence[str]) -> None:
         raise ControllerError(f"controller.{name} = {shown(value)}: must be one of {list(words)}")
 
 
-def bounded(name: str, value: Any, low: float, high: float = math.inf) -> float:
+def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
     """A finite number from ``low`` to ``high``."""
     try:
         held = number(value, f"controller.{name}", low=low)
@@ -195,7 +195,7 @@ def bounded(name: str, value: Any, low: float, high: float = math.inf) -> float:
     return held
 
 
-def checked(name: str, value: Any) -> Any:
+def check_entry(name: str, value: Any) -> Any:
     """A preset's entry of its own kind, within its range.
 
     Raises:
@@ -209,11 +209,11 @@ def checked(name: str, value: Any) -> Any:
             raise ControllerError(f"controller.{name} = {shown(value)}: must be true or false")
         return value
     if not isinstance(example, tuple):
-        return bounded(name, value, *RANGES[name])
+        return number_within(name, value, *RANGES[name])
     if not isinstance(value, (list, tuple)) or len(value) != len(example):
         raise ControllerError(f"controller.{name} = {shown(value)}: must be {len(example)} numbers")
     limits = RANGES.get(name, (0.0, math.inf))
-    return tuple(bounded(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
+    return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str) -> None:
@@ -235,8 +235,8 @@ def periods_of(delay: Any, control_period: Any) -> int:
     Raises:
         ControllerError: no whole number of them, too many, or a period that is none.
     """
-    period = bounded("control_period", control_period, *PERIODS)
-    seconds = bounded("delay", delay, 0.0, OLDEST * period * (1.0 + 1e-9))
+    period = number_within("control_period", control_period, *PERIODS)
+    seconds = number_within("delay", delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
     if abs(periods * period - seconds) > 1e-9:
         raise ControllerError(

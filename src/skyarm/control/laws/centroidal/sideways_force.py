@@ -110,7 +110,7 @@ def _square(value: Taylor) -> Taylor:
     return value * value
 
 
-def applied(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
+def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
     """Force achievable by the rotors at this attitude, world axes, N, or its first derivative, N/s.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
 from skyarm.algebra.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
-from skyarm.control.blocks.actuators import command_for, led
+from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.blocks.select import data
@@ -55,15 +55,15 @@ def reaction(vehicle: Vehicle, joints: Sequence[Any]) -> Reaction:
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
     share, n = divide(1.0, vehicle.mass), len(joints)
 
-    def reduced(row: int, column: int) -> Any:
+    def reduced_entry(row: int, column: int) -> Any:
         total = M[row][column]
         for k in range(3):
             total = sub(total, mul(mul(M[row][k], M[column][k]), share))
         return total
 
     return Reaction(
-        joints=[[reduced(6 + i, 6 + j) for j in range(n)] for i in range(n)],
-        base=[[reduced(k, 6 + j) for j in range(n)] for k in range(3, 6)],
+        joints=[[reduced_entry(6 + i, 6 + j) for j in range(n)] for i in range(n)],
+        base=[[reduced_entry(k, 6 + j) for j in range(n)] for k in range(3, 6)],
     )
 
 
@@ -129,7 +129,9 @@ def actuate(step: Step, demand: Demand) -> Done:
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
     ahead = trim
     if demand.force_rate is not None:
-        ahead = led(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, par.rotors.lag_inversion)
+        ahead = compensate_motor_lag(
+            model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, par.rotors.lag_inversion
+        )
     targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, ahead, strict=True)]
     speeds = tuple(
         command_for(rotor, speed, target, dt, par.rotors.lag_inversion)

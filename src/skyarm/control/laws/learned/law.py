@@ -235,9 +235,9 @@ def with_motion(history: History, measurement: Measurement, dt: Any) -> History:
     return dataclasses.replace(
         history,
         started=where(new, 1.0, history.started),
-        velocity=Vec3(*_followed(new, history.velocity, measurement.velocity, dt)),
-        rate=Vec3(*_followed(new, history.rate, measurement.rate, dt)),
-        joint_rates=_followed(new, history.joint_rates, measurement.joint_rates, dt),
+        velocity=Vec3(*_filter_values(new, history.velocity, measurement.velocity, dt)),
+        rate=Vec3(*_filter_values(new, history.rate, measurement.rate, dt)),
+        joint_rates=_filter_values(new, history.joint_rates, measurement.joint_rates, dt),
     )
 
 
@@ -249,7 +249,9 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) 
     begun, new = history.started > 0.5, history.commanded < 0.5
 
     def after(filtered: Any, values: Any) -> tuple[Any, ...]:
-        return tuple(where(begun, b, a) for a, b in zip(filtered, _followed(new, filtered, values, dt), strict=True))
+        return tuple(
+            where(begun, b, a) for a, b in zip(filtered, _filter_values(new, filtered, values, dt), strict=True)
+        )
 
     return dataclasses.replace(
         history,
@@ -260,7 +262,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) 
     )
 
 
-def _followed(new: Any, filtered: Any, values: Any, dt: Any) -> tuple[Any, ...]:
+def _filter_values(new: Any, filtered: Any, values: Any, dt: Any) -> tuple[Any, ...]:
     """Values through the filter, which starts at the first of them."""
     share = 1.0 - exp(mul(-HISTORY, dt))
     return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
@@ -297,11 +299,11 @@ def learned_compensator(
     told = par.network(features(measurement, reference, history))
     share = 1.0 - exp(mul(-par.answer, dt))
     answer = tuple(add(old, mul(share, sub(new, old))) for old, new in zip(memory.answer, told, strict=True))
-    command = compensated(measurement, reference, answer, par)
+    command = compensate(measurement, reference, answer, par)
     return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
 
 
-def compensated(
+def compensate(
     measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
 ) -> Command:
     """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""

@@ -26,7 +26,7 @@ from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.tip_force import levers
-from skyarm.control.laws.predictive.prediction import Inputs, accelerations, carried
+from skyarm.control.laws.predictive.prediction import Inputs, accelerations, integrate_stage
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.units import Unit
@@ -212,7 +212,7 @@ def input_residuals(
     return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)
 
 
-def foreseen(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Any) -> State:
+def predict_stage(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Any) -> State:
     """State after a stage of ``dt`` seconds, the surface's force at its beginning held over it."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
-    return carried(model, state, inputs, pushed, dt, goal.joint_rates)
+    return integrate_stage(model, state, inputs, pushed, dt, goal.joint_rates)

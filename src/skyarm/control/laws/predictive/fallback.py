@@ -77,7 +77,7 @@ class Trust:
     calm: float = 0.0
 
     @property
-    def flown(self) -> bool:
+    def flies_plans(self) -> bool:
         """True while plans are flown."""
         return self.resting <= 0.0
 
@@ -91,7 +91,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
 
 
-def trusted(plan: Plan, most: float) -> bool:
+def is_flyable(plan: Plan, most: float) -> bool:
     """Return True if a plan may be flown: finite, and no dearer than ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
     return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
@@ -103,7 +103,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
         return Trust(count, resting, trust.rest, trust.calm)
-    if not trust.flown:
+    if not trust.flies_plans:
         return Trust(0, trust.resting, trust.rest, 0.0)
     least, most = REST
     rest = least if trust.calm > FORGIVEN or not trust.rest else min(2.0 * trust.rest, most)
@@ -112,7 +112,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
 
 def after_period(trust: Trust, dt: float) -> Trust:
     """Trust after ``dt`` s."""
-    if trust.flown:
+    if trust.flies_plans:
         return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
     # what is left stays above zero until the plans are good
     return Trust(trust.good, max(trust.resting - dt, SPENT), trust.rest, 0.0)

@@ -37,21 +37,21 @@ from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.centroidal.interaction import InteractionGains, interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
-from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, trusted, worst_cost
+from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
 from skyarm.control.laws.predictive.observer import (
     LONGEST,
     Bandwidths,
     Fresh,
     Lateness,
     Observation,
-    compared,
-    filled,
+    detect_stale,
+    fill_stale,
     first_lateness,
-    frozen,
     taken_over,
+    update_lateness,
 )
 from skyarm.control.laws.predictive.prediction import Motors, command_for, motors, speeds_under
-from skyarm.control.laws.predictive.preview import Sample, Stance, extrapolated, goals, known, taken
+from skyarm.control.laws.predictive.preview import Sample, Stance, extrapolate, goals, sample_trajectory, update_sample
 from skyarm.control.laws.predictive.solver import (
     Bounds,
     NoPlanError,
@@ -60,7 +60,7 @@ from skyarm.control.laws.predictive.solver import (
     Riccati,
     Rollouts,
     Stages,
-    shifted,
+    shift_plan,
 )
 from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
@@ -245,26 +245,26 @@ def nmpc(
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
     presses = bool(reference.push) and par.interaction is not None
-    memory, engine = _equipped(memory, Purpose(par, dt, presses))
-    seen = _seen(engine, memory, measurement, par, dt)
+    memory, engine = _prepare_engine(memory, Purpose(par, dt, presses))
+    seen = _estimate_state(engine, memory, measurement, par, dt)
     estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
     pending = (*seen.shown[len(seen.shown) - late :], *sent)
     x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
-    sample = taken(reference, memory.sample, dt)
+    sample = update_sample(reference, memory.sample, dt)
     interaction, touch, known = memory.interaction, None, estimate[nx:]
     if presses and engine.contact is not None:
-        wanted = extrapolated(sample, np.array([sample.age]))[0][0]
+        wanted = extrapolate(sample, np.array([sample.age]))[0][0]
         interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
         known = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
     if plan is None or since >= par.every:
         now = measurement.time + par.delay_periods * dt
         problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par, touch)
-        plan, since = _solved(engine, plan, since * dt, problem, par), 0
-        trust = after_plan(trust, trusted(plan, engine.most))
-    if trust.flown:
+        plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
+        trust = after_plan(trust, is_flyable(plan, engine.most))
+    if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
     else:
         known = bearable(known, engine.bounds.efforts)
@@ -287,7 +287,7 @@ def nmpc(
     return following, command
 
 
-def _equipped(memory: PredictiveMemory, purpose: Purpose) -> tuple[PredictiveMemory, Engine]:
+def _prepare_engine(memory: PredictiveMemory, purpose: Purpose) -> tuple[PredictiveMemory, Engine]:
     """Memory and engine of a period: where a flight has changed what the engine was made for, a new one.
 
     Plan, touch and loss are then forgotten: they may be of other stages, and of a contact that nobody asks for.
@@ -317,7 +317,7 @@ class Seen:
     reading: Array
 
 
-def _seen(
+def _estimate_state(
     engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters, dt: float
 ) -> Seen:
     """Estimate at the measurement, and the commands before and after it."""
@@ -332,8 +332,8 @@ def _seen(
     shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
     modelled = speeds_under(engine.motors, known.modelled[0], np.array(memory.sent[0].rotor_speeds))
     stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
-    late = compared(known, modelled, None if stopped else speeds, dt)
-    stuck = frozen(memory.fresh, reading, par.model.vehicle.n)
+    late = update_lateness(known, modelled, None if stopped else speeds, dt)
+    stuck = detect_stale(memory.fresh, reading, par.model.vehicle.n)
     fresh = Fresh(reading.copy(), stuck.silent)
     acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
     # of the quaternion's two signs the one that is nearer to the last
@@ -341,7 +341,7 @@ def _seen(
         reading[4:8] *= -1.0
     if stuck.parts:
         foreseen = engine.observation.now(memory.estimate, [acted])
-        reading = filled(reading, foreseen, stuck.parts, par.model.vehicle.n)
+        reading = fill_stale(reading, foreseen, stuck.parts, par.model.vehicle.n)
     estimate = engine.observation.at(memory.estimate, acted, reading)
     if stuck.spoke_again:
         estimate = taken_over(estimate, memory.estimate, reading, par.model.vehicle.n)
@@ -366,13 +366,13 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
     return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
 
 
-def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
+def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
     """A new plan: from the last one, or, if that leads nowhere, from rest."""
     solver = engine.solver
-    if last is not None and trusted(last, engine.most):
+    if last is not None and is_flyable(last, engine.most):
         with contextlib.suppress(NoPlanError):
-            plan = solver.solve(problem, shifted(last, solver.steps, passed))
-            if trusted(plan, engine.most):
+            plan = solver.solve(problem, shift_plan(last, solver.steps, passed))
+            if is_flyable(plan, engine.most):
                 return plan
     rest = _standing(problem.start, par)
     try:
@@ -466,9 +466,9 @@ def problem_at(
     """The problem from the state ``late`` s after now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     if isinstance(par.preview, Trajectory):
-        signals = known(par.preview, time + later)
+        signals = sample_trajectory(par.preview, time + later)
     else:
-        signals = extrapolated(sample, sample.age + later)
+        signals = extrapolate(sample, sample.age + later)
     model, pressed = par.model, disturbance
     if touch is not None and engine.contact is not None:
         along = shift_ahead(engine.contact.gains, touch, later)

@@ -168,7 +168,7 @@ def first_lateness(speeds: Array) -> Lateness:
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
-def compared(before: Lateness, modelled: Array, measured: Array | None, dt: float) -> Lateness:
+def update_lateness(before: Lateness, modelled: Array, measured: Array | None, dt: float) -> Lateness:
     """The same after ``dt`` s.
 
     Args:
@@ -222,7 +222,7 @@ class Stuck:
     spoke_again: bool
 
 
-def frozen(last: Fresh | None, reading: Array, joints: int) -> Stuck:
+def detect_stale(last: Fresh | None, reading: Array, joints: int) -> Stuck:
     """Compare a measurement with the one before.
 
     An arm at rest says the same for long, so that its readings count as old only where every other one is.
@@ -238,7 +238,7 @@ def frozen(last: Fresh | None, reading: Array, joints: int) -> Stuck:
     return Stuck(tuple(same), 0, last.silent >= LONG)
 
 
-def filled(reading: Array, foreseen: Array, parts: tuple[str, ...], joints: int) -> Array:
+def fill_stale(reading: Array, foreseen: Array, parts: tuple[str, ...], joints: int) -> Array:
     """A measurement with its repeated parts replaced by those of a predicted state (the leaves of an estimate)."""
     found = reading.copy()
     for name in parts:

@@ -119,10 +119,10 @@ def advance(
         return derivative(model, at, inputs, disturbance, dry_rates)
 
     k1 = slope(state)
-    return _stepped(state, k1, slope, dt)
+    return _runge_kutta_step(state, k1, slope, dt)
 
 
-def carried(
+def integrate_stage(
     model: Model,
     state: State,
     inputs: Inputs,
@@ -150,23 +150,23 @@ def carried(
             rotor_speeds=inputs.rotor_accelerations,
         )
 
-    return _stepped(state, first, slope, dt)
+    return _runge_kutta_step(state, first, slope, dt)
 
 
-def _stepped(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:
+def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:
     """One step of the classical Runge-Kutta method, its first slope known."""
-    k2 = slope(moved(state, k1, 0.5 * dt))
-    k3 = slope(moved(state, k2, 0.5 * dt))
-    k4 = slope(moved(state, k3, dt))
+    k2 = slope(euler_step(state, k1, 0.5 * dt))
+    k3 = slope(euler_step(state, k2, 0.5 * dt))
+    k4 = slope(euler_step(state, k3, dt))
     mean = (
         (a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*(leaves(k) for k in (k1, k2, k3, k4)), strict=True)
     )
-    end = moved(state, rebuild(k1, mean), dt)
+    end = euler_step(state, rebuild(k1, mean), dt)
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
     return rebuild(state, iter(values))
 
 
-def moved(state: State, rate: State, dt: Any) -> State:
+def euler_step(state: State, rate: State, dt: Any) -> State:
     """Return state + dt * rate, number by number."""
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 

@@ -81,7 +81,7 @@ def read(reference: Reference) -> tuple[Array, Array, Array]:
     return values, rates, accelerations
 
 
-def extrapolated(sample: Sample, ahead: Array) -> tuple[Array, Array, Array]:
+def extrapolate(sample: Sample, ahead: Array) -> tuple[Array, Array, Array]:
     """Signals (T, signals) and their first two derivatives ``ahead`` (T,) s after the sample was taken.
 
     The acceleration goes on as the solution of d2a/dt2 = -k a from the sample's acceleration and jerk, k the signal's
@@ -107,7 +107,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
     return tuple(np.where(still, 1.0, share) for share in shares)  # type: ignore[return-value]
 
 
-def taken(reference: Reference, before: Sample | None, dt: float) -> Sample:
+def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sample:
     """The sample that a controller holds now, after ``dt`` s; jerks follow from the accelerations of the last two.
 
     A sample has come when it differs; one that came where none was foretold starts with no jerk.
@@ -119,7 +119,7 @@ def taken(reference: Reference, before: Sample | None, dt: float) -> Sample:
     age = before.age + dt
     if all(np.array_equal(a, b) for a, b in zip((values, rates, accelerations), _parts(before), strict=True)):
         return dataclasses.replace(before, age=age)
-    expected = np.abs(values - extrapolated(before, np.array([age]))[0][0]).max() < JUMP
+    expected = np.abs(values - extrapolate(before, np.array([age]))[0][0]).max() < JUMP
     if not expected:
         return Sample(values, rates, accelerations, still, 0.0, still, still)
     jerks = (accelerations - before.accelerations) / age
@@ -140,7 +140,7 @@ def _parts(sample: Sample) -> tuple[Array, Array, Array]:
     return sample.values, sample.rates, sample.accelerations
 
 
-def known(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array]:
+def sample_trajectory(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array]:
     """Signals and their derivatives (T, signals) of a trajectory at times, s."""
     r = trajectory.at(times)
     columns = (

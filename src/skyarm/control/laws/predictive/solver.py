@@ -22,7 +22,7 @@ from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, foreseen, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_residuals, predict_stage, state_residuals
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -101,7 +101,7 @@ class Stages:
         def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
             u, dt, d, wanted = par
             errors = state_residuals(model, weights, x, wanted, mode)
-            return foreseen(model, x, u, d, wanted, dt[0]), (
+            return predict_stage(model, x, u, d, wanted, dt[0]), (
                 *errors,
                 *input_residuals(model, weights, x, u, d, wanted),
             )
@@ -196,7 +196,7 @@ class Rollouts:
             taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
             errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
             pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
-            return (foreseen(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
+            return (predict_stage(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
                 x,
                 taken,
             )
@@ -401,7 +401,7 @@ class Riccati:
             raise NoPlanError
         share = float(SHARES[best])
         x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
-        return Plan(x, u, found.K, damped(guess.damping, share), float(cost[best]), share)
+        return Plan(x, u, found.K, next_damping(guess.damping, share), float(cost[best]), share)
 
     def _policy(self, problem: Problem, guess: Plan) -> Policy:
         """The policy of the linearised problem, inputs at their limits held there."""
@@ -429,7 +429,7 @@ class Riccati:
         return np.minimum(low - guess.u, 0.0), np.maximum(high - guess.u, 0.0)
 
 
-def damped(damping: float, share: float) -> float:
+def next_damping(damping: float, share: float) -> float:
     """Damping of the step that follows one of which a share was taken."""
     least, most = DAMPING
     if share < 0.5:
@@ -449,7 +449,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
     return Linear(AB[:-1], ends[:-1] - x[1:], J, r)
 
 
-def shifted(plan: Plan, steps: Array, dt: float) -> Plan:
+def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
     """The same motion seen ``dt`` s later, on stages of the same lengths; its last piece is held."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])

@@ -102,7 +102,7 @@ class TipContact:
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
             return after, Touch(
                 normal=tuple(n),
-                asked=where(wanted.asked, 1.0, 0.0),
+                asked=where(wanted.requests_contact, 1.0, 0.0),
                 touching=pressing.engaged,
                 rising=after.touching,
                 share=after.share,

@@ -91,7 +91,7 @@ def indi(
     speeds = _speeds(memory, measurement, par, first, dt)
     # before the first command the joints are taken to hold the arm
     hold = arm_alone(par, R, measurement.joints, (0,) * n)
-    taps, signals = _passed(memory, measurement, R, speeds, hold, dt, par, first)
+    taps, signals = _filter_signals(memory, measurement, R, speeds, hold, dt, par, first)
     force, thrust, rate, torque = (Vec3(*signals[i : i + 3]) for i in range(0, 12, 3))
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
@@ -120,7 +120,7 @@ def indi(
         taps=taps,
         rate=rate,
         joint_rates=tuple(joint_rates),
-        sent=_remembered(memory, command, Command(rotor_speeds=measurement.rotor_speeds, efforts=hold), first),
+        sent=_command_history(memory, command, Command(rotor_speeds=measurement.rotor_speeds, efforts=hold), first),
         speeds=() if par.measured_speeds else speeds,
     ), command
 
@@ -133,7 +133,7 @@ def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, f
     return tuple(where(first, a, b) for a, b in zip(measurement.rotor_speeds, turned, strict=True))
 
 
-def _passed(
+def _filter_signals(
     memory: IndiMemory,
     measurement: Measurement,
     R: Mat3,
@@ -159,7 +159,7 @@ def _passed(
     return filtered_all(taps, signals, coefficients)
 
 
-def _remembered(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
+def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
     """Commands of the last periods with the newest behind; before the first one rotors and arm were held."""
 
     def begun(hold: tuple[Any, ...], old: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -189,7 +189,7 @@ def l1_adaptive(
         Motion(sigma.rate, R.apply_T(sigma.linear)),
         sigma.joints,
     )
-    filtered = _filtered(memory, R, force, efforts, dt, par)
+    filtered = _advance_filters(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
     past = Past(
         quaternion=measurement.quaternion, joints=measurement.joints, measured=measured, error=error, sigma=sigma
@@ -197,29 +197,29 @@ def l1_adaptive(
     return dataclasses.replace(filtered, past=past, sent=command), command
 
 
-def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
+def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
     """The memory with the low-pass filters moved on, each held within its limit.
 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
 
-    def passed(old: Any, new: Any, bandwidth: Any, limits: Any) -> tuple[Any, ...]:
+    def filter_within(old: Any, new: Any, bandwidth: Any, limits: Any) -> tuple[Any, ...]:
         rows = zip(old, new, limits, strict=True)
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
     force_limits, torque_limits = (par.force_limit,) * 3, (par.torque_limit,) * 3
     effort_limits = [link.joint.effort_limit for link in par.model.vehicle.links]
-    torque = Vec3(*passed(memory.torque, force.torque, par.torque_filter, torque_limits))
-    once = passed(memory.efforts, efforts, par.joint_filter, effort_limits)
+    torque = Vec3(*filter_within(memory.torque, force.torque, par.torque_filter, torque_limits))
+    once = filter_within(memory.efforts, efforts, par.joint_filter, effort_limits)
     return dataclasses.replace(
         memory,
         started=1.0,
-        force=Vec3(*passed(memory.force, R.apply(force.force), par.lateral_filter, force_limits)),
-        thrust=passed((memory.thrust,), (force.force.z,), par.thrust_filter, force_limits[:1])[0],
+        force=Vec3(*filter_within(memory.force, R.apply(force.force), par.lateral_filter, force_limits)),
+        thrust=filter_within((memory.thrust,), (force.force.z,), par.thrust_filter, force_limits[:1])[0],
         torque=torque,
-        torque_twice=Vec3(*passed(memory.torque_twice, torque, par.second_filter, torque_limits)),
+        torque_twice=Vec3(*filter_within(memory.torque_twice, torque, par.second_filter, torque_limits)),
         efforts=once,
-        efforts_twice=passed(memory.efforts_twice, once, par.second_filter, effort_limits),
+        efforts_twice=filter_within(memory.efforts_twice, once, par.second_filter, effort_limits),
     )
 
 
