@@ -16,8 +16,8 @@ from skyarm.control.blocks.disturbance_observer import (
     Felt,
     ObserverGains,
     beyond,
-    feel,
     first_observed,
+    measure_translation,
     observe,
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
@@ -53,7 +53,7 @@ def felt_in(turn, specific_force, velocity, before=STILL, joints=(), linear=ZERO
     """What one period tells; ``before`` also stands for what the velocity alone tells."""
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
     R = Mat3(*(vec(row) for row in turn.as_matrix()))
-    return feel(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, joints, DT)
+    return measure_translation(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, joints, DT)
 
 
 def felt_along(turn, accelerations, bias, start=0.0):
@@ -287,5 +287,5 @@ def test_a_measurement_without_a_specific_force_is_refused_in_one_line():
 
 def test_whole_numbers_are_a_specific_force():
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
-    felt = feel(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (), DT)
+    felt = measure_translation(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (), DT)
     assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

@@ -16,8 +16,8 @@ from skyarm.control.laws.centroidal.force_trend import (
     STAGES,
     first_trend,
     trend_gains,
-    trusted_rate,
     update_trend,
+    weighted_rate,
 )
 
 DT = 0.005
@@ -34,7 +34,7 @@ def fed(forces, gains=GAINS):
 
 
 def rates(memories, gains=GAINS):
-    return np.array([list(trusted_rate(gains, each)) for each in memories])
+    return np.array([list(weighted_rate(gains, each)) for each in memories])
 
 
 def test_a_steady_rate_is_found_and_trusted():
@@ -94,7 +94,7 @@ def test_trust_stays_within_nothing_and_all():
     for agreement, slope in ((-3.0, CHANCE), (1.0, CHANCE), (1.5, 1.5 / (2.0 + GAINS.noise)), (30.0, 1.0)):
         memory = dataclasses.replace(first_trend(GAINS), rate=Vec3(*rate), agreement=agreement, size=2.0)
         trust = (slope - CHANCE) / (1.0 - CHANCE) / (1.0 + (rate @ rate / GAINS.steep**2) ** 2)
-        assert list(trusted_rate(GAINS, memory)) == pytest.approx(rate * trust)
+        assert list(weighted_rate(GAINS, memory)) == pytest.approx(rate * trust)
 
 
 def test_a_step_leaves_no_evidence_and_is_not_followed():

@@ -14,7 +14,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.force_trend import believed_share, first_trend
+from skyarm.control.laws.centroidal.force_trend import first_trend, rate_weight
 from skyarm.control.laws.centroidal.gust_shift import (
     GustMemory,
     SlowForce,
@@ -178,7 +178,7 @@ def test_what_is_foretold_passes_the_filter_by(model):
     adapted, rate, late = np.array([2.5, 4.8, 5.9]), np.array([0.2, -0.1, 0.05]), 2.0 / 27.0
     steady = adapted + np.array([1.5, 0.2, 0.1])
     for engaged in (0.0, 0.5, 1.0):
-        share = float(believed_share(par.parts.trend, trend)) * (1.0 - engaged)
+        share = float(rate_weight(par.parts.trend, trend)) * (1.0 - engaged)
         assert (share > 0.1) == (engaged < 1.0)
         step = SimpleNamespace(rate=Vec3(*rate), trend=(trend.level, share), force=None)
         force, found = steady_force(par, step, slow, Vec3(*adapted))

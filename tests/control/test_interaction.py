@@ -17,8 +17,8 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     Pressing,
+    estimated_normal,
     first_interaction,
-    leaning,
     update_lean,
 )
 from skyarm.control.laws.centroidal.tip_force import levers
@@ -221,8 +221,8 @@ def slope(direction, seconds, *, slides=True, asked=True, angle=0.1745329252):
     velocity = up * (0.1 * direction[1]) + Vec3(0.0, 0.1 * direction[0], 0.0)
     lean = Vec3(0.0, 0.0, 0.0)
     for _ in range(round(seconds / DT)):
-        lean = update_lean(lean, leaning(told, lean), velocity, 1.0, asked, slides, DT)
-    return np.array([*leaning(told, lean)])
+        lean = update_lean(lean, estimated_normal(told, lean), velocity, 1.0, asked, slides, DT)
+    return np.array([*estimated_normal(told, lean)])
 
 
 def test_sliding_finds_the_normal_in_its_own_direction_only():

@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.plant.compiled import RigidBodyPlant, Steps
 from skyarm.plant.interface import Truth
-from skyarm.plant.largest_step import borne_step, check_largest_step, lanes_step, verlet_step
+from skyarm.plant.largest_step import check_largest_step, lanes_step, largest_stable_step, verlet_step
 from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
@@ -234,7 +234,7 @@ def test_steps_of_ones_own_force_that_cannot_be_are_refused_whatever_the_method(
 
 def test_a_lane_s_step_is_the_shortest_that_any_method_asks_for():
     own = SimpleNamespace(largest_step=1e-3, largest_euler_step=1e-3, largest_verlet_step=1e-4)
-    assert (borne_step(own, euler=False), borne_step(own, euler=True)) == (1e-4, 1e-3)
+    assert (largest_stable_step(own, euler=False), largest_stable_step(own, euler=True)) == (1e-4, 1e-3)
 
 
 def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
@@ -246,7 +246,7 @@ def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
     assert verlet_step(told) == pytest.approx(0.75 * float(grip.largest_euler_step))
     assert verlet_step(plant(BIRD, grip, Coupled())[1]) is None
     assert verlet_step(SimpleNamespace()) is None
-    assert borne_step(Coupled(), euler=False) == 1e-3
+    assert largest_stable_step(Coupled(), euler=False) == 1e-3
     assert lanes_step(SimpleNamespace(), euler=False) is None
 
 

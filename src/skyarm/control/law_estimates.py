@@ -1,4 +1,4 @@
-"""Online estimates in a law's memory: for the log, and for parts that may know no more than the law."""
+"""Online estimates in a law's memory: for the log, and for parts with no more information than the law."""
 
 from __future__ import annotations
 

@@ -230,7 +230,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: 
 
 
 def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any]) -> list[Any]:
-    """Squared speeds whose torque and thrust are the desired forces' while the rotors stand at ``angles``.
+    """Squared speeds that give the desired forces' torque and thrust with the rotors at ``angles``.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may

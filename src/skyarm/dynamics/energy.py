@@ -61,7 +61,7 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
 
 
 def momentum(vehicle: Vehicle, state: State) -> Momentum:
-    """Linear momentum and angular momentum about the centre of mass; both are kept in free fall but for weight."""
+    """Linear momentum and angular momentum about the centre of mass; both are conserved in free fall but for weight."""
     linear, angular = ZERO3, ZERO3
     vehicle, state = untie_followers(vehicle, state)
     com = center_of_mass(vehicle, state)

@@ -102,7 +102,7 @@ STIFFEST = 3e4
 
 
 def joint_rate(vehicle: Vehicle) -> float:
-    """Rate (1/s) by which integrators choose their step: that of friction, or what stops ask for in the same measure.
+    """Rate (1/s) by which integrators choose their step: that of friction, or the equivalent one of stops.
 
     Raises:
         VehicleError: friction or stops so stiff that no explicit integrator can afford them; names joint and field.

@@ -36,7 +36,7 @@ MOST_STEPS = 1000
 
 
 def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> float | None:
-    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one.
+    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None if none has one.
 
     ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
     ``euler`` asks for the steps of the semi-implicit Euler method.
@@ -49,7 +49,7 @@ def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> f
     return min(stated, default=None)
 
 
-def borne_step(record: Any, *, euler: bool) -> Any:
+def largest_stable_step(record: Any, *, euler: bool) -> Any:
     """The longest stable step (s) of a record over the methods that may move it; None if there is no bound."""
     verlet = getattr(record, "largest_verlet_step", None)
     if not euler and verlet is None:
@@ -59,10 +59,10 @@ def borne_step(record: Any, *, euler: bool) -> Any:
 
 
 def lanes_step(around: Any, *, euler: bool) -> float | None:
-    """The smallest :func:`borne_step` (s) of the air, forces and drives of a batch; None where none states one."""
+    """The smallest :func:`largest_stable_step` (s) of the air, forces and drives of a batch; None if none has one."""
     if not isinstance(around, Surroundings):
         return None
-    own = [borne_step(each, euler=euler) for each in around.components]
+    own = [largest_stable_step(each, euler=euler) for each in around.components]
     return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
 
 
@@ -115,7 +115,7 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
         ValueError: one line with field, value and what is allowed.
     """
     for where, record in records:
-        # a property of traced numbers is not asked: it may branch
+        # a property of traced numbers is not evaluated: it may branch
         if not concrete(*leaves(record)):
             continue
         if record.largest_step is not None:

@@ -42,7 +42,7 @@ LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 
 
 class _Quiet:
-    """While any plant steps, MuJoCo's warnings go nowhere: they print, and write a log file beside the user's work.
+    """Suppress MuJoCo's warnings during steps: they print, and write a log file into the user's folder.
 
     An episode that diverges says so itself. MuJoCo has one handler for all threads; the caller's comes back.
     """

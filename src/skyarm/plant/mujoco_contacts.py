@@ -140,7 +140,7 @@ class MujocoContactPlant:
         self._of_felt = self._coupled[start : start + FELT * len(memory.felt)]
 
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Any) -> Any:
-        """All that pushes but contacts, the places of moving surfaces, and what one step leaves beside motions."""
+        """Forces without contacts, the places of moving surfaces, and the results of one step without motions."""
         state = self._layout.state(x)
         command = Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         around = self._without_touches(around)

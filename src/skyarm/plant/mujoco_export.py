@@ -1,4 +1,4 @@
-"""A vehicle as a model that stands by itself in MuJoCo: with actuators, limits, lights and a camera that see it.
+"""A vehicle as a self-contained MuJoCo model: with actuators, limits, lights and a camera that see it.
 
 Bodies, joints and looks are those of the plant (:mod:`skyarm.plant.mujoco_model`). Within the joints' limits, in still
 air, at steady rotor speeds and without Coulomb friction the model moves as the plant does: thrust and drag torque of a

@@ -37,7 +37,7 @@ state, and the time of the next state. What follows the last stage is the state 
 
 
 class StagedRungeKutta:
-    """Steps of MuJoCo's bodies with loads at each stage: MuJoCo gives accelerations, one program all else.
+    """Steps of MuJoCo's bodies with loads at each stage: accelerations from MuJoCo, all else from one program.
 
     Args:
         layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.

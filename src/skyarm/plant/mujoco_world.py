@@ -92,7 +92,7 @@ def contact_numbers(material: Material, mobility: float, step: float) -> Contact
 
 
 def damping_of(material: Material, mass: float) -> float:
-    """N s/m of a linear damper beside the contact's spring that takes as much of a bounce as the material does.
+    """N s/m of a linear damper parallel to the contact's spring with the material's restitution.
 
     A Hunt-Crossley contact with the dissipation c leaves 1 - 2/3 c v of the speed v, a spring and damper with the
     damping ratio z leave exp(-pi z).

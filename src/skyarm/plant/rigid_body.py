@@ -231,7 +231,7 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
 def far_step(
     name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
 ) -> Moved:
-    """A step of a vehicle that is far from what is coupled to it, whose memories go on alone.
+    """A step of a vehicle far from its coupled components, whose memories advance on their own.
 
     Args:
         name: of the integrator.

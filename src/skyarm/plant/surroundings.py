@@ -55,7 +55,7 @@ class Surroundings:
 
     @property
     def coupled(self) -> tuple[int, ...]:
-        """Numbers of the components whose memories go on with the plant."""
+        """Indices of the components whose memories advance with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def coupled_memories(self) -> tuple[Any, ...]:

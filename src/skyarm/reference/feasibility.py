@@ -140,7 +140,7 @@ def _tilt(up: Array, arm: Array) -> Array:
 
 
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
-    """Joints that carry the tip and are planned at a limit; a finger beside it may rest at its own."""
+    """Joints that carry the tip and are planned at a limit; a finger next to it may rest at its own."""
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
         low, high, values = float(joint.lower), float(joint.upper), q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)

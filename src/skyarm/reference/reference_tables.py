@@ -183,7 +183,7 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
     if speed > FASTEST:
         raise ValueError(f"{fields.at('speed')} = {speed:g}: must be from 0 to {FASTEST:g}")
     found = TipPush(force=force, normal=normal, speed=speed)
-    # each is asked for, so that a misspelt one is told of all
+    # each is read, so that the message for a misspelt one lists all
     if fields.take("grip", None) is not None:
         found = dataclasses.replace(found, grip=signal_from(fields.take("grip"), fields.at("grip")))
     if fields.take("pivot", None) is not None:

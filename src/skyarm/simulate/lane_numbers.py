@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics.actuators.servo import Servo
-from skyarm.plant.largest_step import STATED, borne_step
+from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replaced
 from skyarm.scenario.in_flight import require_changes
@@ -331,7 +331,7 @@ def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float
     """Largest step (s) of a record with other numbers; None where it states none."""
     try:
         other = replaced(record, numbers)
-        stated = borne_step(other, euler=euler)
+        stated = largest_stable_step(other, euler=euler)
         if stated is None:
             return None
         if not stated > 0.0:

@@ -26,6 +26,6 @@ class BatteryDrain(Component):
         return charge, self.battery.voltage(charge, 0.0)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> tuple[Any, Any]:
-        """Charge as it goes on; the voltage under the load of this period."""
+        """Charge after the period; the voltage under its load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.drained(memory[0], power, dt), self.battery.voltage(memory[0], power)

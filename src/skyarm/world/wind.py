@@ -70,7 +70,7 @@ class ForceWind(Force):
                 raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
-        """The constant wind that the rotors feel."""
+        """The constant wind at the rotors."""
         return self.air_velocity_W
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:

@@ -185,7 +185,7 @@ def test_where_a_grasp_gives_way(kind, force, torque, gives_way):
     gripper = Gripper(name="hand", kind=kind, torque=0.2)
     grip = dataclasses.replace(gripper.start(), normal=Vec3(0.0, 0.0, 1.0))
     body = gripping().objects[0].frame(gripping().objects[0].start())
-    assert bool(gripper.gives_way(grip, hold(force, torque), body)) is gives_way
+    assert bool(gripper.is_overloaded(grip, hold(force, torque), body)) is gives_way
 
 
 def test_what_gave_way_is_taken_again_only_after_the_gripper_was_opened():

@@ -77,7 +77,7 @@ class Felt:
     learns: Any
 
 
-def feel(
+def measure_translation(
     model: Model,
     gains: AccelerometerGains,
     velocity: Vec3,
@@ -205,7 +205,9 @@ def observe(
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
     if accelerometer is not None:
         rotors = beyond(model, squares, half, speeds)
-        base = feel(model, accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt)
+        base = measure_translation(
+            model, accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
+        )
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     running = started > 0.5
     learned = Observed(

@@ -28,7 +28,7 @@ from skyarm.world import body_drag
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Disturbance:
-    """Forces that the model does not know: N, world axes, at the base origin; N m, base axes; of the joints."""
+    """Forces outside of the model: N, world axes, at the base origin; N m, base axes; of the joints."""
 
     force: Annotated[Vec3, Unit("N", "fed forward, world axes")]
     torque: Annotated[Vec3, Unit("N m", "fed forward, base axes")]

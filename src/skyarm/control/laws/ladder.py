@@ -175,7 +175,7 @@ def _estimate_disturbance(
     )
     pushed, acted = disturbance(before), memory.sent[0]
     observed, _ = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
-    # the observer's model has the rotors' drag in still air: what the base feels is that and what is left to learn
+    # the observer's model has the rotors' drag in still air: the force on the base is that and the estimated rest
     R = observed.quaternion.rotation()
     felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)
     return observed, felt

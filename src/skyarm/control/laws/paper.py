@@ -152,7 +152,7 @@ def with_friction(
 
 
 def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
-    """The reference with its joint rates as much as the law lets them count: set-point weights of the derivative."""
+    """The reference with weighted joint rates: set-point weights of the derivative."""
     if not par.rate_weights:
         return reference
     rates = tuple(mul(weight, qd_d) for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True))

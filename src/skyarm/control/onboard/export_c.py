@@ -79,7 +79,7 @@ def drives_of(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:
-    """Units of the command that stands at a place, where it holds setpoints."""
+    """Units of the command at a place, where it holds setpoints."""
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 

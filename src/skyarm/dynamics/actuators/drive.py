@@ -82,7 +82,7 @@ class Drive:
         return ()
 
     def begin(self, position: Any, setpoint: Any, dt: float) -> Any:
-        """First memory of a drive that needs to know more: the setpoint before the first command, the period (s)."""
+        """First memory of a drive that needs more inputs: the setpoint before the first command, the period (s)."""
         return self.start(position)
 
     def steady_memory(self, memory: Any, position: Any, setpoint: Any) -> Any:

@@ -64,7 +64,7 @@ def angles_after(vehicle: Vehicle, angles: Sequence[Any], setpoints: Sequence[An
 
 
 def turned_rotor(rotor: Rotor, angle: Any) -> Rotor:
-    """A rotor whose axis stands where its servo holds it: n cos a + (t x n) sin a, with t across n."""
+    """A rotor with its axis at the angle of its servo: n cos a + (t x n) sin a, with t across n."""
     if rotor.tilt is None:
         return rotor
     axis = rotor.axis * cos(angle) + rotor.tilt.axis.cross(rotor.axis) * sin(angle)

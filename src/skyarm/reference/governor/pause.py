@@ -14,7 +14,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathPause:
-    """Bounds of a pause; a reference that keeps within them goes on with its rate.
+    """Bounds of a pause; within them the reference keeps its rate.
 
     Attributes:
         error: m, of the tip from where the law is led; at twice that the reference stands still.

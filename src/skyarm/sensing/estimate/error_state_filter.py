@@ -109,7 +109,7 @@ class ErrorStateFilter(FilterNumbers):
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any
     ) -> FilterMemory:
-        """With the rotors one period later under the command that acted, and the force that the model gives then."""
+        """Advance the rotors by one period under the command that acted, and the model's force after it."""
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
         turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
@@ -120,7 +120,7 @@ class ErrorStateFilter(FilterNumbers):
         old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
         velocity = belief.quaternion.rotation().apply_T(belief.velocity)
         rate = imu.rate - belief.gyro_bias
-        # servos of rotors that tilt count as where they are told to be
+        # servos of tilting rotors count as at their commanded angles
         leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
         force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
         kept = tuple(choose(started, each, force) for each in memory.modelled[1:])

@@ -1,4 +1,4 @@
-"""Estimators stand between sensors and law: readings in, one measurement out."""
+"""Estimators between sensors and law: readings in, one measurement out."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Estimator:
         """
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
-        """Refuse drives, by the joint's name, whose efforts the estimator cannot know; ``vehicle`` is a name."""
+        """Refuse drives, by the joint's name, with efforts unknown to the estimator; ``vehicle`` is a name."""
 
     def start(self, vehicle: Vehicle) -> Any:
         """First memory: a record or tuple of scalars. ``vehicle`` is the controller's model."""

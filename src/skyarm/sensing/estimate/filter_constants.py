@@ -245,7 +245,7 @@ class FilterNumbers(Estimator):
                 )
 
     def first_covariance(self) -> Covariance:
-        """Before the first readings are taken in, which say how far position and attitude are known."""
+        """Covariance before the first readings, which set those of position and attitude."""
         tilt, heading = self.attitude, self.attitude
         if self.aiding != "pose":
             tilt = self.first_tilt

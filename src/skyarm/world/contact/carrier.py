@@ -67,7 +67,7 @@ class Carrier:
 
     @property
     def largest_step(self) -> Any:
-        """Longest integration step (s) that its own springs and friction bear; None without any."""
+        """Longest stable integration step (s) of its own springs and friction; None without any."""
         return None
 
     @property
@@ -138,7 +138,7 @@ class Carrier:
         return self.drift(self.kick(memory, slope, dt), dt)
 
     def effort(self, memory: Any, slope: Any, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
-        """Generalized force of a grasp for a plant that integrates the carrier, beside weight and gyration.
+        """Generalized force of a grasp for a plant that integrates the carrier, without weight and gyration.
 
         ``slope`` is the rate of the memory under it.
         """

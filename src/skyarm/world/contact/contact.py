@@ -416,7 +416,7 @@ class Contact(Force):
         return whole
 
     def alone(self, memory: ContactMemory, seconds: Any, rounds: int, gravity: Any) -> ContactMemory:
-        """The memory after a time (s) without touches: bristles stand up, bodies move freely."""
+        """The memory after a time (s) without contact: bristles relax, bodies move freely."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(

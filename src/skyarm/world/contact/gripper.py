@@ -180,7 +180,7 @@ class Gripper:
             torque = (error * self.stiffness + (frame.turning - body.turning) * damping) * gyration
         return Hold(force=force, torque=torque, place=place)
 
-    def gives_way(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
+    def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
         """Return True if a grasp is loaded beyond its limit."""
         force, torque = hold.force, hold.torque
         twisted = torque.dot(torque) > self.torque * self.torque
@@ -208,7 +208,7 @@ class Gripper:
         held, broken, out, near = grip.taken > 0.5, False, False, False
         for i, (body, distance, _, hold) in enumerate(bodies):
             this = is_taken(grip.taken, i + 1.0)
-            broken = _any(broken, _both(this, self.gives_way(grip, hold, body)))
+            broken = _any(broken, _both(this, self.is_overloaded(grip, hold, body)))
             above = hold.place.z - frame.position.z > self.reach
             out = _any(out, _both(this, above)) if self.kind == "hook" else out
             near = _any(near, distance <= self.reach)

@@ -92,7 +92,7 @@ class Mechanism(Carrier):
                 raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
 
     def _require_numbers(self) -> None:
-        """Refuse a mechanism that weighs nothing, and limits that leave no way."""
+        """Refuse a mechanism without mass, and limits without a range."""
         turns = KINDS[self.kind].turns
         if not turns and type(self.inertia) is not int:
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
@@ -180,7 +180,7 @@ class Mechanism(Carrier):
 
     @property
     def largest_step(self) -> Any:
-        """Longest integration step (s) that stops, spring, friction and detent bear."""
+        """Longest stable integration step (s) of stops, spring, friction and detent."""
         return longest_step(self)
 
     @property
@@ -311,7 +311,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
 
 
 def longest_step(of: Mechanism, *, euler: bool = False) -> Any:
-    """Longest integration step (s) that a mechanism's springs, friction and stops bear; of semi-implicit Euler's too.
+    """Longest stable integration step (s) of a mechanism's springs, friction and stops; of semi-implicit Euler's too.
 
     That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
     """

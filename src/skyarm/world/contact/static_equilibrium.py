@@ -1,4 +1,4 @@
-"""Static equilibrium at the start of a flight: how deep, and how tilted, weight presses a vehicle and objects.
+"""Static equilibrium at the start of a flight: depth and tilt of a vehicle and objects under their weight.
 
 A flight that begins so does not jump. A vehicle is set down from 5 cm above its position: level until the surfaces
 carry its weight, then tilted until they carry its moment, too. Each object that is said to be standing is set down in

@@ -265,7 +265,7 @@ def _pairs(contact: Contact) -> list[tuple[Surface, str, ContactPoint]]:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which something stands between a place and an eye.
+    """Share of the instants at which a place is hidden from an eye.
 
     Args:
         solids: at N instants.

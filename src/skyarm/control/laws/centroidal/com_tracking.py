@@ -154,7 +154,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
 
 
 def _soft_limit(pull: list[Vec3], limit: Any) -> Vec3:
-    """Highest given derivative of pull / sqrt(1 + |pull|^2 / limit^2): a smooth bound that small pulls do not feel."""
+    """Highest given derivative of pull / sqrt(1 + |pull|^2 / limit^2): a smooth bound, the identity near 0."""
     series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)

@@ -297,7 +297,7 @@ def reference_drag(
     across: bool,
     air: BelievedAir | None = None,
 ) -> list[Vec3]:
-    """Force of the rotors beside their thrust along body z, at the reference's motion (N, world axes), and derivatives.
+    """Force of the rotors without their thrust along body z, at the reference's motion (N, world), and derivatives.
 
     At the present motion it would feed noise and errors into the posture. Hub drag is linear in the velocity; what
     tilted rotors push across body z is no drag and does not change with the motion, and the derivatives leave it out.

@@ -62,11 +62,11 @@ class TrendGains(Part):
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
         """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
         trend = update_trend(self, memory, step.observed.force, step.dt)
-        rate, free = trusted_rate(self, trend), 1.0
+        rate, free = weighted_rate(self, trend), 1.0
         if type(step.external) is not int:
             free = 1.0 - step.external
             rate = rate * free
-        step.rate, step.trend = rate, (trend.level, mul(believed_share(self, trend), free))
+        step.rate, step.trend = rate, (trend.level, mul(rate_weight(self, trend), free))
         step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
         return trend
 
@@ -138,16 +138,16 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Ve
     return tuple(found)
 
 
-def believed_share(gains: TrendGains, memory: ForceTrend) -> Any:
+def rate_weight(gains: TrendGains, memory: ForceTrend) -> Any:
     """Weight of the rate, 0 to 1: the share confirmed by its past predictions."""
     slope = divide(memory.agreement, memory.size + gains.noise)
     believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return believed * _no_step(gains, memory.rate)
 
 
-def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
+def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """Weighted rate of the observed force, N/s, world axes."""
-    rate: Vec3 = memory.rate * believed_share(gains, memory)
+    rate: Vec3 = memory.rate * rate_weight(gains, memory)
     return rate
 
 

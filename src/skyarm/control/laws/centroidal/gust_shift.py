@@ -54,7 +54,7 @@ NOISE = 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustMemory:
-    """Memory beside the filtered force itself: its rate."""
+    """Memory in addition to the filtered force: its rate."""
 
     rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
 

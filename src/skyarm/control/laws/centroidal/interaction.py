@@ -167,7 +167,7 @@ def touches(
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
     # a sum of periods is not exactly their number times one
-    # what a tip feels that still goes in, soon after a loss, is what is left in the observer or a sensor's filter
+    # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
     begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
     found: Any = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
     return where(asked, found, 0.0), losing
@@ -296,7 +296,7 @@ STEEPEST = 0.4
 """Of each component of the lean: 20 degrees and more of a surface that was told as level."""
 
 
-def leaning(told: Vec3, lean: Vec3) -> Vec3:
+def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
     """The estimated unit normal."""
     n = told + lean
     # a reference that has not begun has no normal
@@ -375,7 +375,7 @@ class InteractionGains(Part):
         then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
         now = levers(vehicle, state.quaternion.rotation(), state.joints)
         planned = wanted_of(step.reference.push).about_the_pivot(state.position + now.R.apply(now.tip))
-        wanted = dataclasses.replace(planned, normal=leaning(planned.normal, memory.lean))
+        wanted = dataclasses.replace(planned, normal=estimated_normal(planned.normal, memory.lean))
         moving = state.rate.cross(now.tip)
         for column, rate in zip(now.columns, state.joint_rates, strict=True):
             moving = moving + column * rate

@@ -1,4 +1,4 @@
-"""Joints kept within their limits: bounds of the acceleration that tip and links ask for.
+"""Joints kept within their limits: bounds of the acceleration requested by tip and links.
 
 The tip mode takes joints off their references, and a task that the arm cannot do takes them far: to lift a tip that a
 gust tilted away a short slide runs to its end. A joint may go a share of the way from its reference to a limit; the

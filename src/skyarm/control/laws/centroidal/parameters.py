@@ -122,7 +122,7 @@ class TipGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Observation:
-    """Knowledge of the observer beside its bandwidths.
+    """Options of the observer in addition to its bandwidths.
 
     Attributes:
         accelerometer: bandwidths of its part in velocity and force; None for a law without one.

@@ -223,7 +223,7 @@ AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Any) -> list[Vec3]:
-    """The base's reference, value to fourth derivative, with the motion that the attitude answers beside it.
+    """The base's reference, value to fourth derivative, plus the motion that the attitude answers.
 
     The position stays that of the reference, and so does all of z.
 
@@ -273,7 +273,7 @@ def path_step(
     per, lever = _per(level, par.model.gravity), levers(level)
     com = needed_shift(level.com, yaw, turned.com, still)
     tilt = tilt_of(asked[0], level)
-    # what an arm that swings under a steady tilt asks for is no motion along the path
+    # the shift of an arm that swings under a steady tilt is no motion along the path
     u1, u2 = (asked[k] - com[k] + tilt * lever[k] for k in (1, 2))
     rows = zip(path, zip(*base, strict=True), u1, u2, strict=False)
     x, y = (axis_step(axis, reference, (a, b), per, rate, dt) for axis, reference, a, b in rows)

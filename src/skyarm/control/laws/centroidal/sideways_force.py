@@ -1,4 +1,4 @@
-"""Force across the thrust axis: how much of it rotors give beside hover, and what is left for a tilt.
+"""Force across the thrust axis: the rotors' share of it in hover, and the rest for a tilt.
 
 A force F at the common centre of mass r_c of a vehicle that does not turn is the wrench (r_c x F, F) about the base
 origin; each rotor's squared speed is linear in it. With b_i what the vertical part takes and c_i what the rest adds,
@@ -94,7 +94,7 @@ def thrust_axis(attitude: Sequence[Any], yaw: Taylor) -> Vec3:
 
 
 def slightest(reach: Reach, vertical: Taylor) -> Taylor:
-    """Square of the gauge of 1 N across z in the worst direction, 1/N^2, beside a vertical force (series, N)."""
+    """Square of the gauge of 1 N across z in the worst direction, 1/N^2, next to a vertical force (series, N)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, size = vertical * row.z, row.x * row.x + row.y * row.y

@@ -60,7 +60,7 @@ class ArmTurn:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TurnWeights:
-    """Weights of the arm's motion; what they reach is in docs/giving_way.md, Measured.
+    """Weights of the arm's motion; measured effects in docs/giving_way.md, Measured.
 
     Attributes:
         length: m, of the tip's motion that counts as 1 rad of its turning: long, so that turning comes first.
@@ -198,7 +198,7 @@ def _series(derivatives: Sequence[Any]) -> Taylor:
 
 
 def require_turning(vehicle: Vehicle, at: str, table: Any, sensor: bool) -> None:
-    """Refuse an arm that does not turn its tip about every axis, or that cannot tell a torque there from a force.
+    """Refuse an arm that does not turn its tip about every axis, or cannot distinguish a torque there from a force.
 
     Raises:
         ControllerError: one line with field, value and what is allowed.

@@ -98,7 +98,7 @@ def is_flyable(plan: Plan, most: float) -> bool:
 
 
 def after_plan(trust: Trust, good: bool) -> Trust:
-    """Trust after a plan was made."""
+    """Trust after a new plan."""
     if good:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting

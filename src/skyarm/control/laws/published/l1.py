@@ -229,7 +229,7 @@ def _command(filtered: L1Memory, measurement: Measurement, reference: Reference,
     wanted = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
-        # only the attitude leans against it: the base accelerates as wanted, and so the arm must be told
+        # only the attitude leans against it: the base accelerates as wanted, so this is an input of the arm
         up = wanted - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(vehicle)
     force, efforts = dynamics.inverse_dynamics(
         vehicle,
