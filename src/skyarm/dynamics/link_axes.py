@@ -1,4 +1,4 @@
-"""The axes in which the recursions hold each link, chosen so that little has to be turned.
+"""Working axes of each link in the recursions, chosen for few rotations.
 
 A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
 held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that

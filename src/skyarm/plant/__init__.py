@@ -1,1 +1,1 @@
-"""Plants: what is simulated. They share rotors, wind and joint friction, and no rigid-body code."""
+"""Plants: simulated vehicles. They share rotors, wind and joint friction, and no rigid-body code."""

@@ -32,7 +32,7 @@ class Truth:
 
 
 class Plant(Protocol):
-    """A simulated vehicle without memory: all that it remembers is in the state it is given."""
+    """A simulated vehicle without memory: its whole state is an argument."""
 
     vehicle: Vehicle
 

@@ -1,4 +1,4 @@
-"""The vehicle as it moves in a control period, with what it holds, and all that pushes on it but gravity."""
+"""The vehicle in a control period, with its payloads, and the forces on it without gravity."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ INTEGRATOR = "euler"
 
 
 class MujocoContactPlant:
-    """MuJoCo moves the vehicle and the bodies of the world, and finds what they do to each other.
+    """MuJoCo moves the vehicle and the bodies of the world, and computes their contacts.
 
     Not for two threads at once: each call works in the same MuJoCo data, though nothing in it outlives the call.
 

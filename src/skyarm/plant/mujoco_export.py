@@ -124,7 +124,7 @@ FIELD = 45.0
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """Text of an MJCF file, and how much is in it."""
+    """Text of an MJCF file, and counts of its contents."""
 
     text: str
     bodies: int

@@ -46,7 +46,7 @@ def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
 
 
 class Coupling:
-    """Holds the followers of a vehicle in MuJoCo's data.
+    """Constraint of a vehicle's followers in MuJoCo's data.
 
     Args:
         vehicle: with followers. model, data: MuJoCo's. dofs: of links and followers, in ``model``.

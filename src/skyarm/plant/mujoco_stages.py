@@ -1,4 +1,4 @@
-"""A Runge-Kutta step of fourth order of MuJoCo's bodies in which all that pushes is evaluated at each stage.
+"""A Runge-Kutta step of fourth order of MuJoCo's bodies with forces evaluated at each stage.
 
 The attitude of a step is its first one times the exponential of a rotation vector u, and it is u that the method
 integrates: du/dt = w + 1/2 u x w + 1/12 u x (u x w), the rest of the series being of fifth order.

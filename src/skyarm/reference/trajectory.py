@@ -1,4 +1,4 @@
-"""Desired motion of base and joints: one sample, and the trajectory it is taken from.
+"""Desired motion of base and joints: one sample, and the trajectory.
 
 A publisher samples it at one rate and holds each sample for a controller that runs at another.
 """

@@ -147,7 +147,7 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dropouts:
-    """Readings that do not come, at random and in stated intervals of time. The first reading of an episode comes.
+    """Lost readings, at random and in stated intervals of time. The first reading of an episode arrives.
 
     At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
 

@@ -227,7 +227,7 @@ class Encoders(ChannelSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FramedSensor(ChannelSensor):
-    """A sensor of what pushes at a frame, behind a first-order low pass.
+    """A sensor of the external wrench at a frame, behind a first-order low pass.
 
     Attributes:
         frame: of the vehicle; empty for its tip. bandwidth: rad/s of the low pass; 0 for none.

@@ -72,7 +72,7 @@ Column = tuple[str, str, str]
 
 
 class Component:
-    """Base of what surrounds a vehicle. A subclass is a frozen dataclass and overrides what it needs."""
+    """Base of the components of the surroundings. A subclass is a frozen dataclass and overrides what it needs."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""A gust: something extra for a while, [start, start + duration)."""
+"""A gust: an additional force or air velocity in [start, start + duration)."""
 
 from __future__ import annotations
 

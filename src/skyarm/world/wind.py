@@ -1,4 +1,4 @@
-"""Wind in two honest modes: a force and an air speed typed apart (RotorS), or an air velocity that causes drag."""
+"""Wind in two modes: independent force and air speed (RotorS), or an air velocity that causes drag."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Parts that several laws are made of."""
+"""Building blocks of several laws."""

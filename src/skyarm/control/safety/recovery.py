@@ -1,4 +1,4 @@
-"""Recovery of a vehicle whose law is given up, and the supervisor that decides when.
+"""Recovery after the supervisor has rejected a law, and the supervisor.
 
 The recovery hovers level where the law was given up, the arm on its way to its stowed pose.
 """

@@ -51,7 +51,7 @@ STEPS = 2000
 
 @dataclass(frozen=True, slots=True)
 class TimeAloft:
-    """A hover until the battery can hold it no longer.
+    """Endurance: a hover down to the battery's limit.
 
     Attributes:
         seconds: until then. power: W, of the hover.

@@ -1,4 +1,4 @@
-"""Rotors turned by servos: the angle's lag, a vehicle as its angles leave it, and a tilting rotor as two fixed ones.
+"""Rotors tilted by servos: the angle's lag, the vehicle at its angles, and a tilting rotor as two fixed ones.
 
 A force k s in the plane that a rotor turns in is linear in the pair (s cos a, s sin a) of its squared speed s and angle
 a, and so are its torques, the drag torque included, which stays along the turned axis. Here the pair stands in the

@@ -1,4 +1,4 @@
-"""A governor's pause: bounds of the flight beyond which the reference's time goes more slowly, down to a stop."""
+"""Pause of the path governor: error bounds beyond which the reference's time slows, down to a stop."""
 
 from __future__ import annotations
 

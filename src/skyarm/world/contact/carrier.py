@@ -46,7 +46,7 @@ class CarriedFrame:
 
 
 class Carrier:
-    """Base of what carries surfaces. A subclass is a frozen dataclass with a ``name``."""
+    """Base of the bodies that carry surfaces. A subclass is a frozen dataclass with a ``name``."""
 
     __slots__ = ()
 

@@ -83,7 +83,7 @@ class ContactMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Meeting:
-    """A surface and what touches it.
+    """A surface and the point or body in contact with it.
 
     Attributes:
         surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.

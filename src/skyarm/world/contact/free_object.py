@@ -58,7 +58,7 @@ class ObjectMotion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FreeObject(Carrier):
-    """A free object is a rigid body of the world that nothing holds.
+    """A free object is a rigid body of the world without a joint.
 
     Attributes:
         name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.

@@ -1,4 +1,4 @@
-"""Grippers: what a vehicle takes hold of bodies of the world with.
+"""Grippers: grasps of a vehicle on bodies of the world.
 
 A grasp is a stiff spring with damping between a frame of the vehicle and the body: the pose in which they are to each
 other when the gripper takes hold is kept. The law of the spring is the same for all kinds; they differ in what they
@@ -268,7 +268,7 @@ UNCHANGED = Grip(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grasps:
-    """Grippers and what they may hold.
+    """Grippers and the bodies that they may grasp.
 
     Attributes:
         grippers: of the vehicle. carriers: bodies of the world.

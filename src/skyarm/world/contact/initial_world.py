@@ -1,4 +1,4 @@
-"""A vehicle, and every object, may start in the air or at rest on a surface, not inside of one."""
+"""Interpenetration of the initial world: vehicle and objects may start in the air or at rest on a surface."""
 
 from __future__ import annotations
 

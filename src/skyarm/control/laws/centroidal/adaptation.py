@@ -67,7 +67,7 @@ class Regressor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLearned:
-    """Estimates of one joint, and the filtered signals that they are found by.
+    """Estimates of one joint, and the filtered signals behind them.
 
     Attributes:
         damping: beyond the model's, N m s/rad or N s/m.

@@ -31,7 +31,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, slots=True)
 class Thrust:
-    """Force that the centre of mass is moved with.
+    """Force on the centre of mass.
 
     Attributes:
         force: wanted, series of second order, world axes, N.
@@ -172,7 +172,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmMotion:
-    """Memory.
+    """Memory of the arm's motion.
 
     Attributes:
         size: of the angular acceleration that the arm's motion asks for, rad/s^2. mean: of h, base axes, m.

@@ -73,7 +73,7 @@ class TrendGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTrend:
-    """Memory.
+    """Memory of the force trend.
 
     Attributes:
         level, rate: of the tracker, N and N/s, world axes. forces, rates: stages of the two chains.

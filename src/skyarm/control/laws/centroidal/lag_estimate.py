@@ -100,7 +100,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """State of the estimate: of roll, pitch, yaw and the joints.
+    """State of the lag estimate: of roll, pitch, yaw and the joints.
 
     Attributes:
         count: periods seen.

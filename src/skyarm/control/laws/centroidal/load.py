@@ -1,4 +1,4 @@
-"""A load at the tip, learned from the observed disturbance while something is held, and a part of the law's model.
+"""Estimate of a load at the tip from the observed disturbance during a grasp, and its use in the law's model.
 
 A mass dm that the model lacks hangs in the observed disturbance as its weight -dm g e_z at the tip; one that lies
 elsewhere than the model has it, as a horizontal torque t about the tip. Both are the weighted least squares (lengths as

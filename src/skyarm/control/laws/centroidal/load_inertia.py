@@ -1,4 +1,4 @@
-"""The inertia of a learned load about its own centre of mass, found while the reference turns the hand.
+"""Estimate of a load's inertia about its own centre of mass while the reference rotates the hand.
 
 A load tells of its inertia by torques only, and only where it is turned: the law's references say how. With w and alpha
 of the tip in its own axes, and a load of moments I = diag(I_x, I_y, I_z) there, the hand has to give

@@ -61,7 +61,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftMotion:
-    """Memory of two differentiators in a row, of the acceleration of the base's shift: what they have followed."""
+    """Memory of two differentiators in a row, of the acceleration of the base's shift."""
 
     acceleration: Annotated[Vec3, Unit("m/s^2", "of the base's shift, filtered")]
     jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]

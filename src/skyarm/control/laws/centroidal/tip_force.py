@@ -1,4 +1,4 @@
-"""The force at the tip in what the disturbance observer holds.
+"""Force at the tip from the estimate of the disturbance observer.
 
 A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f on the base's turning
 and f on its motion, beside what is no contact: wind, wrong masses, friction (the bias b). Of the joints it tells most,

@@ -1,4 +1,4 @@
-"""Tip mode: tip and links as a level base would have them, the shift of the base, joint accelerations.
+"""Tip mode: tip and links of a level base, the shift of the base, joint accelerations.
 
 What the arm cannot reach goes to a slow, bounded shift of the base, and base errors beyond the arm's reach go to the
 tip's reference.
@@ -272,7 +272,7 @@ def turned_joints(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Now:
-    """The vehicle at present.
+    """The vehicle's motion at the present instant.
 
     Attributes:
         R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.

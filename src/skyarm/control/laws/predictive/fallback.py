@@ -1,4 +1,4 @@
-"""Fallback of the predictive law: test of a plan, time of distrust, and the law flown in its place.
+"""Fallback of the predictive law: acceptance test of a plan, time of rejection, and the substitute law.
 
 A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
 reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and

@@ -1,1 +1,1 @@
-"""Laws of other authors, each in a file of its own: what the paper cites, and two of today's standards."""
+"""Laws of other authors, each in a file of its own: those that the paper cites, and two present standards."""

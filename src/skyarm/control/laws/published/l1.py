@@ -1,9 +1,4 @@
-"""The state predictor and the adaptation of :mod:`skyarm.control.laws.published.l1`.
-
-A prediction is made one period later than it is published, at the instant that it is for: only then is it known what
-was sent in between.
-
-L1 adaptive augmentation of the coupled geometric law: state predictor, piecewise-constant adaptation, low-pass.
+"""L1 adaptive augmentation of the coupled geometric law: state predictor, piecewise-constant adaptation, low-pass.
 
 With z = [v (world), w (body), joint rates] and one Hurwitz rate -a per group:
 
@@ -23,6 +18,9 @@ compensation is cut at a limit.
 
 Source: Wu, Cheng, Zhao, Gahlawat, Ackerman, Lakshmanan, Yang, Yu, Hovakimyan, L1Quad, IEEE Trans. Control Systems
 Technology 33, 2025 (arXiv 2302.07208), section III; parameter values start from the authors' Crazyflie firmware.
+
+A prediction is computed one period later than published, at its own instant: only then are the commands sent in between
+known.
 """
 
 from __future__ import annotations
