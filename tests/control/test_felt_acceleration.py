@@ -15,10 +15,10 @@ from skyarm.control.blocks.disturbance_observer import (
     AccelerometerGains,
     Felt,
     ObserverGains,
-    beyond,
     first_observed,
     measure_translation,
     observe,
+    unmodelled_thrust,
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
 from skyarm.control.controller import ControllerError
@@ -147,7 +147,7 @@ def test_thrust_along_the_axis_is_counted_by_its_mean_and_across_by_the_speed_am
     squares, half, speeds = rng.uniform(2e5, 3e5, 6), rng.uniform(400.0, 500.0, 6), rng.uniform(300.0, 600.0, 6)
     axes = np.array([[*r.axis] for r in vehicle.rotors], dtype=float)
     thrust = np.array([float(r.thrust_coefficient) for r in vehicle.rotors])
-    found = beyond(Model(vehicle=vehicle), squares.tolist(), half.tolist(), speeds.tolist())
+    found = unmodelled_thrust(Model(vehicle=vehicle), squares.tolist(), half.tolist(), speeds.tolist())
     assert found.z == pytest.approx(axes[:, 2] @ (thrust * (speeds**2 - squares)))
     assert [found.x, found.y] == pytest.approx((thrust * (speeds**2 - half**2)) @ axes[:, :2])
 

@@ -13,7 +13,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate, derivative
-from skyarm.plant.surroundings import Surroundings, felt, surroundings_of
+from skyarm.plant.surroundings import Surroundings, surroundings_of, wind_at
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
 from skyarm.world import MovingAir, WindSample
@@ -69,7 +69,7 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     rng = np.random.default_rng(3)
     vehicle, state = random_vehicle(rng, 2), record(random_state(rng, 2))
     base, link = SteadyWrench(force=Vec3(1.0, 2.0, 3.0)), SteadyWrench(force=Vec3(50.0, 0.0, 0.0), body=1)
-    sample = felt(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), vehicle, state)
+    sample = wind_at(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), vehicle, state)
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
 

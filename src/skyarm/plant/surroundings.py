@@ -112,8 +112,8 @@ def surroundings_of(around: Around) -> Surroundings:
     return Surroundings(components=(around,), memories=((),), effectiveness=around.effectiveness)
 
 
-def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
-    """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
+def wind_at(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
+    """Force on the base and velocity of the air at its origin, as recorded in logs."""
     motion = PointMotion(vehicle, state, around.air_velocity)
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):

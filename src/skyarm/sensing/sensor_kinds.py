@@ -241,7 +241,7 @@ class FramedSensor(ChannelSensor):
         """The frame."""
         return self.frame
 
-    def felt(self, push: Push) -> Quantities:
+    def reading_of(self, push: Push) -> Quantities:
         """Name, errors and true components of each channel."""
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 
@@ -255,7 +255,7 @@ class FramedSensor(ChannelSensor):
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Reading without contact."""
-        return self.felt(NO_PUSH)
+        return self.reading_of(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> Any:
         """State of the low pass."""
@@ -272,7 +272,7 @@ class FramedSensor(ChannelSensor):
     def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
         """One reading."""
         behind = self.filter_push(memory, memory.own, push, dt)
-        return self.read(dataclasses.replace(memory, own=behind), t, self.felt(behind), (), draws, dt)
+        return self.read(dataclasses.replace(memory, own=behind), t, self.reading_of(behind), (), draws, dt)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -284,7 +284,7 @@ class ForceTorque(FramedSensor):
     force: Channel = Channel()
     torque: Channel = Channel()
 
-    def felt(self, push: Push) -> Quantities:
+    def reading_of(self, push: Push) -> Quantities:
         """Force and torque."""
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
 
@@ -314,7 +314,7 @@ class TactileSwitch(FramedSensor):
         if concrete(self.on) and concrete(self.off) and self.off > self.on:
             raise RecordError(f"off = {self.off}: must be at most on = {self.on} N")
 
-    def felt(self, push: Push) -> Quantities:
+    def reading_of(self, push: Push) -> Quantities:
         """The force's size."""
         f = push.force
         return (("force", self.force, (sqrt(f.dot(f)),)),)
@@ -328,7 +328,7 @@ class TactileSwitch(FramedSensor):
         before = memory.own
         behind = self.filter_push(memory, before.push, push, dt)
         own = Switched(push=behind, closed=before.closed)
-        return self.read(dataclasses.replace(memory, own=own), t, self.felt(behind), (), draws, dt)
+        return self.read(dataclasses.replace(memory, own=own), t, self.reading_of(behind), (), draws, dt)
 
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
         """Closed or open, with a hysteresis."""

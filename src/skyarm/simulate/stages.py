@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import payloads_of
-from skyarm.plant.surroundings import Memories, Surroundings, felt
+from skyarm.plant.surroundings import Memories, Surroundings, wind_at
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_checks import sensor_offset, tip_sensor
@@ -247,7 +247,7 @@ class Stages:
 
     def felt(self, around: Surroundings, state: State) -> WindSample:
         """What the log keeps of the surroundings."""
-        return felt(around, self.scenario.plant.vehicle, state)
+        return wind_at(around, self.scenario.plant.vehicle, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
         """What the law has found out, for the log; () of most laws."""

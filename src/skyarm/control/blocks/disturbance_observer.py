@@ -204,7 +204,7 @@ def observe(
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
     if accelerometer is not None:
-        rotors = beyond(model, squares, half, speeds)
+        rotors = unmodelled_thrust(model, squares, half, speeds)
         base = measure_translation(
             model, accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
         )
@@ -238,7 +238,7 @@ def observe(
     return running_on, told
 
 
-def beyond(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
+def unmodelled_thrust(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
     """Thrust of all rotors at the end of a period minus the thrust in the model's prediction; N, base axes.
 
     Args:

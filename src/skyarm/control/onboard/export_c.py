@@ -276,7 +276,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": _blank(controller),
-        "reference": Reference(**arm, **_beside(controller.par)).dense(),
+        "reference": Reference(**arm, **_reference_inputs(controller.par)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
@@ -297,7 +297,7 @@ def _axes_at_tip(controller: Controller) -> tuple[int, int]:
     return 3 if senses_force(controller.par) else 0, 3 if senses_torque(controller.par) else 0
 
 
-def _beside(par: Any) -> dict[str, Any]:
+def _reference_inputs(par: Any) -> dict[str, Any]:
     """Inputs of a reference, in addition to the motion, that the law uses."""
     return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 

@@ -68,7 +68,7 @@ def rotor_forces(
         group = [pair for pair in left if _similar(pair[0], first)]
         left = [pair for pair in left if not _similar(pair[0], first)]
         center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
-        beside = [_beside(rotor.position, center) for rotor, *_ in group]
+        beside = [_offset(rotor.position, center) for rotor, *_ in group]
         hub = _alike(group, beside, velocity + rate.cross(center), rate)
         total = total + hub.moved(center)
     return total
@@ -83,7 +83,7 @@ def _components(group: Sequence[Turning]) -> list[tuple[Any, ...]]:
     return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
 
-def _beside(position: Vec3, center: Vec3) -> Vec3:
+def _offset(position: Vec3, center: Vec3) -> Vec3:
     """Position from the centre, whose components are the position's own or structural zeros."""
     return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
 

@@ -136,7 +136,7 @@ class Servo(Drive):
         """The setpoint as the loop holds it."""
         return setpoint
 
-    def _heard(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
+    def _arriving_setpoint(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
         """The setpoint that arrives in this period on average, and those still on their way."""
         count = len(memory.waiting)
         if count == 0:
@@ -193,7 +193,7 @@ class PositionServo(Servo):
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
         """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
-        heard, waiting = self._heard(memory, setpoint, dt)
+        heard, waiting = self._arriving_setpoint(memory, setpoint, dt)
         step = mul(self.speed_limit, dt)
         goal = memory.goal + clip(self._quantize(heard) - memory.goal, -step, step)
         rounding = self._quantize(position) - position
@@ -245,7 +245,7 @@ class VelocityServo(Servo):
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
         """Receive the next setpoint, integrate the error."""
-        heard, waiting = self._heard(memory, setpoint, dt)
+        heard, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal = clip(heard, -self.speed_limit, self.speed_limit)
         error = goal - rate
         integral = self._integrate(memory, error, self._loop_torque(goal, memory.integral, rate), rate, dt)

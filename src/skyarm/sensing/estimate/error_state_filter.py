@@ -104,7 +104,7 @@ class ErrorStateFilter(FilterNumbers):
             ),
         )
         following = self._apply_aiding(self._predict(now, before[0]), before[0].time)
-        return following, self._told(following, imu, encoders)
+        return following, self._measurement(following, imu, encoders)
 
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any
@@ -156,7 +156,7 @@ class ErrorStateFilter(FilterNumbers):
             surprise = where(due, found, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
-    def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
+    def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
         """The estimate of the filter's instant carried to the present."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):

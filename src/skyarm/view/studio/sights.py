@@ -15,7 +15,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
@@ -165,7 +165,7 @@ def sight(session: Flown) -> Sight:
     vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
     around = Surroundings(components=scenario.components, memories=now.components, time=time)
-    outside = felt(around, vehicle, state)
+    outside = wind_at(around, vehicle, state)
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
     push = getattr(scenario.reference, "push", None)
     if push is not None:
