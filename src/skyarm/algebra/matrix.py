@@ -168,7 +168,7 @@ class Sym3:
 
     @classmethod
     def of_matrix(cls, a: Mat3) -> Sym3:
-        """Upper triangle of a matrix known to be symmetric."""
+        """Upper triangle of a symmetric matrix."""
         return cls(a.r0.x, a.r1.y, a.r2.z, a.r0.y, a.r0.z, a.r1.z)
 
     @classmethod

@@ -42,7 +42,7 @@ def curve(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
 
 
 def inverse_curve(y: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-    """Where the curve has the value ``y``; the first point for lower ones, straight on beyond the last."""
+    """Argument at which the curve has the value ``y``; the first point below it, extrapolated beyond the last."""
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
     wanted = clip(y - low, 0.0, rise)
     t, bottom, top = divide(wanted, rise), 0.0 * wanted, 0.0 * wanted + 1.0

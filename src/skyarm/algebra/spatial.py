@@ -202,6 +202,6 @@ class ArticulatedInertia:
 
 
 def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
-    """Return a b^T, known to be symmetric because b is parallel to a."""
+    """Return a b^T, symmetric because b is parallel to a."""
     m = Mat3(b * a.x, b * a.y, b * a.z)
     return Sym3.of_matrix(m)

@@ -1,4 +1,4 @@
-"""From traceable functions to programs: tracing, then straight-line code. Knows nothing of flying."""
+"""From traceable functions to programs: tracing, then straight-line code. Independent of flying."""
 
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Graph, Node, TracedBranchError

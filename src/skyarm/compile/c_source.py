@@ -301,7 +301,7 @@ def _indices(shape: tuple[int, ...]) -> list[str]:
 
 
 def declaration(name: str, struct: Struct, floats: Floats) -> str:
-    """``struct name { ... };``; C99 knows no empty struct, so one without members gets a reserved one."""
+    """``struct name { ... };``; C99 has no empty struct, so one without members gets a reserved one."""
     members = struct.members or (Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),)
     lines = [f"struct {name} {{"]
     for member in members:
@@ -330,14 +330,14 @@ def _in_braces(values: list[float], shape: tuple[int, ...], floats: Floats) -> s
 
 
 def comment(text: str) -> str:
-    """Text that can stand in a C comment: one line of plain characters, none that ends or opens one."""
+    """Text of a C comment: one line of plain characters, none that ends or opens one."""
     plain = re.sub(r"[^ -~]|[?\\]", "_", " ".join(text.split()))
     return re.sub(r"\*(?=/)|/(?=\*)", "_", plain)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepFile:
-    """What the file is made of.
+    """Parts of the generated file.
 
     Attributes:
         name: begins every name that others see, a C identifier.

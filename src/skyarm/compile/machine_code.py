@@ -1,4 +1,4 @@
-"""Where machine code cannot be made: one error for every cause, which says what to do.
+"""Error for a machine without machine code: one for every cause, with the remedy.
 
 The causes: llvmlite is missing, too old for our assembly, broken, or its LLVM does not know this processor.
 """
@@ -42,7 +42,7 @@ def llvm_needed() -> Iterator[None]:
 
 
 def require_floor(version: str) -> None:
-    """Raise RuntimeError for an llvmlite whose LLVM cannot read our assembly: asked, it fills the terminal."""
+    """Raise RuntimeError for an llvmlite whose LLVM cannot read our assembly, which otherwise fills the terminal."""
     if below_floor({NAME: version}):
         raise RuntimeError("its LLVM is too old")
 

@@ -1,4 +1,4 @@
-"""What an environment's actions mean: records that turn numbers in [-1, 1] into the command of a period."""
+"""Kinds of actions: records that turn numbers in [-1, 1] into the command of a period."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
 
 
 class Turn(NamedTuple):
-    """What an action meets in a control period.
+    """Inputs of an action kind in a control period.
 
     Attributes:
         memory: of the law, ``()`` where it is not asked. measurement: of the period. reference: told for it.
@@ -71,7 +71,7 @@ class Actions:
         accept_fields(self, type(self).__name__)
 
     def size(self, vehicle: Vehicle) -> int:
-        """How many numbers an action has."""
+        """Number of components of an action."""
         return len(vehicle.rotors) + vehicle.n
 
     def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
@@ -88,7 +88,7 @@ class Actions:
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
     def added(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
-        """What the last numbers of an action add to setpoints that another has chosen."""
+        """Increments of the joint setpoints from the last numbers of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
     def _spans(self, action: tuple[Any, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
@@ -124,7 +124,7 @@ class RotorsAndJoints(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class RatesAndThrust(Actions):
-    """Body rates (x, y, z) and thrust, by a rate controller on the believed inertia and mixer; then the joints.
+    """Body rates (x, y, z) and thrust, by a rate controller on the model's inertia and mixer; then the joints.
 
     Attributes:
         rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
@@ -140,7 +140,7 @@ class RatesAndThrust(Actions):
         return 4 + vehicle.n
 
     def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
-        """Torque J (rate wanted - rate) bandwidth, thrust about the weight, mixed."""
+        """Torque J (desired rate - rate) bandwidth, thrust about the weight, mixed."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
@@ -154,7 +154,7 @@ class RatesAndThrust(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class References(Actions):
-    """Displacements of the reference that the scenario's law is told: of the base (x, y, z), then of the joints.
+    """Displacements of the law's reference: of the base (x, y, z), then of the joints.
 
     Attributes:
         position: m at full action, world axes. angle: rad or m of a joint at full action.
@@ -181,7 +181,7 @@ class References(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual(Actions):
-    """What is added to the command of the scenario's law: to the rotors' speeds, then to the joints' setpoints.
+    """Correction of the law's command: of the rotors' speeds, then of the joints' setpoints.
 
     A law that keeps what it commanded is told what was sent.
 
@@ -245,5 +245,5 @@ def _free(limit: Any) -> bool:
 
 
 def _hover(model: Model) -> tuple[Any, ...]:
-    """Believed hover speeds with the arm at zero, rad/s."""
+    """Hover speeds of the model with the arm at zero, rad/s."""
     return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

@@ -1,4 +1,4 @@
-"""What episodes begin with, made ahead of time for many at once: numbers drawn, first states, first observations."""
+"""Initial data of episodes, computed ahead for many at once: random numbers, initial states and observations."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ class EnvLanes:
         return bool(self.ended.any() or self.truncated.any())
 
     def hold(self, lanes: Array) -> tuple[Array, ...]:
-        """What :meth:`put_back` makes good of a step that these lanes are not to make."""
+        """Copies of the data of lanes that are to skip a step, for :meth:`put_back`."""
         kept = (self._carry, self.observation, self._truncated[None], self.ending[None])
         return tuple(rows[:, lanes].copy() for rows in kept)
 

@@ -42,7 +42,7 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EnvState:
-    """What an environment's step hands to the next.
+    """State of an environment from one step to the next.
 
     Attributes:
         loop: state of the closed loop; sensors, estimator and components stand in the period that comes next.
@@ -57,7 +57,7 @@ class EnvState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """What a step gives out.
+    """Result of a step.
 
     Attributes:
         observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
@@ -123,7 +123,7 @@ class EnvProgram:
         return state, self._observe(Stages(self._lane_scenario(numbers)), measurement, told, action)
 
     def _begin(self, numbers: Sequence[Any], draws: Sequence[Any], started: Any) -> tuple[LoopState, Any, Reference]:
-        """Loop, measurement and told reference of an episode's first period."""
+        """Loop, measurement and the law's reference in the first period of an episode."""
         stages = Stages(self._lane_scenario(numbers))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
@@ -181,7 +181,7 @@ class EnvProgram:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
-        """Where the held reference is after a period; after the last one, where it was, as in a single run."""
+        """Position of the held reference after a period; after the last one that of before, as in a single run."""
         last = float(self.task.scenario.steps - 1)
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position

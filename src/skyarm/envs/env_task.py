@@ -121,7 +121,7 @@ def _scenario(given: Any, controller: str | None, duration: float | None) -> Sce
 
 
 def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
-    """A record as it is, or the one that a name stands for."""
+    """A record as it is, or the record of a name."""
     if isinstance(given, kind):
         return given
     if isinstance(given, str) and given in known:
@@ -141,7 +141,7 @@ MOST_LANES = 1_000_000
 
 
 def require_lanes(given: Any) -> int:
-    """How many episodes fly together.
+    """Require a number of episodes to fly together.
 
     Raises:
         ScenarioError: no whole number, none, or more than a machine holds.

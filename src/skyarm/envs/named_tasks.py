@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NamedTask:
-    """What a shipped environment is unless it is told otherwise.
+    """Defaults of a shipped environment.
 
     Attributes:
         file: of its scenario. actions: what they mean. reward: what it is made of. observation: likewise.
@@ -117,7 +117,7 @@ def task_scenario(name: str) -> Scenario:
 
 
 def named(name: str) -> NamedTask:
-    """What a shipped environment is.
+    """Definition of a shipped environment.
 
     Raises:
         ScenarioError: there is none of this name.

@@ -1,4 +1,4 @@
-"""What an observation and a reward may read: an observation what a law is told, a reward the truth."""
+"""Quantities of observations and rewards: an observation reads the law's measurement, a reward the truth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
-    """What a policy sees before it acts: that of a law, and no truth.
+    """Inputs of a policy before it acts: those of a law, without the truth.
 
     Attributes:
         measurement: of this period. reference: told for this period.
@@ -41,7 +41,7 @@ class Sight:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Result:
-    """What a period came to: the truth at its end.
+    """Truth at the end of a period.
 
     Attributes:
         state: of the plant. reference: held at that time. vehicle: the true one.
@@ -116,7 +116,7 @@ class BodyRate(Observed):
 
 @dataclass(frozen=True, kw_only=True)
 class SpecificForce(Observed):
-    """What the accelerometer reads, base axes: +g along z in hover. It feels wind and contact before they move."""
+    """Accelerometer reading, base axes: +g along z in hover. It shows wind and contact before they move the base."""
 
     scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
 
@@ -161,7 +161,7 @@ class JointRates(Observed):
 
 @dataclass(frozen=True, kw_only=True)
 class TipError(Observed):
-    """Reference minus measured position of the tip, by the believed arm, world axes; of the base without an arm."""
+    """Reference minus measured position of the tip, by the model's arm, world axes; of the base without an arm."""
 
     scale: Metres = 0.1
 
@@ -202,7 +202,7 @@ USUAL = (
 
 
 def tip_error(vehicle: Vehicle, state: State, reference: Any) -> Vec3:
-    """Wanted minus actual position of the tip, world axes, m."""
+    """Desired minus actual position of the tip, world axes, m."""
     return goal_of(vehicle, reference).tool - tool_of(vehicle, state)
 
 

@@ -1,4 +1,4 @@
-"""What an environment's reward is made of: records whose values are added up, period by period.
+"""Terms of an environment's reward: records whose values are added up, period by period.
 
 A reward is a tuple of these records. Each gives ``weight`` times a number without a unit; errors are divided by the
 record's ``scale``, in the unit that its field states. Rewards read the truth, which the policy does not see.

@@ -1,1 +1,1 @@
-"""What is kept of an episode."""
+"""Log of an episode, its files and metrics."""

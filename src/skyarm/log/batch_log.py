@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Logged:
-    """What a batch keeps of a control instant; the command is the one issued then, the reference the held one.
+    """Logged quantities of a batch at a control instant: the command issued then, and the held reference.
 
     ``received`` are the sensors' readings and the estimate, name and record of each, as in
     :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.

@@ -39,7 +39,7 @@ def _if_any() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Log:
-    """Everything that happened at N control instants; SI units, radians, world axes unless said.
+    """Log of a flight at N control instants; SI units, radians, world axes by default.
 
     Attributes:
         time: (N,).
@@ -200,7 +200,7 @@ class Log:
 
     @property
     def status(self) -> str:
-        """How the episode ended."""
+        """Final status of the episode."""
         return str(self.info["status"])
 
     @property
@@ -298,7 +298,7 @@ IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not 
 
 
 def rows_of(log: Log, chosen: slice) -> Log:
-    """Some control instants of a log, as a log that says the same of itself."""
+    """Some control instants of a log, as a log with the same metadata."""
     return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
 
 

@@ -52,7 +52,7 @@ def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
-    """What stands at a place of it; None where it has no such place."""
+    """Part of the written scenario at a place; None if it has no such place."""
     found: Any = written_scenario(info)
     for name in names:
         found = found.get(name) if isinstance(found, dict) else None
@@ -95,7 +95,7 @@ def _flat(written: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
-    """Whether the digest is of this scenario and of these files of code."""
+    """True if the digest is of this scenario and of these files of code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
     except RecursionError:  # lists in lists, without end
@@ -103,7 +103,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
 
 
 def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
-    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
+    """The model of a written scenario's controller; read without the law's own code if stored next to it."""
     held = written["controller"]
     par = held.get("par") if isinstance(held, dict) else None
     if isinstance(par, dict) and "model" in par:

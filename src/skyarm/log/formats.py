@@ -144,7 +144,7 @@ def save_log(log: Log, path: PathLike) -> Path:
 
 
 def _written_aside(write: Callable[[Log, Path], Path], log: Log, path: Path) -> Path:
-    """Let someone's own code write into a folder beside the target; what it wrote gets its place once it is whole."""
+    """Let user code write into a temporary folder; its output is moved to the target once it is complete."""
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))

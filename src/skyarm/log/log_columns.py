@@ -81,7 +81,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
+    """Names of the plant's joints and rotors as in its file, the joints' kinds, and their kinds of setpoints.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt.

@@ -1,4 +1,4 @@
-"""Where two logs come apart: when first, in which quantity, by how much, and whether the difference grows."""
+"""Differences of two logs: first instant, quantity, size, and growth."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class LogDifferences:
 
     @property
     def equal(self) -> bool:
-        """Whether they are of the same instants and the same numbers."""
+        """True if the logs have the same instants and the same numbers."""
         both, first, second = self.instants
         return both == first == second and not self.columns and not self.unmatched
 
@@ -107,7 +107,7 @@ def _difference(
 
 
 def _course(size: Array) -> str:
-    """Whether a difference grows from its beginning on: the RMS of its later half against that of its earlier."""
+    """Growth of a difference from its beginning: the RMS of its later half against that of its earlier."""
     half = len(size) // 2
     if not half:
         return "stays"

@@ -39,7 +39,7 @@ def _parquet() -> tuple[Any, Any]:
 
 
 def write_parquet(log: Log, path: Path) -> Path:
-    """Write a log as Parquet, which appears whole or not at all; every field's metadata says its unit and meaning.
+    """Write a log as Parquet, atomically; every field's metadata has its unit and meaning.
 
     Raises:
         ValueError: pyarrow is missing. OSError: it cannot be written.

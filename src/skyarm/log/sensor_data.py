@@ -88,7 +88,7 @@ def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
 
 
 def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
-    """Sources by name, ``readings.imu`` or ``estimate``, of what a log says of itself.
+    """Sources by name, ``readings.imu`` or ``estimate``, from a log's metadata.
 
     Raises:
         ValueError: one line: a damaged description.
@@ -112,7 +112,7 @@ def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
 
 
 def _is_sound(source: Source) -> bool:
-    """Whether a description that was read from a file is of the kinds that are written."""
+    """True if a description that was read from a file is of the kinds that are written."""
     counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
     texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
     axes = [each.axes for each in source.fields.values() if each.axes is not None]

@@ -47,7 +47,7 @@ Plot = tuple[str, list[tuple[str, str]]]
 
 
 def plots(log: Log) -> list[Plot]:
-    """What both layouts plot; a plot without curves, of a vehicle without joints, is left out."""
+    """Plots of both layouts; a plot without curves, of a vehicle without joints, is left out."""
     by_array: dict[str, list[tuple[str, str]]] = {}
     for each in columns(log):
         told = each.array == "efforts" and each.name.startswith(SETPOINT)

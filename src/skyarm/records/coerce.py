@@ -1,4 +1,4 @@
-"""What a record is given, as what it holds: plain floats, vectors, tuples; everything else is refused.
+"""Coercion of field values to their stored types: plain floats, vectors, tuples; everything else is refused.
 
 NumPy's scalars and arrays without axes become floats, so that checks see them; arrays with axes are lanes of a batch
 and stay, as do JAX arrays and nodes of a trace. Each rule takes a field's name and what was given, and returns what is
@@ -169,7 +169,7 @@ def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
 
 
 def is_sequence(value: Any) -> bool:
-    """Whether a value holds several: no text, no table, no array without axes."""
+    """True if a value is a sequence: no text, no table, no array without axes."""
     several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
     return several and bool(getattr(value, "ndim", 1))
 
@@ -256,7 +256,7 @@ def near_rotation(field: str, value: Any) -> Mat3:
 
 
 def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
-    """Of two columns."""
+    """Scalar product of two columns."""
     return sum(row[i] * row[j] for row in rows)
 
 

@@ -1,4 +1,4 @@
-"""Checks of a record's fields by their annotations: what a field holds is said once, where it is declared.
+"""Checks of a record's fields by their annotations: a field's type is stated once, where it is declared.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the record is made
 (:func:`accept_fields`), and described in those words in exported files and documents (:mod:`skyarm.records.units`). A
@@ -89,7 +89,7 @@ defaults: Callable[[type], Mapping[str, Any]] = _usual
 
 
 def _rule(wanted: Any, unit: Unit) -> Rule | None:
-    """The rule of an annotation; None where it says nothing that could be checked."""
+    """The rule of an annotation; None if it states nothing to check."""
     if unit.rule is not None:
         return _bounded(unit.rule, unit)
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
@@ -127,7 +127,7 @@ def _bounded(rule: Rule, unit: Unit) -> Rule:
 
 
 def _is_record(wanted: Any) -> bool:
-    """A class whose instances are told apart by it."""
+    """True if the type is a class that ``isinstance`` can check."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
     return said and not hasattr(wanted, "_is_protocol")
 

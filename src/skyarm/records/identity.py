@@ -1,4 +1,4 @@
-"""What a scenario is, as a digest: to see that rows in a folder belong to the scenario of today."""
+"""Digest of a scenario: tells whether rows in a folder belong to the present scenario."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def identity(record: Any) -> str:
 
 
 def log_digest(written: Any, files: Mapping[str, str]) -> str:
-    """Digest of what a log says was flown.
+    """Digest of the scenario that a log records.
 
     Args:
         written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
@@ -55,7 +55,7 @@ Pair = tuple[str, str]
 
 
 def own_files(*things: Any) -> dict[str, str]:
-    """Name -> "sha256:..." of each file of someone's own from which functions and classes in these come.
+    """Name -> "sha256:..." of each file of user code that defines functions and classes in these.
 
     A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
     says only its name.
@@ -118,7 +118,7 @@ def _of_class(kind: type) -> set[Pair]:
 
 
 def _parts(value: Any) -> list[Any]:
-    """What a value is made of, its class first."""
+    """Parts of a value, its class first."""
     if isinstance(value, Mapping):
         return [*value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -141,7 +141,7 @@ def _cells(function: Any) -> tuple[types.CellType, ...]:
 
 
 def _content(cell: types.CellType) -> Any:
-    """What an inner function was closed over, if anything yet."""
+    """Content of a closure's cell, if it has any yet."""
     try:
         return cell.cell_contents
     except ValueError:

@@ -63,7 +63,7 @@ field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
 
 
 def is_record(value: Any) -> bool:
-    """Whether a value is a record with fields, not the class of one."""
+    """True if a value is a record with fields, not the class of one."""
     return field_names(type(value)) is not None
 
 
@@ -73,7 +73,7 @@ def is_leaf(value: Any) -> bool:
 
 
 def parts(record: Any) -> dict[str, Any]:
-    """What stands directly below a record, by field; below a tuple, by number; nothing below a scalar."""
+    """Parts directly below a record, by field; below a tuple, by number; none below a scalar."""
     if isinstance(record, tuple):
         return {str(i): item for i, item in enumerate(record)}
     return {name: getattr(record, name) for name in field_names(type(record)) or ()}
@@ -92,7 +92,7 @@ def walk(record: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def pairs(example: Any, record: Any, path: str) -> list[tuple[Any, Any, str]] | None:
-    """What stands at the same places directly below two records, with its path; None where their parts differ."""
+    """Pairs of parts at the same places directly below two records, with their paths; None if the structures differ."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
     if type(example) is type(record) and (names := field_names(type(example))) is not None:
@@ -138,7 +138,7 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
 
 
 def part(record: Any, place: Place) -> Any:
-    """What stands at a place."""
+    """Part of a record at a place."""
     for name in place:
         record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
     return record

@@ -42,7 +42,7 @@ def _text(record: Any) -> str:
 
 
 def _plain(value: Any, above: tuple[int, ...]) -> Any:
-    """Plain data of a value; ``above`` are the ids of the objects it stands in."""
+    """Plain data of a value; ``above`` are the ids of the objects that contain it."""
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):

@@ -51,7 +51,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
-    """The record of these fields; its refusal is told with the place of its table in the file.
+    """The record of these fields; an error names the place of its table in the file.
 
     Raises:
         ValueError: one line.
@@ -66,7 +66,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
 
 
 def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
-    """Those numbers of a record that a table states, within the bounds that the record's fields declare."""
+    """Numbers of a record that a table states, within the bounds that the record's fields declare."""
     known, found = units(kind), {}
     for name in names:
         if fields.take(name, None) is None and name not in required:
@@ -81,13 +81,13 @@ def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Col
 
 
 def takes_table(function: Callable[..., Any]) -> bool:
-    """Whether a function reads its table itself: one parameter, which is annotated as Fields."""
+    """True if a function reads its table itself: one parameter, which is annotated as Fields."""
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
 
 def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]:
-    """Keyword arguments of a function from a table, each of the kind that its annotation says.
+    """Keyword arguments of a function from a table, each of its annotated type.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -103,7 +103,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
 
 
 def _value(wanted: Any, unit: Unit, fields: Fields, name: str) -> Any:
-    """A field's value, of the kind that its annotation says."""
+    """A field's value, of its annotated type."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
     if wanted in (float, Scalar):

@@ -1,4 +1,4 @@
-"""What the numbers of a field are: unit, meaning and bounds, said once where the field is declared.
+"""Units of a field's numbers: unit, meaning and bounds, stated once where the field is declared.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is read by checks (:mod:`skyarm.records.field_rules`), exported C,
 heads of CSV files and tables of the documents.
@@ -19,7 +19,7 @@ from skyarm.records.leaves import field_names
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """What the numbers of a field are.
+    """Unit, meaning and bounds of a field's numbers.
 
     Attributes:
         unit: SI, as ``N m s/rad``; empty for pure numbers.
@@ -77,7 +77,7 @@ def declared(of: Any) -> dict[str, tuple[Any, Unit]]:
 
 
 def _unit(annotation: Any) -> Unit:
-    """The unit that an annotation, or an option of a union, bears."""
+    """The unit of an annotation, or of an option of a union."""
     options = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Annotated:
         return next((each for each in options[1:] if isinstance(each, Unit)), NUMBER)

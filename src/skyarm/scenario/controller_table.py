@@ -59,7 +59,7 @@ MEASURED = ("stiffness", "damping")
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """What a law may know of its loop: its clocks and the age of its measurements, s."""
+    """Timing of the loop for a law: its clocks and the age of its measurements, s."""
     return {
         "control_period": 1.0 / rates.control,
         "reference_period": 1.0 / rates.reference,
@@ -193,7 +193,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
 
 
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """An option's value; tables become the records that they stand for."""
+    """An option's value; tables become records."""
     value, at = fields.take(word), fields.at(word)
     if option in RECORDS:
         return record_from(RECORDS[option], Fields(value, at))
@@ -230,7 +230,7 @@ SUFFIX = ".toml"
 
 
 def is_gains_file(name: Any) -> bool:
-    """Whether the name of a controller is that of a file of gains."""
+    """True if the name of a controller is that of a file of gains."""
     return isinstance(name, str) and name.endswith(SUFFIX)
 
 

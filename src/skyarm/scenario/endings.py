@@ -1,4 +1,4 @@
-"""What may end an episode before its time: each ending once, over any scalar, with its words."""
+"""Early endings of an episode: each defined once, over any scalar, with its message."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class LawUndefined(Ending):
         return True if margin is None else margin(state.quaternion) >= slack
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """That place in the law's words."""
+        """The law's own description of the limit."""
         return scenario.controller.limit
 
 
@@ -147,7 +147,7 @@ class Ground(Ending):
         return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """How low."""
+        """Height of the lowest point."""
         return f"lowest point at z = {float(lowest_point(scenario.plant.vehicle, state)):.4g} m"
 
 
@@ -184,7 +184,7 @@ class BodyContact(Ending):
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """What is inside what."""
+        """Deepest body point and the surface around it."""
         deepest = max(body_depths(scenario, state), key=lambda each: float(each[0]))
         return f"{deepest[1]} is inside surface '{deepest[2]}'"
 

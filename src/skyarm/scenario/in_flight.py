@@ -1,4 +1,4 @@
-"""What changes in flight make of a scenario: which numbers and parts hold from which control period on.
+"""Scheduled changes of a scenario: numbers and parts in force from a control period on.
 
 Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
 in the place of its own. A payload that a change sets is therefore the payload on top of what the vehicle carried at
@@ -106,7 +106,7 @@ def _below(path: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """What holds in the place of a scenario's own: path -> value, the latest last.
+    """Values in force in place of the scenario's own: path -> value, the latest last.
 
     Attributes:
         parts: whole parts, as a file has them. numbers: by path.
@@ -145,7 +145,7 @@ class Overrides:
         return Overrides(self.parts, tuple(numbers.items()))
 
     def hides(self, path: str) -> bool:
-        """Whether a number of the scenario's own no longer counts: another holds in its place, or its part is gone."""
+        """True if a number of the original scenario is no longer in force: overridden, or its part removed."""
         gone = any(_within(path, own, _below(own)) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
@@ -167,7 +167,7 @@ NONE = Overrides()
 
 
 def is_part(path: str, value: Any) -> bool:
-    """Whether a part is replaced as a whole; a yaw that is given as a number is the number that stands there."""
+    """True if a part is replaced as a whole; a yaw that is given as a number is that number."""
     return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
@@ -206,12 +206,12 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """Whether every law of a flight can be traced, so that all of it flies in machine code."""
+    """True if every law of a flight can be traced, so that all of it flies in machine code."""
     return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
-    """What holds in a control period."""
+    """Overrides in force in a control period."""
     return [stretch for stretch in stretches(scenario) if stretch.start <= tick][-1].overrides
 
 
@@ -284,7 +284,7 @@ def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequ
 def try_changes(
     begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]
 ) -> tuple[Overrides, Scenario]:
-    """What holds after some more changes of one instant, and the scenario then.
+    """Overrides after some more changes of one instant, and the scenario then.
 
     Args:
         begun: as the flight began.
@@ -400,7 +400,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 
 def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
-    """Refuse another latency of a servo, which says how many setpoints are on their way to it."""
+    """Refuse another latency of a servo, which sets the length of its queue of setpoints."""
     for link, a, b in zip(vehicle.links, old, new, strict=False):
         if isinstance(a, Servo) and isinstance(b, Servo) and a.latency != b.latency:
             words = "must be as the session began, since setpoints are on their way"

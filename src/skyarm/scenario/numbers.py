@@ -77,7 +77,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
-    """Whether two paths lead to the same number."""
+    """True if two paths lead to the same number."""
     return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
 
 
@@ -189,7 +189,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _require_numbers(values: Any) -> None:
-    """Paths are texts and what stands there are scalars of any kind.
+    """Refuse paths that are no texts, and values that are no scalars.
 
     Raises:
         ScenarioError: one line that names what is none.
@@ -207,7 +207,7 @@ def _require_numbers(values: Any) -> None:
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
-    """Those fields of a scenario that numbers at these places change."""
+    """Fields of a scenario that numbers at these paths change."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
@@ -227,7 +227,7 @@ PAYLOADS: Mapping[str, Place] = {
 
 
 def is_payload(path: str) -> bool:
-    """Whether a path is that of a load."""
+    """True if a path is that of a payload."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
 
 

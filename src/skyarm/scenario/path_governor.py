@@ -1,4 +1,4 @@
-"""A governor of a scenario's reference: it slows the path parameter where the believed vehicle could not follow.
+"""Path governor: slows the path parameter of a reference that the nominal vehicle could not follow.
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from what the law believes; the scenario
@@ -155,7 +155,7 @@ def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
-    """The plan of a scenario's reference, from what its law believes."""
+    """The plan of a scenario's reference, from its law's model."""
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     if trajectory.guards:
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
@@ -195,7 +195,7 @@ LEFT = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GovernorOptions:
-    """What a governor keeps within, and how.
+    """Limits and settings of a governor.
 
     Attributes:
         reserve: share of rotors and joints that is left to the control: it plans with the rest.
@@ -230,7 +230,7 @@ class GovernorOptions:
 
 
 class Limits:
-    """The limits of a believed vehicle, and demands as shares of them.
+    """The limits of the nominal vehicle, and demands as shares of them.
 
     Args:
         model: what the law believes. options: of the governor.
@@ -254,7 +254,7 @@ class Limits:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
-        """What each row of the shares is of."""
+        """Name of the limit of each row of the shares."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
         joints = [link.joint.name for link in self._vehicle.links]
         return [
@@ -267,7 +267,7 @@ class Limits:
         ]
 
     def shares(self, motion: Motion) -> Array:
-        """(limits, K) what a motion asks for, over its limit: beyond 1 it is too much."""
+        """(limits, K) demands of a motion as shares of their limits: above 1 is infeasible."""
         settled = self._settled(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
         found = self._shares(demand)

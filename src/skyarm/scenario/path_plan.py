@@ -1,4 +1,4 @@
-"""How fast a reference may go along its path: ceilings of ds/dt over the path, and the time that keeps below them.
+"""Timing of a reference along its path: ceilings of ds/dt over the path, and the time that keeps below them.
 
 1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
 2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
@@ -56,7 +56,7 @@ DIGITS = 9
 
 @dataclass(kw_only=True)
 class Ceilings:
-    """What bounds ds/dt over the path, a number every GRID seconds of it.
+    """Upper bounds of ds/dt over the path, a number every GRID seconds of it.
 
     Attributes:
         rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still. fastest: ds/dt to catch up.
@@ -165,7 +165,7 @@ NOTHING = 1e-7
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judge:
-    """What a motion along the path asks of the vehicle.
+    """Demands of a motion along the path on the vehicle.
 
     Attributes:
         motion: from the reference's time and its derivatives at K instants, and these, s.
@@ -177,7 +177,7 @@ class Judge:
     at_rest: Callable[[Motion], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """(limits, K) shares over what is allowed: 1, or what the posture alone asks for."""
+        """(limits, K) shares over the allowed one: 1, or the share of the static posture."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
             found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
@@ -226,7 +226,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Where the motion asks too much let ds/dt change more slowly, and be lower by a little."""
+    """Where the motion exceeds a limit, lower ds/dt a little and limit its rate of change."""
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)

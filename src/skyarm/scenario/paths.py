@@ -109,7 +109,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
 
 
 def _further(scenario: Scenario, path: str) -> list[str]:
-    """Named parts of the scenario that a path might have led to: sensors, drives."""
+    """Named parts of the scenario that a path may have meant: sensors, drives."""
     head = path[: path.index(".") + 1]
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 

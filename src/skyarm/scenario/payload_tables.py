@@ -83,7 +83,7 @@ def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
 def waiting_beliefs(
     payloads: Sequence[TimedPayload], told: Sequence[bool], trajectory: Trajectory
 ) -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
-    """The payloads, those of phases that wait marked as believed, as no instant is known; which of the rest are."""
+    """Payloads, those of waiting phases marked as in the model, as their instant is unknown; flags of the others."""
     waiting = {name for guard in trajectory.guards for name in guard.loads}
     marked = [believed and each.name in waiting for each, believed in zip(payloads, told, strict=True)]
     now = (

@@ -91,7 +91,7 @@ def load_scenario(
     seed: int | None = None,
     duration: float | None = None,
 ) -> Scenario:
-    """Scenario from the library by name, from a .toml file or from a log; the keywords replace what the file says.
+    """Scenario from the library by name, from a .toml file or from a log; keywords replace values of the file.
 
     Args:
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
@@ -229,7 +229,7 @@ def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting)
 
 
 def usual_integrator(plant: Any) -> str:
-    """The integrator of a plant where nothing is said."""
+    """The default integrator of a plant."""
     return "euler" if plant == MUJOCO_CONTACTS else "rk4"
 
 

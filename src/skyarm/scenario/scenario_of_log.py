@@ -47,7 +47,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
 
 
 def _has_layers(log: Any) -> bool:
-    """Whether a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
+    """True if a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
     held = written_part(log.info, "agent", "controller", "par", "type")
     return held in (dotted(SafetyParameters), dotted(ActuatorParameters), dotted(VectoredParameters))
 

@@ -111,12 +111,12 @@ class Delays:
 
     @property
     def apart(self) -> bool:
-        """Whether rotors and joints hear of a command at different times."""
+        """True if rotors and joints have different command delays."""
         return any(not concrete(value) or value != 0 for value in (self.rotors, self.joints))
 
     @property
     def longest(self) -> float:
-        """Of all commands, s; numbers that vary have their longest."""
+        """Longest delay of a command, s; the upper bound of numbers that vary."""
         if self.longest_command is not None:
             return self.longest_command
         return float(self.command) + max(float(self.rotors), float(self.joints))
@@ -377,107 +377,107 @@ class Scenario:
 
     @property
     def kind(self) -> str:
-        """Of the solver."""
+        """Kind of the solver."""
         return self.solver.kind
 
     @property
     def integrator(self) -> str:
-        """Of the solver."""
+        """Integrator of the solver."""
         return self.solver.integrator
 
     @property
     def wind(self) -> Wind:
-        """Of the environment."""
+        """Wind of the environment."""
         return self.environment.wind
 
     @property
     def air(self) -> tuple[Component, ...]:
-        """Of the environment."""
+        """Components of the air."""
         return self.environment.air
 
     @property
     def forces(self) -> tuple[Component, ...]:
-        """Of the environment."""
+        """External forces of the environment."""
         return self.environment.forces
 
     @property
     def ground(self) -> bool:
-        """Of the environment."""
+        """True if the environment has a ground at z = 0."""
         return self.environment.ground
 
     @property
     def world(self) -> Contact | None:
-        """Of the environment."""
+        """World of contact of the environment."""
         return self.environment.world
 
     @property
     def plant(self) -> Truth:
-        """Of the agent."""
+        """Plant of the agent."""
         return self.agent.plant
 
     @property
     def controller(self) -> Controller:
-        """Of the agent."""
+        """Control law of the agent."""
         return self.agent.controller
 
     @property
     def reference(self) -> Trajectory:
-        """Of the agent."""
+        """Reference of the agent."""
         return self.agent.reference
 
     @property
     def tracking_start(self) -> Scalar:
-        """Of the agent."""
+        """Start of tracking of the agent, s."""
         return self.agent.tracking_start
 
     @property
     def path_time(self) -> PathTime | None:
-        """Of the agent."""
+        """Path governor of the agent."""
         return self.agent.path_time
 
     @property
     def pause(self) -> PathPause | None:
-        """Of the agent."""
+        """Pause of the agent."""
         return self.agent.pause
 
     @property
     def noise(self) -> SensorNoise:
-        """Of the agent."""
+        """Measurement noise of the agent."""
         return self.agent.noise
 
     @property
     def sensors(self) -> tuple[NamedSensor, ...]:
-        """Of the agent."""
+        """Sensors of the agent."""
         return self.agent.sensors
 
     @property
     def estimator(self) -> Estimator:
-        """Of the agent."""
+        """Estimator of the agent."""
         return self.agent.estimator
 
     @property
     def drives(self) -> tuple[JointDrive, ...]:
-        """Of the agent."""
+        """Joint drives of the agent."""
         return self.agent.drives
 
     @property
     def delays(self) -> Delays:
-        """Of the agent."""
+        """Delays of the agent."""
         return self.agent.delays
 
     @property
     def initial(self) -> State | None:
-        """Of the agent."""
+        """Initial state of the agent."""
         return self.agent.initial
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Of the agent."""
+        """Faults of the agent."""
         return self.agent.faults
 
     @property
     def payloads(self) -> tuple[TimedPayload, ...]:
-        """Of the agent."""
+        """Payloads of the agent."""
         return self.agent.payloads
 
     @property
@@ -512,7 +512,7 @@ class Scenario:
 
     @property
     def has_estimator(self) -> bool:
-        """Whether an estimator stands between the sensors and the law."""
+        """True if the law reads an estimator instead of the state."""
         return type(self.estimator) is not PassThrough
 
     @property
@@ -522,7 +522,7 @@ class Scenario:
 
     @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints by name: the scenario's, and those that its vehicle carries where it says nothing else."""
+        """Drives of joints by name: the scenario's, and the vehicle's for joints that the scenario leaves out."""
         named = [each.joint for each in self.drives]
         carried = (each for each in self.plant.vehicle.drives if each.name not in named)
         return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))

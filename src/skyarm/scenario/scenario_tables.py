@@ -75,7 +75,7 @@ PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
-    """Fields of a scenario from those of the ``PARTS`` that are there, by the name of the table that they stand in."""
+    """Fields of a scenario from those of the ``PARTS`` that are present, by the name of their table."""
     found = {}
     for path, (place, read) in PARTS.items():
         within, _, name = path.rpartition(".")
@@ -185,7 +185,7 @@ def with_meshes(table: Any, where: str, folder: Path) -> Any:
 def controller(
     fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
 ) -> Controller:
-    """A preset or a law with its constants, with the safety layer if asked; on the servos that the model has.
+    """A preset or a law with its constants, with the optional safety layer; on the servos of the model.
 
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
     (:mod:`skyarm.scenario.controller_table`); ``folder`` is where the table's own file of gains lies.
@@ -220,7 +220,7 @@ def _require_alone(fields: Fields) -> None:
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Refuse a model without the servos of the true vehicle, unless the file says what the law's efforts are.
+    """Refuse a model without the servos of the true vehicle, unless the file states the kind of the law's efforts.
 
     Raises:
         ValueError: one line: torques would reach the servos as angles.

@@ -1,4 +1,4 @@
-"""The text of a scenario file with other changes in flight: a flight that a hand has led, saved to be flown again."""
+"""Text of a scenario file with other scheduled changes: a flight led by hand, saved for a repeat."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
 
 
 def _chosen(words: Words) -> bool:
-    """Whether what stands there may be of several classes."""
+    """True if the value at this place may be of several classes."""
     return words in (("environment", "wind"), ("agent", "estimator")) or (
         words[:-1] in (("environment", "air"), ("environment", "forces"), ("endings",))
     )

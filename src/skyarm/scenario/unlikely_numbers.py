@@ -404,7 +404,7 @@ def _current(battery: Battery, rotors: list[Rotor]) -> Iterator[str]:
 
 
 def law_without_priorities(scenario: Scenario) -> Iterator[str]:
-    """A line about a centroidal law whose believed rotors allow no priorities, and why.
+    """A warning about a centroidal law whose rotor model allows no priorities, and why.
 
     Demands beyond a rotor's range are then cut rotor by rotor, and ``yaw_slack`` is not used.
     """
@@ -423,7 +423,7 @@ def law_without_priorities(scenario: Scenario) -> Iterator[str]:
 
 
 def law_of_undriven(scenario: Scenario) -> Iterator[str]:
-    """A line about a shipped law that asks for torques which the plant's passive joints never give.
+    """A warning about a shipped law that commands torques at the plant's passive joints.
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
     """

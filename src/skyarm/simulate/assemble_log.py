@@ -44,7 +44,7 @@ def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[st
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """What a flight left, one row an instant: leaves of State and Command, and records of columns.
+    """Samples of a flight, one row per control instant: leaves of State and Command, and records of columns.
 
     Attributes:
         measurement: that the law received; None where nobody asks for it. readings: name and record of each sensor.
@@ -224,7 +224,7 @@ def _references(
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """What a log says about itself."""
+    """Metadata of a log: its ``info`` table."""
     labels = labels_of_components(scenario.components)
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {

@@ -43,7 +43,7 @@ WIDTHS = (1, 2, 4, 8, 16, 32, 64)
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a batch of episodes left, one entry per lane.
+    """Results of a batch of episodes, one entry per lane.
 
     Attributes:
         metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.

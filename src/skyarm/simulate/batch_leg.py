@@ -109,7 +109,7 @@ class Feed:
         return row, (tables[0], tables[1]), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
-        """Whether a varied number moves the tool of a vehicle whose joints stay where they are."""
+        """True if a varied number moves the tool of a vehicle whose joints stay fixed."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
@@ -167,7 +167,7 @@ def make_counting_period(
 
 
 def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[Any, ...]]:
-    """What metrics see of a contact; nothing of a scenario without a world."""
+    """Contact quantities for the metrics; () for a scenario without a world."""
     if not scenario.worlds:
         return {}
     arrays = by_array(scenario.components, sample.wind.numbers)
@@ -190,7 +190,7 @@ OF_CHANGES = "changes."
 
 @dataclass(frozen=True, kw_only=True)
 class LegOptions:
-    """What all legs of a batch have in common.
+    """Settings that all legs of a batch share.
 
     Attributes:
         paths: varied numbers. stiffest: in place of the scenario, for the integration steps; or None.

@@ -40,7 +40,7 @@ Array = npt.NDArray[Any]
 
 
 def _beyond() -> np.errstate:
-    """What 32 bits do not hold is infinite there, without a warning."""
+    """Round to 32 bits: values out of range become infinite, without a warning."""
     return np.errstate(over="ignore")
 
 
@@ -126,12 +126,12 @@ class BatchSession:
 
     @property
     def lanes(self) -> int:
-        """How many episodes fly side by side."""
+        """Number of episodes flown in parallel."""
         return int(self._carry.shape[1])
 
     @property
     def now(self) -> LoopState:
-        """What the next period begins with: every number of it a (lanes,) view that the next step writes anew."""
+        """Loop state at the start of the next period; each number is a (lanes,) view that the next step overwrites."""
         now: LoopState = rebuild(self._first, iter(list(self._carry)))
         return now
 

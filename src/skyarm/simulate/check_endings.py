@@ -40,7 +40,7 @@ RUNNING = "running"
 
 
 def going_on(scenario: Scenario, tick: int) -> Ended | None:
-    """What a log says of an episode that is not over: status "running"; None once it has flown its time."""
+    """Status of an unfinished episode for its log: "running"; None once its duration is flown."""
     return Ended(RUNNING, "", tick / scenario.rates.control) if tick < scenario.steps else None
 
 

@@ -44,7 +44,7 @@ def _split(delay: Any, rate: int) -> tuple[Any, Any]:
 
 
 def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[tuple[Any, Command]]:
-    """What acts within a period until rotors and joints have both heard: seconds and command, one after the other.
+    """Segments of a period until rotors and joints both have the new command: (seconds, active command) in order.
 
     Args:
         before: the command before this period's arrives.

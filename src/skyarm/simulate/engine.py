@@ -160,7 +160,7 @@ class EpisodeCode:
         return self._trace(self._measure)
 
     def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
-        """Whether it flies another scenario too, whose numbers differ in their values alone.
+        """True if the program also flies another scenario, which differs in the values of its numbers only.
 
         Args:
             key: of that scenario.

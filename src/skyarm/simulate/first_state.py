@@ -1,4 +1,4 @@
-"""What the first control period of an episode finds."""
+"""Initial loop state of an episode."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 
 def commands_waiting(scenario: Scenario) -> int:
-    """How many commands the loop remembers from before the one that it issues."""
+    """Number of earlier commands in the loop's queue."""
     rates, delays = scenario.rates, scenario.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
@@ -79,7 +79,7 @@ def commands_waiting(scenario: Scenario) -> int:
 
 
 def readings_waiting(scenario: Scenario, index: int) -> int:
-    """How many readings of a sensor are on their way."""
+    """Number of readings of a sensor in its delay queue."""
     name, sensor = scenario.all_sensors[index]
     delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
     return round(delay * scenario.rates.control)
@@ -91,6 +91,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
 
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """How many components stand in each group of two scenarios: wind, air, forces, payloads, contact, battery."""
+    """Number of components in each group of two scenarios: wind, air, forces, payloads, contact, battery."""
     names = ("air", "forces", "payloads", "worlds", "power")
     return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

@@ -1,4 +1,4 @@
-"""What an episode is fed, for all control instants at once: its clock and its references."""
+"""Inputs of an episode at all control instants: its clock and its references."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class EpisodeInputs:
-    """Tables of a row an instant, made when they are asked for, and example records that carry their structure.
+    """Input tables with a row per control instant, computed on first use, and example records with their structure.
 
     Attributes:
         scenario: whose inputs these are.
@@ -57,7 +57,7 @@ class EpisodeInputs:
         return _rows(self.held_reference, self.scenario.steps)
 
     def rows(self, start: int, stop: int) -> Array:
-        """What the closed loop is fed at these instants, leaves of a :class:`Row`."""
+        """Inputs of the closed loop at these instants, leaves of a :class:`Row`."""
         if self.waits.guards:
             return np.asarray(self.times[start:stop, None])
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
@@ -86,7 +86,7 @@ class EpisodeInputs:
 
     @cached_property
     def row_example(self) -> Row:
-        """What one instant is fed."""
+        """Inputs of one control instant, as an example record."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
         told: Any = _example(self.told_reference) if self.told_reference else ()
@@ -130,7 +130,7 @@ class EpisodeInputs:
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
     def row_at(self, tick: int, now: LoopState) -> Row:
-        """What a control period is fed that begins with a loop state, with what the reference's own clock leads to."""
+        """Inputs of the control period that begins with a loop state; the reference is taken at its own clock."""
         fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
         if isinstance(now.clock, PathClock):
             path_time = float(self.waits.path_time(now.clock))

@@ -242,7 +242,7 @@ class LaneRules:
         raise ScenarioError(f"values of lane {lane}: {words}")
 
     def _refusal(self, numbers: dict[str, float]) -> str | None:
-        """What the scenario says of some numbers; None where it takes them."""
+        """The scenario's error message for some numbers; None if it accepts them."""
         try:
             made = with_numbers(self._scenario, numbers)
             if self._scenario.changes:

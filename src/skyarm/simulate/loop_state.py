@@ -34,7 +34,7 @@ class SensorState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopState:
-    """What one control period hands to the next.
+    """State of the closed loop from one control period to the next.
 
     Attributes:
         alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
@@ -59,7 +59,7 @@ class LoopState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
-    """What a control instant is fed from outside: its time and the held reference.
+    """External inputs of a control instant: its time and the held reference.
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
     ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
@@ -74,7 +74,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """What may be logged of a control instant.
+    """Quantities of a control instant that may be logged.
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
     each, as they had arrived; ``found`` is what the law found out, of most laws nothing

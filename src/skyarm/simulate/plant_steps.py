@@ -50,7 +50,7 @@ class Substeps:
         return self._traced[seconds]
 
     def fit(self, plant: RigidBodyPlant) -> bool:
-        """Whether another plant takes the same steps in the traced intervals."""
+        """True if another plant takes the same integration steps in the traced intervals."""
         return all(plant.substeps(seconds) == count for seconds, count in self._traced.items())
 
 

@@ -76,7 +76,7 @@ class PathClock:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
-    """What guards look at in a control period.
+    """Inputs of the guards in a control period.
 
     Attributes:
         tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
@@ -128,7 +128,7 @@ class Waits:
         self._stops = self._stops_of_early_phases() if self._moves else ()
 
     def _stops_of_early_phases(self) -> tuple[Vec3, ...]:
-        """Where the reference of the base is at the end of each phase with a guard, m."""
+        """Position of the base's reference at the end of each phase with a guard, m."""
         return tuple(self._trajectory.at(guard.at).position for guard in self.guards)
 
     def first(self) -> PathClock | tuple[()]:
@@ -165,7 +165,7 @@ class Waits:
         return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Any, ticks: Any, row: Row) -> Row:
-        """What a period is fed, with the reference where its own clock stands."""
+        """Inputs of a period, with the reference at its own clock."""
         if clock == () or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
@@ -174,13 +174,13 @@ class Waits:
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
     def logged(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
-        """What a log keeps of the clock; () without one."""
+        """Columns of the clock in a log; () without a clock."""
         return () if clock == () else self.times(clock, ticks)
 
     def advance(
         self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, _command: Command
     ) -> Any:
-        """The clock one control period later, by what the law knows."""
+        """The clock one control period later, from the law's measurement and memory."""
         if clock == ():
             return ()
         return self.following(clock, ticks, self.seen(measurement, row.reference, observed_push(memory)))
@@ -197,7 +197,7 @@ class Waits:
         return found
 
     def times(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
-        """What a log keeps of the clock.
+        """Logged values of the clock.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
         """
@@ -236,7 +236,7 @@ class Waits:
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
     def believing(self, par: Any, path_time: Any) -> Any:
-        """The law's constants, its model told of the payloads that the task holds at a time of the reference (s)."""
+        """The law's constants, with the payloads in its model that the task carries at a time of the reference (s)."""
         vehicle = par.model.vehicle
         for payload in self._believed:
             held = logical_and(path_time >= payload.pick, path_time < payload.drop)
@@ -246,7 +246,7 @@ class Waits:
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
     def seen(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
-        """What guards look at."""
+        """Inputs of the guards."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
@@ -299,7 +299,7 @@ class Waits:
         }
 
     def _holds(self, n: Any, seen: Seen, origin: Any) -> Any:
-        """Whether the flight shows all that the guard asks."""
+        """True if the flight meets all conditions of the guard."""
         found: Any = n > -1.0
         if any(guard.error is not None for guard in self.guards):
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
@@ -315,7 +315,7 @@ class Waits:
         return found
 
     def _force_holds(self, n: Any, seen: Seen) -> Any:
-        """Whether the force is what the guard asks, as it is observed or as a sensor reads it."""
+        """True if the force, observed or read by a sensor, meets the guard's condition."""
         out = self._direction(n)
         least, most = self._threshold(n, "force", -NEVER), self._threshold(n, "force_below", NEVER)
 
@@ -331,7 +331,7 @@ class Waits:
         return logical_or(logical_and(hears, holds(seen.felt)), logical_and(logical_not(hears), holds(seen.force)))
 
     def _switch_state(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
-        """1 where the guard's switch is closed, or open, or where it asks for none."""
+        """1 if the guard's switch has the required state, or if the guard has no switch."""
         found = []
         for guard in self.guards:
             asked = getattr(guard, name)
@@ -416,27 +416,27 @@ class Paces:
         return held
 
     def lead(self, clock: PaceClock, ticks: Any, row: Row) -> Row:
-        """What a period is fed, with the governed reference where its own clock stands."""
+        """Inputs of a period, with the governed reference at its own clock."""
         told = row.told or self.told(clock, ticks)
         return dataclasses.replace(row, told=told, path_time=self.path_time(clock))
 
     def logged(self, clock: PaceClock, _ticks: Any) -> tuple[Any, ...]:
-        """What a log keeps of the clock."""
+        """Columns of the clock in a log."""
         return (self.path_time(clock),)
 
     def advance(
         self, clock: PaceClock, ticks: Any, measurement: Measurement, row: Row, _memory: Any, command: Command
     ) -> Any:
-        """The clock one control period later, by what the law knows."""
+        """The clock one control period later, from the law's measurement and memory."""
         return self.following(clock, ticks, measurement, row.told, command)
 
     def path_time(self, clock: PaceClock) -> Any:
-        """How far along the reference the law is led, s."""
+        """Time of the governed reference along its path, s."""
         time = clock.now.place / self._rate
         return time if self._path is None else self._path.derivatives(time)[0]
 
     def told(self, clock: PaceClock, ticks: Any) -> Reference:
-        """What the law is told."""
+        """Reference that the law receives."""
         pace = self.held(clock, ticks)
         time = pace.place / self._rate
         chain = (time, pace.rate, pace.acceleration, pace.jerk, 0)
@@ -470,12 +470,12 @@ def reference_clock(scenario: Scenario) -> Waits | Paces:
 
 
 def due(ticks: Any, every: int) -> Any:
-    """Whether a period is one of each ``every``; half a period of slack, since a quotient may be rounded."""
+    """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
 
 
 def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: Overrides) -> bool:
-    """Whether a change has put another reference in the place of the one before, as a whole.
+    """True if a change has replaced the whole reference.
 
     Args:
         begun: scenario with which the flight began.

@@ -33,7 +33,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What holds at an instant of a flight, and how it came to be.
+    """The scenario in force at an instant of a flight, and the changes that led to it.
 
     Attributes:
         begun: the scenario with which the flight began, or by which it was replaced.
@@ -64,7 +64,7 @@ class Course:
         return dataclasses.replace(self.begun, changes=changes)
 
     def due(self, tick: int) -> bool:
-        """Whether a change takes hold in this control period."""
+        """True if a change takes effect in this control period."""
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def then(self, tick: int, piece: Piece) -> Course:
@@ -105,7 +105,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Flying:
-    """What flew at a snapshot: copies of the snapshot have it in common, since machine code is not copied.
+    """Scenario, course and engine at a snapshot; copies of the snapshot share them, since machine code is not copied.
 
     Attributes:
         engine: it. held: what it keeps of that instant.
@@ -182,7 +182,7 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """What holds now, with the changes to come; :meth:`change` and :meth:`replace` make it another."""
+        """The scenario in force, with the changes to come; :meth:`change` and :meth:`replace` make another of it."""
         return self._scenario
 
     @property
@@ -205,12 +205,12 @@ class Session:
 
     @property
     def ended(self) -> Ended | None:
-        """Why the episode has ended before its time, or None."""
+        """Cause of an early end of the episode, or None."""
         return self._engine.ended
 
     @property
     def running(self) -> bool:
-        """Whether another period can be flown."""
+        """True if another period can be flown."""
         return self.ended is None and self.tick < self._scenario.steps
 
     @property
@@ -220,12 +220,12 @@ class Session:
 
     @property
     def now(self) -> LoopState:
-        """What the next period begins with: state, commands and readings on their way, every memory."""
+        """Loop state at the start of the next period: plant state, delayed commands and readings, all memories."""
         return self._engine.now
 
     @property
     def measurement(self) -> Measurement:
-        """What the law is told in the period that comes next."""
+        """The law's measurement in the next period."""
         self._require_running()
         return self._engine.measurement()
 
@@ -275,7 +275,7 @@ class Session:
 
     @property
     def log(self) -> Log:
-        """What was flown so far, each period with the references that held in it; its scenario is :attr:`plan`."""
+        """The flight so far, each period with the reference held in it; its scenario is :attr:`plan`."""
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
         return join_pieces(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))

@@ -102,7 +102,7 @@ class Stages:
         self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
         path_time: Any = (),
     ) -> Any:  # fmt: skip
-        """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
+        """Air, forces and faults of the period: advanced memories, and the plant's inputs."""
         going = [
             component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
@@ -118,7 +118,7 @@ class Stages:
         return tuple(going), self.surroundings(tuple(going), drives, time)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
-        """What sensors of force feel, in their order; () without any."""
+        """Forces on the force sensors, in their order; () without any."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
         if not frames:
             return ()
@@ -126,7 +126,7 @@ class Stages:
         return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
-        """What the plant is told of one period."""
+        """The plant's inputs from its surroundings in one period."""
         scenario, power = self.scenario, self.scenario.power
         felt = len(self.components) - len(power)
         return Surroundings(
@@ -144,21 +144,21 @@ class Stages:
         return self._heard(tuple(queue))
 
     def _heard(self, queue: tuple[Command, ...]) -> Command:
-        """What acts of a queue; rotors and joints may hear of a command at different times."""
+        """The active command of a queue; rotors and joints may have different delays."""
         if self.apart is None:
             return command_in_force(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
     def joined(self, row: Row) -> Reference:
-        """The reference that the law is told: the governed one, if any; before it joins, that of t = 0, at rest."""
+        """The law's reference: the governed one, if any; before tracking starts that of t = 0, at rest."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
         self, sensors: Sequence[SensorState], estimate: Any, ticks: Any, state: State, force: Vec3, acting: Command,
         time: Any, uniforms: Any, pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
-        """Sensors and estimator: what is read now, what arrives now, what the law is told.
+        """Sensors and estimator: new readings, readings that arrive, and the law's measurement.
 
         What a force sensor on the link of the tip reads goes to the law beside the estimate.
         """
@@ -230,7 +230,7 @@ class Stages:
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: tuple[Any, ...]) -> Surroundings:
-        """What the plant is told, the drives having heard their setpoints."""
+        """The plant's inputs, with the drives' memories under the setpoints of this period."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     @property
@@ -246,11 +246,11 @@ class Stages:
         return tuple(held)
 
     def felt(self, around: Surroundings, state: State) -> WindSample:
-        """What the log keeps of the surroundings."""
+        """Surroundings as the log keeps them."""
         return wind_at(around, self.scenario.plant.vehicle, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
-        """What the law has found out, for the log; () of most laws."""
+        """The law's online estimates, for the log; () of most laws."""
         return numbers_found(memory)
 
     def count(self, ticks: Any, alive: Any) -> Any:
@@ -271,12 +271,12 @@ ASKED = (0, 5)
 
 
 def joins_late(scenario: Scenario) -> bool:
-    """Whether the law may join after the first instant."""
+    """True if the law may start tracking after the first instant."""
     return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Reference:
-    """What the law is told: until it joins the pose of t = 0, at rest, then the reference as it goes.
+    """The law's reference: until tracking starts the pose of t = 0, at rest, then the reference at the present time.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """

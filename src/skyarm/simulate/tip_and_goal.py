@@ -1,4 +1,4 @@
-"""Where a vehicle's tip is, and where a reference wants it."""
+"""Position of a vehicle's tip and of its reference."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Any
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
-    """What a reference wants; its tool is the tip's own reference, or that of the level vehicle.
+    """Desired positions of a reference; its tool is the tip's own reference, or that of the level vehicle.
 
     The latter is p_d + R_z(psi_d) p_e(th_d).
     """

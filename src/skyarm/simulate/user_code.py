@@ -211,7 +211,7 @@ def _records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
 
 
 def _component_places(scenario: Scenario) -> list[str]:
-    """Where each of the scenario's components stands."""
+    """Parameter path of each of the scenario's components."""
     return [
         "environment.wind",
         *(f"environment.air[{i}]" for i in range(len(scenario.air))),

@@ -51,7 +51,7 @@ class _Pickler(pickle.Pickler):
 
 
 def _content(cell: CellType) -> tuple[Any, ...]:
-    """What a cell holds, if anything yet."""
+    """Content of a closure's cell, if it has any yet."""
     try:
         return (cell.cell_contents,)
     except ValueError:
@@ -108,7 +108,7 @@ def workers(count: int) -> Iterator[Submit]:
 
 
 def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
-    """End what still flies; nobody waits for it.
+    """End the episodes still in flight, without waiting for them.
 
     A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
     process holds the sending end as well: it is closed first.
@@ -141,7 +141,7 @@ def _call(work: bytes) -> Any:
 
 
 def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
-    """What a worker does first: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
+    """Set up a worker: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         load_again(plugins)

@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where an arm's root link sits.
+    """Mounting point of an arm's root link.
 
     Attributes:
         to: "base", the name of the airframe's root, of a link or of a frame.
@@ -111,7 +111,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
 
 def bodies_of(vehicle: Vehicle) -> RigidBodies:
-    """A vehicle's bodies without its rotors, its followers told as mimics."""
+    """A vehicle's bodies without its rotors, with its followers as mimics."""
     leaders = [link.joint.name for link in vehicle.links]
     mimics = {
         each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
@@ -156,7 +156,7 @@ PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """What a file says of a joint that follows: q = ratio q_joint + offset.
+    """Mimic joint of a description file: q = ratio q_joint + offset.
 
     Attributes:
         joint: name of the joint that it follows, which may follow another one.
@@ -240,7 +240,7 @@ def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mi
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
-    """A leader that feels its follower's drive."""
+    """A leader with the friction of its follower's drive added."""
     values: dict[str, Any] = {}
     for name, by in (("damping", ratio * ratio), ("armature", ratio * ratio), ("coulomb", abs(ratio))):
         more = getattr(follower, name)

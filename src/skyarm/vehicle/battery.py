@@ -77,11 +77,11 @@ class Battery:
             refuse("battery.efficiency", self.efficiency, "must be above 0 and at most 1")
 
     def open_circuit_voltage(self, charge: Any) -> Any:
-        """Of the pack without a load, V."""
+        """Voltage of the pack without a load, V."""
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
     def power(self, rotors: Sequence[Rotor], speeds: Sequence[Any]) -> Any:
-        """What the rotors at these speeds (rad/s) and all else draw, W.
+        """Electrical power of the rotors at these speeds (rad/s) and of all other loads, W.
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
         """
@@ -96,7 +96,7 @@ class Battery:
         return total
 
     def voltage(self, charge: Any, power: Any) -> Any:
-        """Of the pack under a load (W), V: V = V_0 - R P / V; the most that it can give where it cannot give that much.
+        """Voltage of the pack under a load (W), V: V = V_0 - R P / V; beyond its greatest power, that at it.
 
         Zero for an empty one, which is cut off.
         """

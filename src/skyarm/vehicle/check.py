@@ -91,7 +91,7 @@ def unique(field: str, names: list[str]) -> None:
 
 
 def vehicle(value: Vehicle) -> None:
-    """What concerns several fields or records; each record checks its own numbers."""
+    """Check conditions over several fields or records; each record checks its own numbers."""
     inertia("base.inertia", value.base.inertia, planar=value.base.planar)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
@@ -154,7 +154,7 @@ def _follower(value: Vehicle, each: Follower, index: int) -> None:
 
 
 def require_plant(value: Vehicle) -> None:
-    """Refuse a vehicle that no real body could be: a planar model may be believed, never flown.
+    """Refuse a vehicle that no real body could be: a planar model may serve as a law's model, not as a plant.
 
     Raises:
         VehicleError: with the first planar body.
@@ -182,7 +182,7 @@ def excess(moments: Sequence[float]) -> float:
 
 
 def repair_hint(moments: Sequence[float]) -> str:
-    """What a refusal adds where ``repair = true`` would help; empty where it would not."""
+    """Hint of ``repair = true`` for an error where it helps; empty elsewhere."""
     beyond = excess(moments)
     if not 0.0 < beyond <= REPAIRABLE:
         return ""

@@ -113,7 +113,7 @@ class Joint:
 
     @property
     def has_stops(self) -> bool:
-        """Whether stops hold the joint at its limits; a structural question, also where the numbers are traced."""
+        """True if stops hold the joint at its limits; a structural question, also where the numbers are traced."""
         return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
 
 
@@ -158,5 +158,5 @@ class Follower:
 
     @property
     def name(self) -> str:
-        """Of the link."""
+        """Name of the link."""
         return self.link.name

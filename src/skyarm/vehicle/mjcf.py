@@ -34,7 +34,7 @@ NAMES = (
 
 @dataclass(slots=True)
 class _Tree:
-    """What has been read so far.
+    """Bodies, joints and frames read so far.
 
     Attributes:
         model: MuJoCo's, compiled.
@@ -172,7 +172,7 @@ def _require_numbers(read: ET.Element) -> None:
 
 
 def _say_nothing(text: str) -> None:
-    """What MuJoCo warns of while it compiles goes nowhere."""
+    """Silence MuJoCo's warnings while it compiles."""
 
 
 def _root(model: Any) -> tuple[int, list[int]]:
@@ -233,7 +233,7 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 
 def _held(tree: _Tree, joint: int) -> bool:
-    """Whether a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
+    """True if a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
     name = joint_name(tree.model, joint)
     if name not in tree.mimics or tree.mimic == "lock":
         return name in tree.mimics
@@ -242,7 +242,7 @@ def _held(tree: _Tree, joint: int) -> bool:
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
-    """Where a joint that is fixed places its body."""
+    """Pose of the body of a fixed joint."""
     name = joint_name(tree.model, joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
@@ -268,7 +268,7 @@ def _read_body(tree: _Tree, body: int) -> None:
 
 
 def _new_name(tree: _Tree, name: str) -> str:
-    """The name, with underscores until nobody else has it: MuJoCo has a list of names for each kind of element."""
+    """The name, with underscores until it is unique: MuJoCo has a list of names for each kind of element."""
     taken = {frame.name for frame in tree.frames} | {link.name for link in tree.links}
     while name in taken:
         name += "_"
@@ -402,7 +402,7 @@ def name_of(model: Any, kind: str, index: int) -> str:
 
 
 def refuse_what_is_not_here(model: Any, notes: Notes) -> None:
-    """Refuse springs, balls, closed chains, tendons that pull, soft bodies; note what says nothing of the vehicle.
+    """Refuse springs, balls, closed chains, actuated tendons, soft bodies; note elements that the vehicle ignores.
 
     Raises:
         VehicleError: the first of them.

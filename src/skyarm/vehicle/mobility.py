@@ -109,7 +109,7 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
 
 
 def pivot_into_parent(vehicle: Vehicle, i: int, value: float, whole: list[Any], left: list[Any]) -> float:
-    """Inertia that joint ``i`` feels with the joints outward of it free; adds its link to the parent.
+    """Articulated inertia about joint ``i`` with the joints outward of it free; adds its link to the parent.
 
     Args:
         vehicle: its links.

@@ -61,7 +61,7 @@ def with_stops(
 
 
 def _asked(joint: Joint, stiff: Collection[str], damped: Collection[str]) -> bool:
-    """Whether a number of a joint's stops is to be chosen."""
+    """True if a number of a joint's stops is to be chosen."""
     if joint.name not in stiff:
         return not joint.has_stops or joint.name in damped
     return joint.name not in damped and float(joint.stop_stiffness) > 0.0

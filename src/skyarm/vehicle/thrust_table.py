@@ -62,7 +62,7 @@ class ThrustTable:
             refuse(f"thrust_table.{name}[0]", first, "must be 0 at rest and above 0 at a speed")
 
     def push(self, speed: Any) -> Any:
-        """Thrust at a speed over the thrust coefficient, (rad/s)^2: what stands in place of the squared speed."""
+        """Thrust at a speed over the thrust coefficient, (rad/s)^2: the table's replacement of the squared speed."""
         return divide(curve(speed * speed, *self._points(self.thrust)), self.thrust_coefficient)
 
     def twist(self, speed: Any) -> Any:

@@ -35,7 +35,7 @@ READ = ("link", "joint", "material")
 
 @dataclass(frozen=True, slots=True)
 class _Seat:
-    """Where a URDF link went: the moving body it belongs to, and its pose in that body."""
+    """Position of a URDF link in the vehicle: its moving body, and its pose in that body."""
 
     body: int
     rotation: Mat3
@@ -140,7 +140,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
 
 
 def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float | None:
-    """Where a joint is fixed, rad or m; None if it moves."""
+    """Value of a fixed joint, rad or m; None if it moves."""
     name = joint.get("name", "")
     follows = tree.mimics.get(name)
     if follows is None:
@@ -248,7 +248,7 @@ def limits(joint: ET.Element) -> tuple[float, float]:
 
 
 def fixed_at(joint: ET.Element) -> float | None:
-    """Where a joint cannot move from, rad or m; None if it can move."""
+    """Value of a joint without travel, rad or m; None if it can move."""
     if kind_of_joint(joint) == "fixed":
         return 0.0
     limit = child(joint, "limit", f"joint[{joint.get('name')}]")

@@ -73,7 +73,7 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
 
 
 def _located(file: str, read: Any) -> Vehicle:
-    """What ``read`` returns; its errors as one line that begins with the file."""
+    """Return value of ``read``; its errors as one line that begins with the file."""
     try:
         vehicle: Vehicle = read()
     except VehicleError as error:
@@ -116,7 +116,7 @@ RIGID = (".urdf", ".xml", ".mjcf")
 
 
 def expand(path: Path) -> str:
-    """What to do with a xacro file."""
+    """Refuse a xacro file, and explain how to expand it."""
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 
@@ -180,7 +180,7 @@ FETCHED = "robot_descriptions"
 
 
 def is_robot(name: str) -> bool:
-    """Whether a name means a robot of an installed package."""
+    """True if a name means a robot of an installed package."""
     return name.startswith(PREFIX)
 
 

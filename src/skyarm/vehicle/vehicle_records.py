@@ -213,7 +213,7 @@ class Vehicle:
 
     @property
     def planar(self) -> bool:
-        """True if a body is a planar model: such a vehicle can be believed but not flown."""
+        """True if a body is a planar model: such a vehicle can serve as a law's model, not as a plant."""
         return any(body.planar for body in self.bodies)
 
     def frame(self, name: str | None = None) -> Frame:

@@ -130,14 +130,14 @@ def _table(top: Fields, name: str) -> dict[str, Any]:
 
 
 def _unique(top: Fields, name: str) -> list[Fields]:
-    """Tables of a list, whose names are told apart."""
+    """Tables of a list, whose names must be unique."""
     tables = top.tables(name)
     check.unique(f"{name}.name", [each.text("name") for each in tables])
     return tables
 
 
 def _source(top: Fields) -> str:
-    """The field that names the file of the bodies; empty where they stand in this one."""
+    """The field that names the file of the bodies; empty if they are in this file."""
     given = [name for name in SOURCES if top.take(name, None) is not None]
     if len(given) > 1:
         refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
@@ -271,7 +271,7 @@ def _attached(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> 
 
 
 def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
-    """An arm whose revolute joints have drives, where its own file knows of none."""
+    """An arm whose revolute joints have drives, where its own file has none."""
     if armature == 0.0:
         return arm
     links = [
@@ -319,7 +319,7 @@ ROTOR_NUMBERS = (
 
 
 def _rotor_numbers(fields: Fields) -> dict[str, Any]:
-    """What a rotor, or all rotors, state, as far as they do."""
+    """Numbers that a rotor's table, or that of all rotors, states."""
     values = numbers_from(Rotor, fields, ROTOR_NUMBERS)
     if fields.take("axis", None) is not None:
         values["axis"] = description.unit_axis(fields.at("axis"), fields.vector("axis"))
@@ -438,7 +438,7 @@ def fields_of(table: Any, above: tuple[Step, ...] = ()) -> Iterator[tuple[tuple[
 
 
 def source_covers(key: str, path: Sequence[Step]) -> bool:
-    """Whether a key of ``[sources]`` covers the field at a path."""
+    """True if a key of ``[sources]`` covers the field at a path."""
     parts = key.split(".")
     full, unnamed = [text for text, _ in path], [text for text, is_name in path if not is_name]
     return full[: len(parts)] == parts or unnamed[: len(parts)] == parts

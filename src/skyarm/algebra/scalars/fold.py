@@ -39,7 +39,7 @@ def data(value: Any) -> Any:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two scalars are one: the same object, or equal plain numbers of one kind."""
+    """True if two scalars are one: the same object, or equal plain numbers of one kind."""
     return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)
 
 

@@ -1,4 +1,4 @@
-"""sin, cos, where ...: each call finds the namespace of its arguments and asks that.
+"""sin, cos, where ...: each call uses the namespace of its arguments.
 
 Python numbers go to :mod:`skyarm.algebra.scalars.floats`. Arrays go to the library they come from, which must already
 be imported for such an array to exist: nothing heavy is imported here. The tracer registers its own node type.

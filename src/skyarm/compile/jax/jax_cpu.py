@@ -52,7 +52,7 @@ def _set(flags: Sequence[str]) -> bool:
 
 
 def _has_started() -> bool:
-    """Whether JAX has made a backend; JAX offers no public question for it."""
+    """True if JAX has made a backend; JAX has no public function for it."""
     bridge = sys.modules.get("jax._src.xla_bridge")
     asked = getattr(bridge, "backends_are_initialized", None)
     return bool(asked()) if asked is not None else "jax" in sys.modules

@@ -103,7 +103,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def _negative(x: Any) -> Any:
-    """Whether the sign bit is set."""
+    """True if the sign bit is set."""
     return _bits(x) < 0
 
 
@@ -133,7 +133,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def at_most(a: Any, b: Any) -> Any:
-    """a <= b; XLA 0.10 takes 0 <= x * x, 0 <= |x| and the like for true of a NaN too, so it is never asked that."""
+    """a <= b, without 0 <= x * x, 0 <= |x| and the like, which XLA 0.10 takes for true of a NaN too."""
     return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
 
 

@@ -114,7 +114,7 @@ class Writer:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """A repetition; its body is one basic block, which is passed by where no lane asks for a round."""
+        """A loop; its body is one basic block, which is skipped when no lane needs another round."""
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
@@ -143,11 +143,11 @@ class Writer:
             self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
 
     def _goes_on(self, left: str) -> str:
-        """Whether any lane asks for another round, i1."""
+        """True if any lane needs another round, i1."""
         return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
 
     def _any(self, condition: str) -> str:
-        """Whether a condition holds in any lane, i1."""
+        """True if a condition holds in any lane, i1."""
         name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
         self.intrinsics.add(f"declare i1 {name}({self.lanes.mask})")
         return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")

@@ -35,13 +35,13 @@ KEY, KEY_BYTES = "object_cache.key", 32
 
 
 def cache_folder() -> Path | None:
-    """Where object files are kept; None for a user without a home."""
+    """Folder of the object files; None for a user without a home."""
     named = os.environ.get("SKYARM_CACHE")
     return Path(named) if named else _users_folder("skyarm", "XDG_CACHE_HOME", ".cache")
 
 
 def state_folder() -> Path | None:
-    """Where the key lies, outside any cache; None for a user without a home."""
+    """Folder of the key, outside any cache; None for a user without a home."""
     return _users_folder("skyarm-state" if sys.platform == "win32" else "skyarm", "XDG_STATE_HOME", ".local/state")
 
 
@@ -68,7 +68,7 @@ ENTRY, TEMPORARY = re.compile(r"[0-9a-f]{64}\.o"), re.compile(r"\.[0-9a-f]{64}\.
 
 
 def is_ours(name: str) -> bool:
-    """Whether a file of this name belongs into the cache or the state folder."""
+    """True if a file of this name belongs into the cache or the state folder."""
     return bool(ENTRY.fullmatch(name) or TEMPORARY.fullmatch(name)) or name.lstrip(".").startswith(KEY)
 
 
@@ -91,7 +91,7 @@ def unused_reason() -> str:
 
 
 def usable(folder: Path) -> bool:
-    """True for a folder that is this user's alone; one that belongs to others is told once."""
+    """True for a folder that only this user may write; warns once of any other."""
     try:
         reason = private_folder(folder, is_ours)
     except (OSError, ValueError):
@@ -160,7 +160,7 @@ FORGOTTEN = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What the cache holds: entries, and the bytes they take."""
+    """Content of the cache: number of entries, and their bytes."""
 
     entries: int
     size: int
@@ -238,7 +238,7 @@ def _name(identity: str) -> str:
 
 
 def _code(key: bytes, name: str, content: bytes) -> bytes:
-    """What proves that a holder of the key kept this content under this name."""
+    """Authentication code of this content under this name, by the user's key."""
     return hmac.digest(key, name.encode() + b"\0" + content, "sha256")
 
 
@@ -265,7 +265,7 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
 
 
 def _prune(folder: Path, limit: int) -> None:
-    """Remove what was used longest ago until the rest fits, and temporary files that nobody writes any more.
+    """Remove the least recently used files until the rest fits, and abandoned temporary files.
 
     Processes may do so at once: what one has read is its own, and what one has removed is no error to another.
     """

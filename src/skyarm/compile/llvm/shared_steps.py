@@ -24,7 +24,7 @@ Work = Callable[[], object]
 
 
 class ThreadPool:
-    """Threads that call what they are given; nobody waits for them, and they end with the pool.
+    """Daemon threads that call functions; they end with the pool.
 
     A process may end without them. What they call holds all it needs and raises nothing.
     """

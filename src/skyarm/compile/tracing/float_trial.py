@@ -89,14 +89,14 @@ def _call_with_floats(
 
 
 def _text(program: Program) -> list[Any]:
-    """What a program computes, to compare it with another."""
+    """Text of a program, for comparison with another."""
     place = {node.index: k for k, node in enumerate((*program.inputs, *program.nodes))}
     lines: list[Any] = [(node.op, repr(node.value), *(place[arg.index] for arg in node.args)) for node in program.nodes]
     return [*lines, *(place[node.index] for node in program.outputs)]
 
 
 def same_numbers(first: Sequence[Any], second: Sequence[Any]) -> bool:
-    """Whether two rows hold the same numbers; a NaN is one."""
+    """True if two rows hold the same numbers; a NaN is one."""
     if len(first) != len(second):
         return False
     return all(a is b or a == b or (a != a and b != b) for a, b in zip(first, second, strict=True))  # noqa: PLR0124

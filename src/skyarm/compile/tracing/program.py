@@ -52,7 +52,7 @@ class Program:
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
-        """How often each operation occurs (constants and inputs not counted)."""
+        """Number of occurrences of each operation (constants and inputs not counted)."""
         return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
 
 

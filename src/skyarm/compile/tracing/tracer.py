@@ -254,7 +254,7 @@ class Graph:
         return [self.item(block, k) for k in range(len(slots))]
 
     def item(self, block: Node, k: int) -> Node:
-        """What the last round of a loop left in its slot ``k``."""
+        """Value of slot ``k`` after the last round of a loop."""
         return self._make("item", (block,), k, ("item", block.index, k))
 
     def external(

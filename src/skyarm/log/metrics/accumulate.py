@@ -29,7 +29,7 @@ CONTINUOUS = "_continuous"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Where the reference wants the base (m) and the joints, and where that puts a level tool (m)."""
+    """Desired position of the base (m) and of the joints, and of a level tool there (m)."""
 
     position: Vec3
     joints: tuple[Scalar, ...]

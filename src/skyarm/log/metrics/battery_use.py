@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BatteryUse:
-    """What a flight took of a battery, a number for each control instant.
+    """Battery use of a flight, a number for each control instant.
 
     Attributes:
         charge: left, share of the capacity. voltage: V. current: A. power: W.

@@ -1,4 +1,4 @@
-"""What is counted of a contact that is asked for, and of what is moved by it, while an episode flies.
+"""Running totals of a commanded contact, and of the objects moved by it, during an episode.
 
 Forces are the sum of the normal forces at the vehicle's points. An instant counts while the reference asks for contact
 (its force is above 0): for losses from 0.3 s after the first touch on, for the statistics of the force from 2 s after
@@ -36,7 +36,7 @@ NOT_YET = 1e30
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PushMemory:
-    """Totals of a wanted contact so far.
+    """Totals of a commanded contact so far.
 
     Attributes:
         first: s, of the first touch while contact is asked for. touching: 1 while a point is touched.
@@ -60,7 +60,7 @@ class PushMemory:
 
 @dataclass(frozen=True, slots=True)
 class PushTotals(Metric):
-    """Force, losses and the tip's error of a wanted contact; nothing is counted where none is asked for."""
+    """Force, losses and the tip's error of a commanded contact; nothing is counted where none is commanded."""
 
     def start(self) -> PushMemory:
         """Nothing was touched."""
@@ -99,7 +99,7 @@ class PushTotals(Metric):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LeftMemory:
-    """What was seen last, and furthest.
+    """Latest and largest displacement of moved objects.
 
     Attributes:
         x, y, z: m, of the first object. mechanism, furthest: rad or m, of the first mechanism. force: N, at all points.
@@ -121,7 +121,7 @@ class LeftMemory:
 
 @dataclass(frozen=True, slots=True)
 class LeftTotals(Metric):
-    """Where a flight leaves what it moved, and when its task was done."""
+    """Final displacement of moved objects, and the time at which the task was done."""
 
     def start(self) -> LeftMemory:
         """Nothing was seen."""
@@ -152,7 +152,7 @@ def _sum(forces: tuple[Any, ...]) -> Any:
 
 
 def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
-    """Distance of the tip from its reference across the believed normal, m."""
+    """Distance of the tip from its reference across the model's normal, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
     return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()

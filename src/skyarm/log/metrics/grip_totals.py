@@ -1,4 +1,4 @@
-"""What is counted of a handle that is held, while an episode flies: force along its radius, and how far it is behind.
+"""Running totals of a held handle during an episode: force along its radius, and lag behind its reference.
 
 The radius is that of the true hinge of the world's first mechanism, the force that of the first gripper on it. How far
 the handle should have gone is read off the reference of the tip, about the axis that the reference believes in.

@@ -1,4 +1,4 @@
-"""Metrics of one's own: counted while an episode flies, or over a log, by the same functions."""
+"""User-defined metrics: counted while an episode flies, or over a log, by the same functions."""
 
 from __future__ import annotations
 

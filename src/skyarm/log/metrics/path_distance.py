@@ -1,4 +1,4 @@
-"""How far a point was from a path as a curve, whenever the path passes there."""
+"""Distance of a point from a path as a curve, at any time along the path."""
 
 from __future__ import annotations
 

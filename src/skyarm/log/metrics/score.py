@@ -104,7 +104,7 @@ def over_log(log: Log, name: str) -> Array:
 
 
 def _instants(log: Log, *, pushes: bool = False) -> Instant:
-    """Every control instant of a log, as a record of arrays; ``pushes`` with the contact that was asked for."""
+    """Every control instant of a log, as a record of arrays; ``pushes`` with the commanded contact."""
 
     def rows(table: Any) -> tuple[Any, ...]:
         return tuple(table.T)
@@ -155,7 +155,7 @@ def _hinge(log: Log) -> tuple[Array, ...]:
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:
-    """The contact that the reference asks for at every instant; () of a flight that asks for none.
+    """The commanded contact of the reference at every instant; () of a flight without one.
 
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.

@@ -59,7 +59,7 @@ class Saturation:
 
     @property
     def counts(self) -> bool:
-        """Whether it is worth a line: not for a law that cuts its own commands for a moment."""
+        """True if it is worth a line: not for a law that cuts its own commands for a moment."""
         return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)  # nan counts
 
     def __str__(self) -> str:
@@ -178,7 +178,7 @@ def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
 
 
 def _wanted_force(log: Log) -> tuple[Array, Array]:
-    """Force that the reference asks the tip to press with (N,), and whether the tip presses or grips then."""
+    """Contact force of the reference at the tip (N,), and whether the tip presses or grips then."""
     try:
         push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
     except ValueError:  # of a plugin that is not loaded
@@ -191,7 +191,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
 
 
 def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
-    """Pushes whose force stayed below the band about the wanted one all the time that it was asked for."""
+    """Pushes whose force stayed below the band about the desired one all the time."""
     force = _force_at_tip(log)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
     for first, after in edges.reshape(-1, 2):

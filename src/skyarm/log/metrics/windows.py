@@ -1,4 +1,4 @@
-"""Windows of time in which metrics look, and what they are where nobody says: the flight after a settling share."""
+"""Time windows of the metrics, and their default: the flight after a settling share."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {_words(asked)}: must end within the flight of {duration:g} s")
 
     def masks(self, time: Array, duration: float) -> dict[str, Mask]:
-        """Of a flight of that duration (s): name of a window -> which control instants (s) lie in it."""
+        """Name of a window -> mask of the control instants (s) in it, for a flight of that duration (s)."""
         return self.of_flight(duration).masks(time)
 
 

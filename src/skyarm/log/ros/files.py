@@ -39,7 +39,7 @@ EARLIEST = 1
 
 
 class McapError(ValueError):
-    """Bytes that are no MCAP file of a flight, or a damaged one; says what must be."""
+    """Not an MCAP file of a flight, or a damaged one; the message states what is required."""
 
 
 def write_mcap(log: Log, path: Path) -> Path:

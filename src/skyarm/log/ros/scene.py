@@ -263,7 +263,7 @@ class WorldMarkers:
 
     @property
     def moves(self) -> bool:
-        """Whether anything of the world moves, by structure."""
+        """True if anything of the world moves, by structure."""
         return bool(self._moving)
 
     def moving(self, part: Part) -> Mapping[str, Any]:
@@ -276,7 +276,7 @@ class WorldMarkers:
 
 
 def contacts_of(log: Log) -> tuple[Any, ...]:
-    """The world's contact; empty without a world, or of a log that needs code of someone's own that is not loaded."""
+    """The world's contact; empty without a world, or of a log that needs user code that is not loaded."""
     try:
         found = restore(written_part(log.info, "environment", "world"), log.info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):

@@ -171,7 +171,7 @@ class FlightTopics:
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
-    """The plant's vehicle; None of a log that keeps none, or that needs code of someone's own that is not loaded."""
+    """The plant's vehicle; None of a log without one, or of one that needs user code that is not loaded."""
     try:
         found = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):

@@ -1,4 +1,4 @@
-"""Reading tables field by field, and writing files that appear whole or not at all. Knows nothing of flying."""
+"""Read tables field by field, and write files atomically. Independent of flying."""
 
 from skyarm.records.files.fields import Fields, all_wrong_words, number
 from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown

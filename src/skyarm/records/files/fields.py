@@ -43,7 +43,7 @@ def all_wrong_words() -> Iterator[None]:
 
 
 class Fields:
-    """Reader of a table: checks each value it hands out, and refuses by name what nobody asked for.
+    """Reader of a table: checks each value on access, and refuses unread fields by name.
 
     Every error is a ValueError of one line: field, value, what is allowed. ``named`` calls the tables of a list by
     their names: ``links[arm].mass``.
@@ -99,7 +99,7 @@ class Fields:
         strict: bool = False,
         infinite: bool = False,
     ) -> float:
-        """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
+        """Check a number: finite by default, not below ``low`` (above it if strict)."""
         return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
 
     def vector(self, name: str, default: Any = _REQUIRED) -> tuple[float, float, float]:
@@ -147,7 +147,7 @@ class Fields:
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:
-        """Refuse fields that were not asked for, at once or with the other wrong words of the file."""
+        """Refuse fields that were not read, at once or with the other wrong words of the file."""
         wrong = _wrong_words.get()
         known = [name for name in self._asked if name not in self._stands_for]
         for name in self.table:
@@ -169,7 +169,7 @@ def list_of_tables(value: Any, where: str, named: bool = False) -> list[Fields]:
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
-    """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
+    """Check a number: finite by default, not below ``low`` (above it if strict)."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):  # NumPy's numbers are Real too
         raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
     try:

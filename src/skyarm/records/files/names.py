@@ -61,7 +61,7 @@ ALLOWED = (
 
 
 def is_result_name(name: Any) -> bool:
-    """Whether a name can be that of a file on Linux, macOS and Windows."""
+    """True if a name is valid for a file on Linux, macOS and Windows."""
     return (
         isinstance(name, str)
         and 0 < len(name) <= LONGEST_NAME

@@ -1,4 +1,4 @@
-"""Old names of what users write: they work for one minor version, and a warning says the new one."""
+"""Old names in users' files: they work for one minor version, with a warning that names the new one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Installed packages: their versions, the lowest that are known to work, and how extras are installed."""
+"""Installed packages: their versions, the lowest supported ones, and how extras are installed."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ PACKAGE = "skyarm"
 
 
 def from_index() -> bool:
-    """Whether this installation came from a package index: only then does an index know the package's name."""
+    """True if this installation came from a package index, where the package's name exists."""
     try:
         installed = metadata.distribution(PACKAGE)
     except metadata.PackageNotFoundError:
@@ -135,5 +135,5 @@ def how_to_install(*extras: str) -> str:
 
 
 def needs_extra(extra: str) -> str:
-    """What to say where an optional library is missing."""
+    """Message for a missing optional library."""
     return f"needs the extra {extra!r}; {how_to_install(extra)}"

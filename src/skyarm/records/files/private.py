@@ -1,4 +1,4 @@
-"""Folders and files of one user alone: made so that nobody else may write them, and not read where somebody else may.
+"""Private folders and files of one user: not writable by others, and not read if another user may write them.
 
 On systems without such rights (Windows, whose user folders are closed by themselves) owner and mode are not looked at.
 """

@@ -1,4 +1,4 @@
-"""Compressed files, whose sizes are checked before they are unpacked: a small file may stand for gigabytes."""
+"""Compressed files, whose sizes are checked before they are unpacked: a small file may unpack to gigabytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RATIO = 20
 
 
 class TooLargeError(ValueError):
-    """A file that would unpack to more than is allowed; says how much that is."""
+    """A file that would unpack to more than the limit, which the message states."""
 
 
 def require_size(unpacked: float, content: bytes) -> None:

@@ -68,7 +68,7 @@ def _of_class(kind: type) -> types.CodeType | None:
 
 
 def is_own(code: types.CodeType, module: str) -> bool:
-    """Whether code is neither ours, nor Python's, nor a library's, nor written by a function."""
+    """True if code is the user's: not the library's, Python's, an installed package's, nor generated."""
     file = code.co_filename
     if file.startswith("<string"):
         # what python -c runs has no file, as the methods that dataclasses write
@@ -77,14 +77,14 @@ def is_own(code: types.CodeType, module: str) -> bool:
 
 
 def is_own_file(file: str, module: str) -> bool:
-    """Whether a module's file is neither ours, nor Python's, nor a library's."""
+    """True if a module's file is the user's: not the library's, Python's, nor an installed package's."""
     if file.startswith((PACKAGE, "<frozen")) or (file.startswith(PYTHON) and INSTALLED not in file):
         return False
     return module.partition(".")[0] not in LIBRARIES
 
 
 def is_beside(file: str, folder: str) -> bool:
-    """Whether a file stands in a folder or below it, and is neither ours, nor Python's, nor of what is installed."""
+    """True if a file lies in a folder or below it, and is not the library's, Python's, nor an installed package's."""
     if not file.startswith(f"{folder.rstrip(os.sep)}{os.sep}"):
         return False
     return INSTALLED not in file and not file.startswith((PACKAGE, PYTHON))
@@ -99,17 +99,17 @@ def place_of(thing: Any) -> str:
 
 
 class OwnCodeError(ValueError):
-    """Code of someone's own failed in another process; one line with its file and line."""
+    """User code failed in another process; one line with its file and line."""
 
 
 def failure(error: BaseException) -> str:
-    """An error of someone's own code on one line: file, line, kind, words; empty for an error of ours."""
+    """An error of user code on one line: file, line, kind, words; empty for an error of the library."""
     place = place_of_error(error)
     return f"{place}: {type(error).__name__}: {error}" if place else ""
 
 
 def own_failure(error: BaseException) -> str:
-    """An error that someone's own code raised, on one line as :func:`failure` says it; empty where the library refuses.
+    """An error raised by user code, on one line as in :func:`failure`; empty where the library refuses.
 
     A ValueError, an OSError or an exit is of the code that raises it: the library's refusals pass through code of
     someone's own too. Of an error that the library tells on in words of its own, the first one counts; but what a
@@ -136,7 +136,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 
 def _frames(error: BaseException) -> list[tuple[str, str, str]]:
-    """Whose ("own", "ours"), function and module of each place that an error passed; a library's are left out."""
+    """Owner ("own", "ours"), function and module of each frame of an error; frames of packages are left out."""
     trace, found = error.__traceback__, []
     while trace is not None:
         code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
@@ -181,12 +181,12 @@ def file_of(module: types.ModuleType | None) -> str:
 
 
 def identity_of(content: bytes) -> str:
-    """What a file's content is told by: "sha256:..."."""
+    """Identity of a file's content: "sha256:..."."""
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
 def identity_of_file(file: str) -> str:
-    """What a file is told by as it is now."""
+    """Identity of a file as it is now."""
     try:
         return identity_of(Path(file).read_bytes())
     except OSError:
@@ -194,7 +194,7 @@ def identity_of_file(file: str) -> str:
 
 
 def source_of(code: types.CodeType) -> tuple[str, str]:
-    """Name and identity of the file that code comes from; what was typed in is told by its lines, else by itself."""
+    """Name and identity of the file that code comes from; of typed code its lines, else the object itself."""
     file = code.co_filename
     identity = identity_of_file(file)
     if identity != MISSING:

@@ -105,7 +105,7 @@ def _sync(handle: int) -> None:
 
 
 def _forget(temporary: Path) -> None:
-    """Remove a temporary file if it is there; the error that led here is the one to report."""
+    """Remove a temporary file if it exists; the error that led here is the one to report."""
     with contextlib.suppress(OSError):
         temporary.unlink()
 
@@ -332,7 +332,7 @@ FAR = 4096
 
 
 def _process(handle: int) -> str:
-    """Who holds a lock, as its file says."""
+    """Holder of a lock, from the lock's file."""
     with contextlib.suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
         number = os.read(handle, 20).decode("ascii", "replace")

@@ -1,4 +1,4 @@
-"""What a registered class must be, seen from its base: a dataclass whose methods are called as the library calls them.
+"""Checks of a registered class against its base: a dataclass whose methods take the library's arguments.
 
 The base itself says what is right: a method that overrides one of the library's takes the same arguments in the same
 order, and what is a number there is none that must be called.
@@ -21,7 +21,7 @@ RECORDS = "air", "force", "sensor", "estimator", "drive", "metric", "ending"
 
 
 def class_mistake(kind: type) -> tuple[str, str] | None:
-    """What is wrong with a subclass of someone's own: file and line, and words; None where nothing is.
+    """Mistake of a user's subclass: file and line, and words; None if there is none.
 
     Args:
         kind: a subclass of one of the library's; any other class is right.
@@ -42,7 +42,7 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
 
 
 def format_mistake(thing: Any) -> tuple[str, str] | None:
-    """What is wrong with a log format: file and line, and words; None where nothing is."""
+    """Mistake of a log format: file and line, and words; None if there is none."""
     for name, call in (("write", "write(log, path)"), ("read", "read(path)")):
         held = getattr(thing, name, None)
         if held is None and name == "read" and not isinstance(thing, type):
@@ -57,7 +57,7 @@ def format_mistake(thing: Any) -> tuple[str, str] | None:
 
 
 def thing_mistake(kind: str, thing: Any) -> tuple[str, str] | None:
-    """What is wrong with something that is registered: file and line, and words; None where nothing is seen."""
+    """Mistake of a registered thing: file and line, and words; None if none is found."""
     if isinstance(thing, str):
         return None  # where it is found, which nobody has read yet
     if kind == "log_format":
@@ -66,7 +66,7 @@ def thing_mistake(kind: str, thing: Any) -> tuple[str, str] | None:
 
 
 def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
-    """Public names of the library's bases with what the first of them says, the highest base first."""
+    """Public members of the library's bases, each as the first of them defines it, the highest base first."""
     seen: set[str] = set()
     for each in reversed(bases):
         for name, given in vars(each).items():
@@ -95,7 +95,7 @@ def _function_mistake(name: str, held: Any, given: Any) -> str | None:
 
 
 def _call_mistake(name: str, function: Any, wanted: list[str], hidden: int) -> str | None:
-    """Why a function cannot be called with what is wanted, after so many arguments that Python gives it itself."""
+    """Reason why a function does not take these arguments, after so many that Python passes itself."""
     call = f"{name}({', '.join(wanted)})"
     try:
         signature = inspect.signature(function)

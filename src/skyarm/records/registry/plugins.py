@@ -64,7 +64,7 @@ class Plugin:
 
 
 class _MissingPlugin(MetaPathFinder):
-    """Says of a pickle that needs a plugin's file how that is loaded, in place of a module that nobody knows."""
+    """Unpickling error for a missing plugin: explains how to load its file, in place of "no such module"."""
 
     def find_spec(self, fullname: str, *_: Any) -> None:
         if fullname.startswith(FILE_MODULE):
@@ -243,7 +243,7 @@ def laws_of_files() -> tuple[str, ...]:
 
 
 def is_law_of_file(text: Any) -> bool:
-    """Whether a text is of the form FILE.py:make, which only the command line may say."""
+    """True if a text is of the form FILE.py:make, which only the command line accepts."""
     return isinstance(text, str) and FROM_FILE.fullmatch(text) is not None
 
 
@@ -365,7 +365,7 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
 
 
 def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
-    """Every plugin's file that names stand in is loaded.
+    """Require that the file of every plugin in these names is loaded.
 
     Args:
         names: as :func:`code_of` takes them; those of other modules are passed over.

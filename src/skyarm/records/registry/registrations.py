@@ -137,14 +137,14 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def canonical(kind: str, name: Any) -> Any:
-    """The registered name that an old name stands for; any other value as it is."""
+    """The registered name for an old name; any other value unchanged."""
     if not isinstance(name, str):
         return name
     return OLD_NAMES.get(kind, {}).get(name, name)
 
 
 def full_name(kind: str, name: Any) -> Any:
-    """As :func:`canonical`, with a warning that says the new name of an old one."""
+    """As :func:`canonical`, with a warning that names the new name of an old one."""
     if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
         from skyarm.records.files.old_names import warn_of_old_name
 
@@ -180,7 +180,7 @@ def name_of(kind: str, thing: Any) -> str | None:
 
 @contextmanager
 def registering_for(source: str) -> Iterator[None]:
-    """What is registered inside is of this source; if it fails, nothing of it stays."""
+    """Context whose registrations belong to this source; after a failure none of them stays."""
     before = {kind: dict(rows) for kind, rows in _ready().items()}
     _SOURCE.append(source)
     try:

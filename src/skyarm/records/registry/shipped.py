@@ -1,4 +1,4 @@
-"""What the library registers of its own, kind -> name -> (where it is, one line), and old names of it."""
+"""Names that the library registers itself, kind -> name -> (location, one line), and their old names."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ TUNED = "_tuned"
 
 
 def reserved_for(kind: str, name: str) -> str | None:
-    """What of the library a name stands for already, in words; None where it is free or registered itself."""
+    """Kind of the library that a name already denotes, in words; None if it is free or registered itself."""
     if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in SHIPPED["law"]:
         return f"the tuned gains of {name.removesuffix(TUNED)!r}"
     return next((what for what, names in RESERVED.get(kind, {}).items() if name in names), None)
