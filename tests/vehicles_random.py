@@ -86,9 +86,9 @@ def _random_joint(rng: np.random.Generator, index: int, *, prismatic: bool) -> J
     return Joint(
         name=f"joint{index}",
         kind="prismatic" if prismatic and rng.random() < 1 / 3 else "revolute",
-        axis=Vec3.described(axis.tolist()),
-        position=Vec3.described(position.tolist()),
-        rotation=Mat3.described(rotation.tolist()),
+        axis=Vec3.from_numbers(axis.tolist()),
+        position=Vec3.from_numbers(position.tolist()),
+        rotation=Mat3.from_numbers(rotation.tolist()),
     )
 
 
@@ -121,7 +121,7 @@ def with_armature(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 def _random_frame(rng: np.random.Generator, name: str, link: int) -> Frame:
     rotation = rotation_matrix(random_quaternion(rng))
     position = 0.3 * rng.normal(size=3)
-    return Frame(name=name, link=link, position=Vec3(*position.tolist()), rotation=Mat3.described(rotation.tolist()))
+    return Frame(name=name, link=link, position=Vec3(*position.tolist()), rotation=Mat3.from_numbers(rotation.tolist()))
 
 
 def _depth_first(vehicle: Vehicle, root: int = BASE) -> list[int]:

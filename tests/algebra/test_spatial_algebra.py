@@ -119,7 +119,7 @@ def test_a_rigid_inertia_applies_as_its_6x6_matrix(engine):
         engine,
         lambda *x: [
             *wrench(rigid(x).apply(Motion(Vec3(*x[10:13]), Vec3(*x[13:16])))),
-            *wrench(rigid(x).articulated().apply(Motion(Vec3(*x[10:13]), Vec3(*x[13:16])))),
+            *wrench(rigid(x).as_articulated().apply(Motion(Vec3(*x[10:13]), Vec3(*x[13:16])))),
         ],
         lanes,
     )
@@ -135,7 +135,7 @@ def test_a_rigid_inertia_moves_into_a_parent_as_x_transposed_i_x(engine):
     def function(*x):
         R, p, a = matrix(x[10:19]), Vec3(*x[19:22]), Motion(Vec3(*x[22:25]), Vec3(*x[25:28]))
         moved = rigid(x).into_parent(R, p)
-        return [*wrench(moved.apply(a)), *wrench(rigid(x).articulated().into_parent(R, p).apply(a)), moved.mass]
+        return [*wrench(moved.apply(a)), *wrench(rigid(x).as_articulated().into_parent(R, p).apply(a)), moved.mass]
 
     found = evaluate(engine, function, lanes)
     for row, inertia, lane in zip(found, inertias, lanes, strict=True):

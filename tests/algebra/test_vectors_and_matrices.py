@@ -38,7 +38,7 @@ VECTOR_LAWS = {
     "difference": (lambda a, b: list(a - b), lambda a, b: a - b),
     "opposite": (lambda a, b: list(-a), lambda a, b: -a),
     "product with a scalar": (lambda a, b: [*(a * b.y), *(2.0 * a)], lambda a, b: [*(a * b[1]), *(a * 2.0)]),
-    "componentwise": (lambda a, b: list(a.scaled(b)), lambda a, b: a * b),
+    "componentwise": (lambda a, b: list(a.hadamard(b)), lambda a, b: a * b),
     "inner": (lambda a, b: [a.dot(b)], lambda a, b: [a @ b]),
     "cross": (lambda a, b: list(a.cross(b)), np.cross),
     "length": (lambda a, b: [a.norm()], lambda a, b: [np.linalg.norm(a)]),
@@ -91,7 +91,7 @@ SYMMETRIC_LAWS = {
     "difference": (lambda v, S, P, A: (S - P).full(), lambda v, S, P, A: S - P),
     "product with a scalar": (lambda v, S, P, A: (S * v.x).full(), lambda v, S, P, A: S * v[0]),
     "apply": (lambda v, S, P, A: S.apply(v), lambda v, S, P, A: S @ v),
-    "rotated": (lambda v, S, P, A: S.rotated(A).full(), lambda v, S, P, A: A @ S @ A.T),
+    "rotated": (lambda v, S, P, A: S.rotate(A).full(), lambda v, S, P, A: A @ S @ A.T),
     "isotropic": (lambda v, S, P, A: Sym3.isotropic(v.x).full(), lambda v, S, P, A: v[0] * np.eye(3)),
     "of a matrix": (lambda v, S, P, A: Sym3.of_matrix(S.full()).full(), lambda v, S, P, A: S),
     "point mass": (
@@ -143,13 +143,13 @@ def test_units_and_described_vectors_are_structure():
     assert E_X.cross(E_Y) == E_Z
     assert E_Y.cross(E_Z) == E_X
     assert E_Z.cross(E_X) == E_Y
-    described = Vec3.described([0.0, -1.0, 0.3])
+    described = Vec3.from_numbers([0.0, -1.0, 0.3])
     assert [type(c) for c in described] == [int, int, float]
     assert all(type(c) is int for c in (*ZERO3, *flat(Mat3.identity()), *flat(Mat3.zero())))
-    assert [type(c) for c in flat(Mat3.described(np.eye(3).tolist()))] == [int] * 9
-    kinds = [type(c) for c in Sym3.described(1.0, 2.0, 0.0, xz=0.5).entries]
+    assert [type(c) for c in flat(Mat3.from_numbers(np.eye(3).tolist()))] == [int] * 9
+    kinds = [type(c) for c in Sym3.from_numbers(1.0, 2.0, 0.0, xz=0.5).entries]
     assert kinds == [float, float, int, int, float, int]
-    assert Sym3.described(1.0, 2.0, 3.0, 4.0, 5.0, 6.0).entries == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert Sym3.from_numbers(1.0, 2.0, 3.0, 4.0, 5.0, 6.0).entries == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
 
 def test_vectors_are_read_in_the_order_x_y_z():

@@ -55,7 +55,7 @@ def test_extras_are_those_of_the_package():
 
 
 def test_a_missing_extra_names_the_command_that_adds_it(quick):
-    quick.setattr(doctor, "installed", lambda names, path=None: {n: "99" for n in names if n != "pyarrow"})
+    quick.setattr(doctor, "installed_versions", lambda names, path=None: {n: "99" for n in names if n != "pyarrow"})
     done = skyarm("doctor", columns=200)
     assert done.code == 0
     line = next(each for each in done.out.splitlines() if each.startswith("extra sweep: "))
@@ -65,7 +65,7 @@ def test_a_missing_extra_names_the_command_that_adds_it(quick):
 
 def test_an_old_library_and_a_missing_one_are_faults(quick):
     there = {name: floor for name, floor in FLOORS.items() if name != "matplotlib"} | {"numpy": "1.0"}
-    quick.setattr(doctor, "installed", lambda names, path=None: {n: there[n] for n in names if n in there})
+    quick.setattr(doctor, "installed_versions", lambda names, path=None: {n: there[n] for n in names if n in there})
     parts = doctor.examine()
     assert states(parts)["numpy"] == "broken"
     assert states(parts)["matplotlib"] == "missing"

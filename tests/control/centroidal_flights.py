@@ -69,7 +69,7 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
     inputs = episode_inputs(scenario)
     traced = EpisodeCode(scenario, commands=False, effort=0)
     count, vehicle = scenario.steps, scenario.plant.vehicle
-    rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(count, -1)])
+    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(count, -1)])
     start = np.array(leaves(traced.carry), dtype=float)
     kernel = Kernel(traced.loop, Lanes(seeds), logging=True)
     ended, logged = kernel.run(

@@ -204,7 +204,7 @@ def test_the_model_holds_the_moments_in_the_axes_of_the_tip():
     R = np.array([[float(c) for c in row] for row in frame.rotation.rows])
     turned = Mat3(*(Vec3(*row) for row in (R @ np.diag(moments) @ R.T).tolist()))
     com = Vec3(*(np.array([*frame.position]) + R @ place).tolist())
-    expected = ARM.links[frame.link].body.joined(Body(mass=MASS, com=com, inertia=Sym3.of_matrix(turned)))
+    expected = ARM.links[frame.link].body.merge(Body(mass=MASS, com=com, inertia=Sym3.of_matrix(turned)))
     found = loaded.links[frame.link].body
     assert [*found.inertia.entries] == pytest.approx([*expected.inertia.entries], abs=1e-12)
     assert [*found.com] == pytest.approx([*expected.com])
@@ -245,7 +245,7 @@ def wrist_torque(moments, amplitude=0.2, pace=9.0):
     """Torques of the last joint in another motion of a loaded arm whose base rests, N m."""
     arm = skyarm.load_vehicle("hummingbird_arm2")
     tip = arm.frame()
-    load = Body(mass=0.1, com=tip.position, inertia=Sym3(*(float(c) for c in moments)).rotated(tip.rotation))
+    load = Body(mass=0.1, com=tip.position, inertia=Sym3(*(float(c) for c in moments)).rotate(tip.rotation))
     vehicle, found = arm.with_body(tip.link, load), []
     for t in np.linspace(0.0, 2.0 * np.pi / pace, 30, endpoint=False):
         q, qd = (0.5, -1.0 + amplitude * np.sin(pace * t)), (0.0, amplitude * pace * np.cos(pace * t))

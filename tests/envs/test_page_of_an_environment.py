@@ -54,7 +54,7 @@ def test_every_step_and_every_beginning_is_shown_with_the_numbers_of_its_episode
     env.reset(seed=3)
     ((word, scenario, ticks, x),) = page.told
     assert (word, ticks) == ("begin", 0.0)
-    assert scenario == env.lanes.flown(0)
+    assert scenario == env.lanes.lane_scenario(0)
     assert x == float(env.lanes.state.position.x[0])
     falls = np.full(env.action_space.shape, -1.0, np.float32)
     over = False
@@ -67,7 +67,7 @@ def test_every_step_and_every_beginning_is_shown_with_the_numbers_of_its_episode
     assert {each[3] for each in page.told[1:-1]} == {""}
     env.reset()
     assert page.told[-1][:1] == ("begin",)
-    assert page.told[-1][1] == env.lanes.flown(0) != scenario
+    assert page.told[-1][1] == env.lanes.lane_scenario(0) != scenario
     assert env.render() is None
     env.close()
     assert page.told[-1] == ("close",)

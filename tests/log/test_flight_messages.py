@@ -195,7 +195,7 @@ def test_in_hover_the_rotors_carry_the_weight():
     log = skyarm.run(skyarm.load_scenario("case1", duration=0.25))
     topics = FlightTopics(log)
     (topic,) = [each for each in topics.topics if each.name == "/rotor_wrench"]
-    _, data = topics.encoded(topic, log)
+    _, data = topics.encode(topic, log)
     force = np.ascontiguousarray(data[:, -48:]).view("<f8")[0]
     # the first state is hover trim; six doubles end a WrenchStamped
     weight = log.info["plant_gravity"] * float(vehicle_of(log).mass)

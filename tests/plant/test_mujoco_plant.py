@@ -128,7 +128,7 @@ def test_names_that_collide_with_ours_are_no_trouble():
 def test_a_point_mass_a_massless_link_and_a_flat_plate_fly_in_both_plants():
     plate = Body(mass=0.2, com=Vec3(0.0, 0.0, -0.1), inertia=Sym3(1e-4, 3e-4, 4e-4))
     point = Body(mass=0.05, com=Vec3(0.1, 0.0, -0.1))
-    turn = Mat3.described([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    turn = Mat3.from_numbers([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     vehicle = Vehicle(
         name="odd",
         base=Body(mass=1.0, inertia=Sym3(0.01, 0.012, 0.02)),

@@ -10,7 +10,7 @@ import skyarm
 from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
-from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replaced, walk
+from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replace_at, walk
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def test_pairs_need_the_same_class_and_as_many_items() -> None:
 
 
 def test_only_what_stands_at_the_places_is_replaced() -> None:
-    changed = replaced(RECORD, {("rows", "1", "0"): 9.0, ("inner", "0"): Inner(8.0)})
+    changed = replace_at(RECORD, {("rows", "1", "0"): 9.0, ("inner", "0"): Inner(8.0)})
     assert changed == Outer(((1.0, 2.0), (9.0,)), (Inner(8.0), Inner(5.0)))
     assert changed.inner[1] is RECORD.inner[1]
 

@@ -20,7 +20,7 @@ from skyarm.records.files.user_code import PACKAGE, is_beside, source_of
 from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.records.registry import RegistryError
-from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded
+from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
 from skyarm.studies.compare.cells import key
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.sweep.plan import prepare
@@ -273,9 +273,9 @@ def test_a_plugin_brings_the_modules_of_its_folder_that_it_imported(
     }
     assert identities() == all_files() == wanted
     assert own_files(push) == own_files(push()) == wanted
-    load_again(loaded())
+    load_again(loaded_plugins())
     (folder / "inner.py").write_text("GAIN = 2.0\n")
-    for again in (lambda: load_plugin(file), lambda: load_again(loaded())):
+    for again in (lambda: load_plugin(file), lambda: load_again(loaded_plugins())):
         with pytest.raises(RegistryError, match=r"push_mine.py': '.*inner.py', which it imports, has changed since"):
             again()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skyarm.scenario.numbers import labelled, number_at, unit_at, words_of
+from skyarm.scenario.numbers import axis_label, number_at, unit_at, words_of
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.sweep import load_study
 
@@ -32,7 +32,7 @@ from skyarm.studies.sweep import load_study
 def test_a_number_is_named_with_its_unit(path: str, label: str) -> None:
     scenario = load_scenario("case3_wind")
     number_at(scenario, path)
-    found = labelled(words_of(path), unit_at(scenario, path))
+    found = axis_label(words_of(path), unit_at(scenario, path))
     # a circle's sines may lie along any axis: their amplitude has the unit of what they move
     assert found in (label, label.partition(" [")[0]) if path.startswith("reference") else found == label
 

@@ -35,7 +35,7 @@ def on_arm(scenario, lanes):
     traced = EpisodeCode(scenario, commands=False, effort=0)
     content, listing = compiled(assembly(traced.loop, lanes, logging=True))
     width, dtype = lanes.width, np.float32 if lanes.single else np.float64
-    rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)])
+    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])
     carry = np.repeat(np.array(leaves(traced.carry), dtype=dtype)[:, None], width, axis=1)
     log = np.zeros((scenario.steps, traced.loop.logged, width), dtype)
     keys = np.array([scenario.seed, *range(width)], dtype=np.uint64)

@@ -72,11 +72,11 @@ def test_charge_falls_as_scipy_says():
     exact = solve_ivp(falls, (0.0, 200.0), [1.0], rtol=1e-10, atol=1e-12).y[0, -1]
     charge = 1.0
     for _ in range(4000):
-        charge = BATTERY.drained(charge, 300.0, 0.05)
+        charge = BATTERY.discharge(charge, 300.0, 0.05)
     assert exact < 0.5
     assert charge == pytest.approx(float(exact), abs=2e-5)
-    assert BATTERY.drained(1e-9, 300.0, 0.05) == 0.0
-    assert BATTERY.drained(0.0, 300.0, 0.05) == 0.0
+    assert BATTERY.discharge(1e-9, 300.0, 0.05) == 0.0
+    assert BATTERY.discharge(0.0, 300.0, 0.05) == 0.0
 
 
 def test_power_is_the_tables_current_or_the_drag_torques():
@@ -97,7 +97,7 @@ def test_the_loops_charge_is_that_of_its_log(plant):
         pass
     use = battery_use(flight.log, scenario.plant.vehicle)
     charge, voltage = flight.now.components[-1]
-    last = BATTERY.drained(use.charge[-1], use.power[-1], 0.005)
+    last = BATTERY.discharge(use.charge[-1], use.power[-1], 0.005)
     assert charge == pytest.approx(last, rel=1e-12)
     assert voltage == pytest.approx(use.voltage[-1], rel=1e-12)
     assert use.current[-1] == pytest.approx(use.power[-1] / use.voltage[-1])

@@ -21,7 +21,7 @@ from skyarm.scenario.endings import apart, lowest_point
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Log, Scenario, run
-from skyarm.simulate.check_endings import Ended, ended_by
+from skyarm.simulate.check_endings import Ended, find_ending
 
 
 def _same_ending(log: Log, status: str) -> None:
@@ -160,7 +160,7 @@ def test_divergence_names_the_quantity(field: str, value: Any, cause: str) -> No
 def test_a_joint_that_became_nan_is_a_divergence_with_its_name() -> None:
     base = load_scenario("case1", duration=0.1)
     broken = dataclasses.replace(first_state(base), joints=(math.nan, 0.0))
-    ended = ended_by(base, 0.05, leaves(broken), (0.0, 0.0, 1.0))
+    ended = find_ending(base, 0.05, leaves(broken), (0.0, 0.0, 1.0))
     assert ended == Ended("diverged", "joint 'joint1' is not finite", 0.05)
 
 

@@ -299,7 +299,7 @@ def test_a_long_flight_needs_little_more_memory_than_its_log() -> None:
 def test_machine_code_and_endings_that_disagree_are_an_error_and_no_completed_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(native, "ended_by", lambda *_: None)
+    monkeypatch.setattr(native, "find_ending", lambda *_: None)
     with pytest.raises(RuntimeError, match="an episode has ended in which no ending finds anything wrong"):
         run(FLIGHTS["ground"][1]())
 

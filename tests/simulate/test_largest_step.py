@@ -151,7 +151,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
     def step(now: Any, _parameters: Any, fed: Row, draws: Any) -> Any:
         return period(now, fed, draws)
 
-    loop = trace_loop(step, structure_of(first), (), row, stages.draws.needed)
+    loop = trace_loop(step, structure_of(first), (), row, stages.draws.channels)
     now = tuple(leaves(first))
     advance = loop.stepper()
     for numbers in inputs.rows(0, scenario.steps).tolist():

@@ -80,7 +80,9 @@ def program() -> tuple[Loop, Any, np.ndarray, np.ndarray, np.ndarray]:
     base = tuple(number_at(scenario, path) for path in VALUES)
     loop = trace_loop(lambda *given: (period(*given)[0], ()), structure_of(first), base, row)
     carry = np.repeat(np.array(leaves(first), dtype=float)[:, None], LANES, axis=1)
-    rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)])[:PERIODS]
+    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])[
+        :PERIODS
+    ]
     examples = (structure_of(first), base, row)
     return loop, (period, examples), carry, np.array(list(VALUES.values())), rows
 

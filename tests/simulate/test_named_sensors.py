@@ -55,7 +55,7 @@ def heard_in_floats(scenario, periods):
     samples = []
     for k in range(periods):
         keys = (scenario.seed, scenario.episode)
-        drawn = [float(u) for channel, n in stages.draws.needed for u in uniforms(*keys, channel, k, n)]
+        drawn = [float(u) for channel, n in stages.draws.channels for u in uniforms(*keys, channel, k, n)]
         now, sample = period(now, Row(time=k / 200, reference=scenario.reference.at(0.0)), drawn)
         assert sample.alive == 1.0
         samples.append(sample)
@@ -87,7 +87,7 @@ def test_a_rate_equal_to_the_loops_is_no_rate():
 def test_a_slow_sensors_noise_is_drawn_at_its_own_instants():
     scenario = with_sensors(fix=Fix(rate=50.0, sigma=0.1))
     scenario = dataclasses.replace(scenario, seed=5, episode=2)
-    (channel, count), *rest = draw_plan(scenario).needed
+    (channel, count), *rest = draw_plan(scenario).channels
     assert count == 4
     assert not rest
     heard, samples = heard_in_floats(scenario, 9)

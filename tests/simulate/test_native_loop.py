@@ -215,7 +215,7 @@ def lanes_of(scenario, lanes):
     traced = EpisodeCode(scenario, commands=False, effort=0)
     carry = np.repeat(np.array(leaves(first_loop_state(scenario)), dtype=float)[:, None], 10, axis=1)
     carry[4] += 0.05 * np.arange(10)
-    rows = np.column_stack([inputs.times, np.array(inputs.held).reshape(scenario.steps, -1)])
+    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves).reshape(scenario.steps, -1)])
     return Kernel(traced.loop, lanes).run(carry, np.zeros((0, 10)), rows, seed=5)[0]
 
 

@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.check_endings import ended_by, endings_of, statuses
+from skyarm.simulate.check_endings import endings_of, find_ending, statuses
 from skyarm.simulate.loop import run_in_python
 
 UP = {"kind": "signals", "z": [1.0, {"kind": "ramp", "start": 0.1, "duration": 1.0, "height": 1.0}]}
@@ -83,7 +83,7 @@ def test_the_librarys_endings_come_first_and_then_the_users_in_their_order():
         x = base.copy()
         for place, value in numbers.items():
             x[int(place[1:])] = value
-        found = ended_by(scenario, 0.0, x.tolist(), [0.0, 0.0, 1.0])
+        found = find_ending(scenario, 0.0, x.tolist(), [0.0, 0.0, 1.0])
         return found.status if found else "completed"
 
     assert status() == "completed"
@@ -117,7 +117,7 @@ def test_statuses_of_lanes_are_those_of_single_states_in_their_order():
     states[:, 2] = rng.choice([1.0, 1.3, 0.05, np.nan, 1.9], 300)
     states[:, 0] = rng.choice([0.0, 0.7, -2e3], 300, p=[0.6, 0.3, 0.1])
     goals = np.tile([0.0, 0.0, 1.0], (300, 1))
-    wanted = [ended_by(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
+    wanted = [find_ending(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
     named = [each.status if each else "completed" for each in wanted]
     assert set(named) == {"completed", "diverged", "ground", "ceiling", "away"}
     state = rebuild(first_state(scenario), iter(list(states.T)))

@@ -98,7 +98,7 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
     paces = Paces(dataclasses.replace(scenario, rates=dataclasses.replace(scenario.rates, reference=200)))
     first = paces.first()
     assert first.held == paces.begun_at(7.0).held == ()  # nothing is held, and nothing of it kept
-    told = [paces.told(dataclasses.replace(first, now=state), 0.0) for state in states]
+    told = [paces.governed_reference(dataclasses.replace(first, now=state), 0.0) for state in states]
     for low, high, scale in (
         ("position", "velocity", 0.01),
         ("velocity", "acceleration", 0.1),
@@ -119,7 +119,7 @@ def test_a_pause_stretches_the_time_of_a_plan(scenario):
     paces = Paces(dataclasses.replace(scenario, path_time=plan, rates=rates, duration=0.7))
     clock = dataclasses.replace(paces.first(), now=dataclasses.replace(paces.first().now, place=60.0, rate=0.5))
     assert paces.path_time(clock) == pytest.approx(0.1 + 0.5 * 0.3)
-    told, planned = paces.told(clock, 60.0), scenario.reference.at(0.25)
+    told, planned = paces.governed_reference(clock, 60.0), scenario.reference.at(0.25)
     assert [*told.position] == pytest.approx([*planned.position])
     assert [*told.velocity] == pytest.approx([*(planned.velocity * 0.25)])
 
@@ -160,7 +160,7 @@ def test_the_law_is_told_the_pace_of_the_last_period_in_which_the_reference_was_
     clock, paced = paces.first(), []
     for k in range(10):
         paced.append(clock.now)
-        assert paces.held(clock, float(k)) == paced[k - k % 4]
+        assert paces.held_pace(clock, float(k)) == paced[k - k % 4]
         clock = paces.following(clock, float(k), far, told, idle)
     assert paced[9].rate < paced[8].rate < paced[4].rate
 

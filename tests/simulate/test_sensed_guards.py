@@ -90,7 +90,7 @@ def test_what_the_wrist_reads_is_turned_into_the_world():
     # base and both joints turn about the same axis, y
     angle = 0.8 + 0.3 - 0.5
     c, s = math.cos(angle), math.sin(angle)
-    found = waits.seen(told, reference, None).felt
+    found = waits.guard_inputs(told, reference, None).felt
     assert np.linalg.norm([*found]) == pytest.approx(math.sqrt(14.0))
     assert found.y == pytest.approx(2.0)
     frame = skyarm.load_vehicle("hummingbird_arm2").frame().rotation.apply(Vec3(1.0, 2.0, 3.0))

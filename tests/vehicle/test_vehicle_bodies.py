@@ -59,14 +59,14 @@ def test_parts_of_a_link_are_summed_like_the_points_they_are_made_of(seed):
 def test_joined_bodies_are_the_same_in_either_order():
     a = Body(mass=1.0, com=Vec3(0.1, 0.2, 0.3), inertia=Sym3(0.01, 0.02, 0.025))
     b = Body(mass=0.5, com=Vec3(-0.3, 0.1, 0.0), planar=True)
-    one, other = a.joined(b), b.joined(a)
+    one, other = a.merge(b), b.merge(a)
     np.testing.assert_allclose(one.inertia.entries, other.inertia.entries, rtol=1e-14)
     assert one.planar
     assert other.planar
 
 
 def test_a_payload_of_zero_mass_is_no_nan():
-    body = Body(mass=0.0, com=Vec3(0, 0, 0)).joined(Body(mass=0.0, com=Vec3(0, 0, -0.1)))
+    body = Body(mass=0.0, com=Vec3(0, 0, 0)).merge(Body(mass=0.0, com=Vec3(0, 0, -0.1)))
     assert [float(c) for c in (*body.com, *body.inertia.entries)] == [0.0] * 9
 
 

@@ -139,8 +139,8 @@ def test_a_component_that_is_no_number_is_refused(where: str, name: str, entry: 
 @pytest.mark.parametrize(("where", "name"), MATRICES)
 def test_rotations_are_taken_from_rows(where: str, name: str) -> None:
     turn = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    for given in (turn, np.array(turn), np.array(turn, dtype=float), Mat3.described(turn)):
-        assert held(where, name, given) == Mat3.described(turn)
+    for given in (turn, np.array(turn), np.array(turn, dtype=float), Mat3.from_numbers(turn)):
+        assert held(where, name, given) == Mat3.from_numbers(turn)
     for wrong in ("abc", np.eye(2), [1, 2, 3], None):
         with pytest.raises(VehicleError, match=rf"{name} = .*: must be three"):
             held(where, name, wrong)

@@ -37,10 +37,10 @@ class Mat3:
         return cls(Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z))
 
     @classmethod
-    def described(cls, rows: Sequence[Sequence[float]]) -> Mat3:
+    def from_numbers(cls, rows: Sequence[Sequence[float]]) -> Mat3:
         """From numbers of a description: exact 0, 1 and -1 become structure."""
         r0, r1, r2 = rows
-        return cls(Vec3.described(r0), Vec3.described(r1), Vec3.described(r2))
+        return cls(Vec3.from_numbers(r0), Vec3.from_numbers(r1), Vec3.from_numbers(r2))
 
     @classmethod
     def cross(cls, v: Vec3) -> Mat3:
@@ -123,7 +123,7 @@ class Mat3:
                 return k
         return None
 
-    def rotated(self, R: Mat3) -> Mat3:
+    def rotate(self, R: Mat3) -> Mat3:
         """R A R^T; about a coordinate axis in half of the operations, as trace and antisymmetry do not change."""
         k = R.turning_axis()
         if k is None:
@@ -157,7 +157,7 @@ class Sym3:
     yz: Scalar = 0
 
     @classmethod
-    def described(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
+    def from_numbers(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
         """From numbers of a description: exact zeros become structure, every other number stays data."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
@@ -203,12 +203,12 @@ class Sym3:
         """Matrix times column."""
         return self.full().apply(v)
 
-    def cleared(self, i: int) -> Sym3:
+    def clear_axis(self, i: int) -> Sym3:
         """The matrix with a row and a column of structural zeros."""
         full = self.full().cleared_row(i)
         return Sym3.of_matrix(full.T.cleared_row(i).T)
 
-    def rotated(self, R: Mat3) -> Sym3:
+    def rotate(self, R: Mat3) -> Sym3:
         """R A R^T; about a coordinate axis in a third of the operations, as the trace does not change."""
         k = R.turning_axis()
         if k is not None:

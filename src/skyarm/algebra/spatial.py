@@ -58,7 +58,7 @@ class Force:
         """Product with a scalar."""
         return Force(self.torque * scalar, self.force * scalar)
 
-    def moved(self, p: Vec3) -> Force:
+    def at_origin(self, p: Vec3) -> Force:
         """The force, which acts at ``p``, as it acts at the origin."""
         return Force(self.torque + p.cross(self.force), self.force)
 
@@ -127,9 +127,9 @@ class SpatialInertia:
         )
         return Force(torque, centripetal(w, self.moment))
 
-    def rotated(self, R: Mat3) -> SpatialInertia:
+    def rotate(self, R: Mat3) -> SpatialInertia:
         """The body in axes turned by R about its origin."""
-        return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotated(R))
+        return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotate(R))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
         """Move the body to the parent's origin, in parent axes.
@@ -139,10 +139,10 @@ class SpatialInertia:
         h = R_PC.apply(self.moment)
         shifted = h + p_PC * self.mass
         return SpatialInertia(
-            self.mass, shifted, self.inertia.rotated(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted)
+            self.mass, shifted, self.inertia.rotate(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted)
         )
 
-    def articulated(self) -> ArticulatedInertia:
+    def as_articulated(self) -> ArticulatedInertia:
         """As the articulated inertia of a single body."""
         return ArticulatedInertia(self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass))
 
@@ -185,15 +185,15 @@ class ArticulatedInertia:
             return ArticulatedInertia(J, H, M)
         turning, sliding = S.angular.coordinate_axis(), S.linear.coordinate_axis()
         if turning is not None:
-            return ArticulatedInertia(J.cleared(turning), H.cleared_row(turning), M)
+            return ArticulatedInertia(J.clear_axis(turning), H.cleared_row(turning), M)
         if sliding is not None:
-            return ArticulatedInertia(J, H.T.cleared_row(sliding).T, M.cleared(sliding))
+            return ArticulatedInertia(J, H.T.cleared_row(sliding).T, M.clear_axis(sliding))
         return ArticulatedInertia(J, H, M)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
         """Move the inertia to the parent's origin, in parent axes."""
-        J, M = self.J.rotated(R_PC), self.M.rotated(R_PC)
-        H = self.H.rotated(R_PC)
+        J, M = self.J.rotate(R_PC), self.M.rotate(R_PC)
+        H = self.H.rotate(R_PC)
         S = Mat3.cross(p_PC)
         H_shifted = H + S @ M.full()
         # J' = J - H S - (H S)^T - S M S, with H' = H + S M:  J' = J + S H'^T ... written to use H' once

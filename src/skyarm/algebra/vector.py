@@ -46,7 +46,7 @@ class Vec3:
         return cls(x, y, z)
 
     @classmethod
-    def described(cls, values: Sequence[float]) -> Vec3:
+    def from_numbers(cls, values: Sequence[float]) -> Vec3:
         """From numbers of a description: exact 0, 1 and -1 become structure."""
         x, y, z = values
         return cls(structural(x), structural(y), structural(z))
@@ -84,7 +84,7 @@ class Vec3:
 
     __rmul__ = __mul__
 
-    def scaled(self, other: Vec3) -> Vec3:
+    def hadamard(self, other: Vec3) -> Vec3:
         """Component by component product (diagonal gains)."""
         return Vec3(mul(self.x, other.x), mul(self.y, other.y), mul(self.z, other.z))
 

@@ -224,7 +224,7 @@ def _refusal(error: Exception) -> str:
 def _in_users_code(error: BaseException) -> str:
     """An error of a user's code, with its file and line; empty for any other."""
     from skyarm.records.files.user_code import own_failure
-    from skyarm.records.registry.plugins import loaded
+    from skyarm.records.registry.plugins import loaded_plugins
 
     # a user's code comes by plugins and by files of laws only
-    return own_failure(error) if loaded() else ""
+    return own_failure(error) if loaded_plugins() else ""

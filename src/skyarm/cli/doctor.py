@@ -22,7 +22,7 @@ from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import give, table_of, tell, waiting
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
-from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed
+from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed_versions
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
 
@@ -97,7 +97,7 @@ def examine() -> list[Part]:
     """Everything, in the order in which it is shown; nothing here raises."""
     from skyarm import __version__
 
-    wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed(["jax"])}
+    wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
     with ThreadPoolExecutor() as pool:
         tried = pool.map(lambda name: _tried(name, *wanted[name]), wanted)
@@ -109,7 +109,7 @@ def examine() -> list[Part]:
 
 
 def _libraries() -> list[Part]:
-    there = installed(FLOORS)
+    there = installed_versions(FLOORS)
     parts = []
     for name, floor in FLOORS.items():
         version = there.get(name)
@@ -145,7 +145,7 @@ def extras() -> dict[str, list[str]]:
 def _extras() -> list[Part]:
     parts = []
     for name, packages in extras().items():
-        there = installed(packages)
+        there = installed_versions(packages)
         missing = not set(packages) <= set(there)
         found = ", ".join(f"{package} {there.get(package, 'is missing')}" for package in packages)
         state, remedy = (MISSING, how_to_install(name)) if missing else (WORKS, "")

@@ -39,10 +39,10 @@ def main() -> None:
     with endings() as came:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
-            from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed
+            from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed_versions
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
-            short = below_floor(installed(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
+            short = below_floor(installed_versions(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
             code = _examined(short) if short and _asks_for("doctor") else say(short, WRONG_INPUT) if short else None
             if code is None:
                 from skyarm.cli.commands import perform

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from skyarm.records.files import needs_extra
-from skyarm.records.files.packages import FLOORS, below_floor, installed
+from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
 
 NAME = "llvmlite"
 
@@ -51,7 +51,7 @@ def _words(error: Exception) -> str:
     """The cause, what is needed and what is installed, in one line."""
     lines = str(error).strip().splitlines()
     cause = lines[0] if lines else type(error).__name__
-    version = getattr(sys.modules.get(NAME), "__version__", None) or installed([NAME]).get(NAME)
+    version = getattr(sys.modules.get(NAME), "__version__", None) or installed_versions([NAME]).get(NAME)
     there = f", {version} is installed" if version else ""
     return (
         f"no machine code here ({cause}): needs {NAME} {FLOORS[NAME]} or newer{there}; "

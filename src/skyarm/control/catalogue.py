@@ -25,7 +25,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import check_made, check_maker, made_by
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
-from skyarm.records.leaves import part, replaced
+from skyarm.records.leaves import part, replace_at
 from skyarm.records.registry.plugins import law_of_file_key
 from skyarm.records.registry.registrations import Registration, registrations
 from skyarm.records.registry.shipped import TUNED
@@ -228,7 +228,7 @@ def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
             numbers = part(par, place)
         except (AttributeError, IndexError):
             raise ControllerError(f"controller.{path}: the law has no such constant") from None
-        par = replaced(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
+        par = replace_at(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
     return dataclasses.replace(controller, par=par)
 
 

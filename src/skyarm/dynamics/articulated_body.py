@@ -45,10 +45,10 @@ def forward_dynamics(
     held = members(vehicle, joints)
     places, rigid = [member.place for member in held], [member.inertia for member in held]
     moving = motions(vehicle, places, rate, joint_rates)
-    inertias = [body.articulated() for body in rigid]
+    inertias = [body.as_articulated() for body in rigid]
     biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
     base = spatial_inertia(vehicle.base)
-    base_inertia, base_bias = base.articulated(), base.velocity_force(rate)
+    base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
     U: list[Force] = [Force(Vec3(0, 0, 0), Vec3(0, 0, 0))] * n
     inverse_d: list[Any] = [0] * n
     u: list[Any] = [0] * n

@@ -25,7 +25,7 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
         joints: rad or m.
     """
     if vehicle.followers:
-        return _of_leaders(vehicle, mass_matrix(vehicle.untied, R_WB, every_joint(vehicle, joints)))
+        return _of_leaders(vehicle, mass_matrix(vehicle.with_free_followers, R_WB, every_joint(vehicle, joints)))
     held = members(vehicle, joints)
     places, composite = [member.place for member in held], [member.inertia for member in held]
     whole = spatial_inertia(vehicle.base)

@@ -53,7 +53,7 @@ def placements(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
 def link_poses(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
     """Pose of every link in the base frame, then of every follower."""
     if vehicle.followers:
-        return link_poses(vehicle.untied, every_joint(vehicle, joints))
+        return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints))
     poses: list[Pose] = []
     for link, placement in zip(vehicle.links, placements(vehicle, joints), strict=True):
         poses.append(placement if link.parent == BASE else poses[link.parent] @ placement)
@@ -77,7 +77,9 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> l
     A joint that does not carry the frame gives a structural zero.
     """
     if vehicle.followers:
-        return columns_of_leaders(vehicle, jacobian_columns(vehicle.untied, frame, every_joint(vehicle, joints)))
+        return columns_of_leaders(
+            vehicle, jacobian_columns(vehicle.with_free_followers, frame, every_joint(vehicle, joints))
+        )
     poses = link_poses(vehicle, joints)
     tip = frame_pose(vehicle, frame, joints).p
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
@@ -124,4 +126,4 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
     if not vehicle.followers:
         return vehicle, state
     joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
-    return vehicle.untied, dataclasses.replace(state, joints=joints, joint_rates=rates)
+    return vehicle.with_free_followers, dataclasses.replace(state, joints=joints, joint_rates=rates)

@@ -64,7 +64,7 @@ def members(vehicle: Vehicle, joints: Sequence[Any]) -> list[LinkInAxes]:
             turn = axis_rotation(joint.axis, angle)
         else:
             R = R @ axis_rotation(joint.axis, angle)
-        found.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotated(turn)))
+        found.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotate(turn)))
         angles.append(angle)
         turns.append(turn)
     return found

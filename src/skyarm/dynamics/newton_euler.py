@@ -71,7 +71,7 @@ def inverse_dynamics(
     """
     if vehicle.followers:
         whole = every_joint(vehicle, joints), rate, every_rate(vehicle, joint_rates), base
-        force, efforts = inverse_dynamics(vehicle.untied, *whole, every_rate(vehicle, joint_accelerations))
+        force, efforts = inverse_dynamics(vehicle.with_free_followers, *whole, every_rate(vehicle, joint_accelerations))
         return force, onto_leaders(vehicle, efforts)
     held = members(vehicle, joints)
     places = [member.place for member in held]

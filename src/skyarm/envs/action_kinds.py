@@ -87,7 +87,7 @@ class Actions:
         """Setpoints of the joints from the last numbers of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
-    def added(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
+    def effort_increments(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
         """Increments of the joint setpoints from the last numbers of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
@@ -198,7 +198,7 @@ class Residual(Actions):
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        efforts = tuple(u + more for u, more in zip(own.efforts, self.added(action, now), strict=True))
+        efforts = tuple(u + more for u, more in zip(own.efforts, self.effort_increments(action, now), strict=True))
         sent = dataclasses.replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_applied_command(following, _as_kept(following, sent)), sent
 

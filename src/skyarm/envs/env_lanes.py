@@ -214,7 +214,7 @@ class EnvLanes:
         """Path -> (lanes,) randomised numbers that the lanes fly with."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
 
-    def flown(self, lane: int) -> Scenario:
+    def lane_scenario(self, lane: int) -> Scenario:
         """The scenario with the numbers that were drawn for a lane's episode."""
         return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
 

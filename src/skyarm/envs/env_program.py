@@ -129,7 +129,7 @@ class EnvProgram:
         if not self.task.actions.asks_law:
             first = dataclasses.replace(first, memory=())
         row = own_row(stages.scenario, first.ticks)
-        return (*self._measure_next(stages, first, row, draws), stages.joined(row))
+        return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
         """Fly one control period by an action, and measure."""
@@ -170,7 +170,7 @@ class EnvProgram:
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = Outcome(
-            observation=self._observe(stages, measurement, stages.joined(coming), action),
+            observation=self._observe(stages, measurement, stages.law_reference(coming), action),
             reward=_finite(reward),
             truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
             ending=ending,
@@ -192,7 +192,7 @@ class EnvProgram:
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
         par = stages.scenario.controller.par
-        told = stages.joined(row)
+        told = stages.law_reference(row)
         turn = Turn(now.loop.memory, measurement, told, stages.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.plant.vehicle, command)

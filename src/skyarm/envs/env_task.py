@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.envs.action_kinds import ACTIONS, Actions
 from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
-from skyarm.envs.randomised_numbers import Randomised, randomised
+from skyarm.envs.randomised_numbers import Randomised, read_randomised
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
 from skyarm.records.files import did_you_mean, must_be_one_of, shown
 from skyarm.scenario.scenario_checks import require_flight
@@ -98,7 +98,7 @@ def make_task(
         actions=kind,
         observation=seen,
         reward=rewarded,
-        randomised=randomised(flown, randomise),
+        randomised=read_randomised(flown, randomise),
         precision=precision,
     )
 

@@ -112,11 +112,11 @@ def task_scenario(name: str) -> Scenario:
     Raises:
         ScenarioError: there is none of this name.
     """
-    with resources.as_file(resources.files("skyarm.envs") / "tasks" / f"{named(name).file}.toml") as path:
+    with resources.as_file(resources.files("skyarm.envs") / "tasks" / f"{named_task(name).file}.toml") as path:
         return load_scenario(path)
 
 
-def named(name: str) -> NamedTask:
+def named_task(name: str) -> NamedTask:
     """Definition of a shipped environment.
 
     Raises:
@@ -129,7 +129,7 @@ def named(name: str) -> NamedTask:
 
 def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of an environment: those given, and the task's where nothing is."""
-    mine = named(task)
+    mine = named_task(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
     found = {**own, **given}
     return found if "scenario" in given else {"scenario": task_scenario(task), **found}

@@ -57,7 +57,7 @@ class Randomised:
         return found
 
 
-def randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
+def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
     """Read which numbers are drawn; whatever may be drawn must be a number that the scenario can have.
 
     Raises:

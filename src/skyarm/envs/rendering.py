@@ -110,7 +110,7 @@ class LanePictures:
         for lane, pictures in self._pictures.items():
             episode = int(lanes.seeds[lane]), int(lanes.episodes[lane])
             if episode != self._drawn.get(lane):
-                pictures.begin(lanes.flown(lane))
+                pictures.begin(lanes.lane_scenario(lane))
                 self._drawn[lane] = episode
             found.append(pictures.draw(loop_of_lane(lanes, lane)))
         return tuple(found)
@@ -197,7 +197,7 @@ class LanePage:
 
     def begin(self, lanes: EnvLanes) -> None:
         """Begin the picture of the first lane's episode."""
-        self._page.begin(lanes.flown(0), loop_of_lane(lanes))
+        self._page.begin(lanes.lane_scenario(0), loop_of_lane(lanes))
 
     def show(self, lanes: EnvLanes, lost: str = "") -> None:
         """Show the first lane's present state; ``lost``: why it has ended early, in words."""

@@ -16,7 +16,7 @@ from skyarm.envs.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, 
 from skyarm.envs.vector_environment import spaces
 from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.check_endings import ended_by
+from skyarm.simulate.check_endings import find_ending
 from skyarm.simulate.lane_numbers import checked_array
 from skyarm.view.studio.server import has_viser
 
@@ -125,12 +125,12 @@ class Environment(gymnasium.Env[Array, Array]):
         status = str(lanes.statuses[ending])
         if ending == len(lanes.statuses) - 1:
             return {"status": status, "cause": "the command was not finite"}
-        scenario = lanes.flown(0)
+        scenario = lanes.lane_scenario(0)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
         held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
         goal = [float(c) for c in scenario.reference.at(held).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
-        ended = ended_by(scenario, ticks / scenario.rates.control, x, goal)
+        ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
 
     def render(self) -> Any:

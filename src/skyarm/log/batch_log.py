@@ -67,10 +67,11 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
     alive: list[Any] = [each.alive for each in parts]
     shapes = [each.shape for each in alive]
     kept = {
-        name: _joined([getattr(each, name) for each in parts], shapes) for name in ("state", "command", "reference")
+        name: _concatenate([getattr(each, name) for each in parts], shapes)
+        for name in ("state", "command", "reference")
     }
     names = dict.fromkeys(name for each in parts for name, _ in each.received)
-    received = {name: _joined([dict(each.received).get(name) for each in parts], shapes) for name in names}
+    received = {name: _concatenate([dict(each.received).get(name) for each in parts], shapes) for name in names}
     return BatchLog(
         time=time,
         alive=np.concatenate(alive, axis=1),
@@ -89,7 +90,7 @@ def _by_lane(example: Logged, rows: Array) -> Logged:
     return replace(whole, alive=alive)
 
 
-def _joined(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
+def _concatenate(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
     """One record of several one after the other: NaN, of these shapes, for those of another structure than the last."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []

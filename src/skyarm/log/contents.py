@@ -61,7 +61,7 @@ class CutLogWarning(UserWarning):
     """A log's file was cut off; what came before is read."""
 
 
-def described(log: Log) -> dict[str, Any]:
+def log_info(log: Log) -> dict[str, Any]:
     """Description of a log for its file: ``info`` with the columns of each array."""
     return {**log.info, LAYOUT: layout(log)}
 

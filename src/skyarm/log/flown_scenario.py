@@ -75,7 +75,7 @@ def flown_scenario(
     known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
     with _in_words_of_the_log(plugins):
         kind, fields = restore_fields(_flat(written), known, without)
-        model = None if controller is None else _believed(written["agent"], known)
+        model = None if controller is None else _written_model(written["agent"], known)
     changed = dict(replaced)
     if controller is not None:
         changed |= controller(model, fields)
@@ -102,7 +102,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
         return False
 
 
-def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
+def _written_model(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
     """The model of a written scenario's controller; read without the law's own code if stored next to it."""
     held = written["controller"]
     par = held.get("par") if isinstance(held, dict) else None

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.log.contents import described, log_of
+from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.files import must_be_one_of, shown, write_atomically
@@ -52,7 +52,7 @@ def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
 def write_npz(log: Log, path: PathLike) -> Path:
     """Write one compressed npz: the arrays, and the description with the names and units of their columns as JSON."""
     buffer = io.BytesIO()
-    arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(described(log)))}
+    arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(log_info(log)))}
     np.savez_compressed(buffer, **arrays)
     return write_atomically(path, buffer.getvalue())
 

@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from skyarm.log.contents import arrays_of, as_cut, columns_in, described, log_of
+from skyarm.log.contents import arrays_of, as_cut, columns_in, log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.files import shown
@@ -78,7 +78,7 @@ class Journal:
     def _extend(self, log: Log) -> None:
         if self._stream is None:
             self._stream = self.file.open("wb")
-            self._stream.write(MAGIC + _block(json.dumps(described(log)).encode()))
+            self._stream.write(MAGIC + _block(json.dumps(log_info(log)).encode()))
         rows = np.column_stack([each.of(log) for each in columns(log)])
         block = _block(rows.astype("<f8").tobytes())
         self._next = (self._stream.tell() + len(block), self.kept + log.time.size, float(log.time[-1]))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.log.contents import arrays_of, described, log_of
+from skyarm.log.contents import arrays_of, log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.files import needs_extra, shown
@@ -50,7 +50,7 @@ def write_parquet(log: Log, path: Path) -> Path:
     names = [each.name for each in every]
     fields = [pa.field(name, pa.float64(), nullable=False, metadata=m) for name, m in zip(names, said, strict=True)]
     arrays = [pa.array(np.ascontiguousarray(each.of(log))) for each in every]
-    info = json.dumps(described(log)).encode()
+    info = json.dumps(log_info(log)).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info, SUM: _sum(info)}))
     with writing_atomically(path) as stream:
         pq.write_table(table, stream, compression="zstd", write_page_checksum=True)

@@ -88,7 +88,7 @@ def vector(field: str, value: Any) -> Vec3:
     if isinstance(value, Vec3):
         held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
         return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3.of(held)
-    return Vec3.of([_described(field, each) for each in items(field, value, (3,), "must be three numbers")])
+    return Vec3.of([_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")])
 
 
 def matrix(field: str, value: Any) -> Mat3:
@@ -211,7 +211,7 @@ def _entry(field: str, value: Any) -> Any:
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
-def _described(field: str, value: Any) -> Any:
+def _structural_number(field: str, value: Any) -> Any:
     """A number of a description: exact 0, 1 and -1 become structure."""
     held = number(field, value)
     return structural(held) if type(held) is float else held

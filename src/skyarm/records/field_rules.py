@@ -91,7 +91,7 @@ defaults: Callable[[type], Mapping[str, Any]] = _usual
 def _rule(wanted: Any, unit: Unit) -> Rule | None:
     """The rule of an annotation; None if it states nothing to check."""
     if unit.rule is not None:
-        return _bounded(unit.rule, unit)
+        return _with_bounds(unit.rule, unit)
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
     if origin in (typing.Union, types.UnionType):
         return _one_of(options, unit)
@@ -110,10 +110,10 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
     return coerce.one(wanted) if plain is None and _is_record(wanted) else plain
 
 
-def _bounded(rule: Rule, unit: Unit) -> Rule:
+def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     """A rule of a field's own, whose plain numbers are within its bounds."""
 
-    def bounded(field: str, value: Any) -> Any:
+    def check(field: str, value: Any) -> Any:
         held = rule(field, value)
         if isinstance(held, Vec3):
             for axis, each in zip("xyz", held, strict=True):
@@ -123,7 +123,7 @@ def _bounded(rule: Rule, unit: Unit) -> Rule:
             _within(field, held, unit)
         return held
 
-    return bounded
+    return check
 
 
 def _is_record(wanted: Any) -> bool:

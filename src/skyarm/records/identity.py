@@ -10,9 +10,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files.user_code import file_of, identity_of_file, is_own, is_own_file, numbered, source_of
+from skyarm.records.files.user_code import file_of, identity_of_file, is_own, is_own_file, number_duplicates, source_of
 from skyarm.records.plain import digest, fields_of, plain
-from skyarm.records.registry.plugins import loaded, plugin_of
+from skyarm.records.registry.plugins import loaded_plugins, plugin_of
 from skyarm.records.registry.registrations import registrations
 
 DRAWN = ("mesh", "looks", "notes")
@@ -63,12 +63,14 @@ def own_files(*things: Any) -> dict[str, str]:
     Args:
         things: records, functions, classes, or containers of such; what ships, and numbers, have none.
     """
-    return numbered(sorted(_pairs(things)))
+    return number_duplicates(sorted(_pairs(things)))
 
 
 def all_files(*things: Any) -> dict[str, str]:
     """As :func:`own_files`, with every plugin that is loaded, in whatever order they were."""
-    return numbered(sorted(_pairs(things) | {pair for plugin in loaded() for pair in plugin.identities()}))
+    return number_duplicates(
+        sorted(_pairs(things) | {pair for plugin in loaded_plugins() for pair in plugin.identities()})
+    )
 
 
 def _pairs(things: Iterable[Any]) -> set[Pair]:

@@ -144,7 +144,7 @@ def part(record: Any, place: Place) -> Any:
     return record
 
 
-def replaced(record: Any, values: Mapping[Place, Any]) -> Any:
+def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
     """The record with other values at some places, none of which lies inside another.
 
     Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
@@ -155,9 +155,9 @@ def replaced(record: Any, values: Mapping[Place, Any]) -> Any:
     for place, value in values.items():
         below.setdefault(place[0], {})[place[1:]] = value
     if isinstance(record, tuple):
-        return tuple(replaced(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(record))
+        return tuple(replace_at(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(record))
     return dataclasses.replace(
-        record, **{name: replaced(getattr(record, name), inner) for name, inner in below.items()}
+        record, **{name: replace_at(getattr(record, name), inner) for name, inner in below.items()}
     )
 
 

@@ -46,7 +46,7 @@ def _plain(value: Any, above: tuple[int, ...]) -> Any:
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):
-        return {"type": "enum", "class": dotted(type(value)), "name": value.name}
+        return {"type": "enum", "class": dotted_name(type(value)), "name": value.name}
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
@@ -61,8 +61,8 @@ def _plain(value: Any, above: tuple[int, ...]) -> Any:
         return {"type": "partial"} | {name: _plain(each, above) for name, each in parts.items()}
     if hasattr(value, "__name__"):
         bound = _bound(value)
-        return {"type": "function", "name": dotted(value)} | ({"bound": _plain(bound, above)} if bound else {})
-    return {"type": dotted(type(value))} | {name: _plain(each, above) for name, each in fields_of(value)}
+        return {"type": "function", "name": dotted_name(value)} | ({"bound": _plain(bound, above)} if bound else {})
+    return {"type": dotted_name(type(value))} | {name: _plain(each, above) for name, each in fields_of(value)}
 
 
 def _several(value: Any, above: tuple[int, ...]) -> Any:
@@ -78,7 +78,7 @@ def _several(value: Any, above: tuple[int, ...]) -> Any:
     return {"type": "array", "kind": str(value.dtype), "entries": entries} if value.ndim else entries
 
 
-def dotted(named: Any) -> str:
+def dotted_name(named: Any) -> str:
     """Module and name of a class or function, as ``skyarm.algebra.vector:Vec3``."""
     return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
 

@@ -15,7 +15,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
-from skyarm.records.units import NUMBER, Unit, declared, units
+from skyarm.records.units import NUMBER, Unit, declared_units, units
 
 Record = TypeVar("Record")
 
@@ -36,7 +36,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known = declared(kind)
+    known = declared_units(kind)
     values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
@@ -92,7 +92,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    known = declared(function)
+    known = declared_units(function)
     values: dict[str, Any] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:

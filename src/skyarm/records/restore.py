@@ -15,7 +15,7 @@ from typing import Any
 
 from skyarm.records.files import shown
 from skyarm.records.leaves import field_names
-from skyarm.records.plain import NOT_FINITE, dotted, plain, written_if_any
+from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
 from skyarm.records.registry.plugins import code_of, require_plugins
 
 FUNCTIONS = ("skyarm.control.",)
@@ -38,7 +38,7 @@ def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
             plugin that is not loaded, or a value that the record's class refuses.
     """
     try:
-        return _restored(data, plugins or {}, "")
+        return _restore(data, plugins or {}, "")
     except RecursionError:
         raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
 
@@ -79,11 +79,11 @@ _NAMING = ("type", "class", "name")
 """Words of a table of plain data that may name code."""
 
 
-def _restored(data: Any, plugins: Mapping[str, str], where: str) -> Any:
+def _restore(data: Any, plugins: Mapping[str, str], where: str) -> Any:
     if isinstance(data, str):
         return float(data) if data in NOT_FINITE else data
     if isinstance(data, list):
-        return tuple(_restored(each, plugins, f"{where}[{i}]") for i, each in enumerate(data))
+        return tuple(_restore(each, plugins, f"{where}[{i}]") for i, each in enumerate(data))
     if not isinstance(data, dict):
         return data
     if "type" not in data:
@@ -101,7 +101,7 @@ def _restored(data: Any, plugins: Mapping[str, str], where: str) -> Any:
 
 
 def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict[str, Any]:
-    return {key: _restored(value, plugins, f"{where}.{key}" if where else key) for key, value in table.items()}
+    return {key: _restore(value, plugins, f"{where}.{key}" if where else key) for key, value in table.items()}
 
 
 def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
@@ -113,7 +113,7 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
 def _class(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> type[Any]:
     """The frozen dataclass that data names."""
     kind: Any = code_of(data["type"], plugins)
-    names = field_names(kind) if isinstance(kind, type) and dotted(kind) == data["type"] else None
+    names = field_names(kind) if isinstance(kind, type) and dotted_name(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
     made: type[Any] = kind
@@ -141,7 +141,7 @@ def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> A
         raise RestoreError(f"{where or 'record'} = {shown(name)}: must be a function of a law")
     found = code_of(name, plugins)
     if "bound" in data and plain(found) != data:
-        owner = _restored(data["bound"][0], plugins, where)
+        owner = _restore(data["bound"][0], plugins, where)
         found = getattr(owner, name.rpartition(".")[2])
     if not callable(found) or plain(found) != data:
         raise RestoreError(f"{where or 'record'}: {name} is another function than was written")
@@ -149,7 +149,7 @@ def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> A
 
 
 def _partial(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
-    function, arguments, keywords = (_restored(data[part], plugins, where) for part in _PARTS)
+    function, arguments, keywords = (_restore(data[part], plugins, where) for part in _PARTS)
     return functools.partial(function, *arguments, **keywords)
 
 
@@ -161,7 +161,7 @@ def _array(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
 
     if data["kind"] not in _ARRAYS:
         raise RestoreError(f"{where or 'record'}.kind = {shown(data['kind'])}: must be one of {', '.join(_ARRAYS)}")
-    return np.array(_restored(data["entries"], plugins, where), dtype=data["kind"])
+    return np.array(_restore(data["entries"], plugins, where), dtype=data["kind"])
 
 
 _ARRAYS = ("float64", "float32", "bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

@@ -60,11 +60,11 @@ units: Callable[[type], Mapping[str, Unit]] = _units
 
 def declared_fields(kind: type) -> dict[str, tuple[Any, Unit]]:
     """Type and unit of each field of a dataclass."""
-    said = declared(kind)
+    said = declared_units(kind)
     return {name: said[name] for name in field_names(kind) or () if name in said}
 
 
-def declared(of: Any) -> dict[str, tuple[Any, Unit]]:
+def declared_units(of: Any) -> dict[str, tuple[Any, Unit]]:
     """Type and unit by name, as a class annotates its fields or a function its parameters.
 
     Empty if an annotation cannot be evaluated: a name that only type checkers import.

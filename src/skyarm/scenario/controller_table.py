@@ -48,7 +48,7 @@ from skyarm.records.files import (
     unreadable,
 )
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, is_leaf, is_record, parts, replaced, walk
+from skyarm.records.leaves import Place, is_leaf, is_record, parts, replace_at, walk
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
@@ -338,7 +338,7 @@ def with_gains(controller: Controller, gains: Any, where: str) -> Controller:
     numbers: dict[Place, float] = {}
     for path, value in gains.items():
         numbers |= _numbers(controller, path, value, f"{where}.{path!r}")
-    return dataclasses.replace(controller, par=replaced(controller.par, numbers)) if numbers else controller
+    return dataclasses.replace(controller, par=replace_at(controller.par, numbers)) if numbers else controller
 
 
 def _numbers(controller: Controller, path: str, value: Any, field: str) -> dict[Place, float]:

@@ -115,7 +115,7 @@ class Overrides:
     parts: tuple[tuple[str, Any], ...] = ()
     numbers: tuple[tuple[str, Any], ...] = ()
 
-    def then(self, change: Change) -> Overrides:
+    def with_change(self, change: Change) -> Overrides:
         """With one more change."""
         path, value = change.path, change.table
         if not is_part(path, value):
@@ -197,7 +197,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
         tick = change.tick(rate)
         if tick >= scenario.steps:
             break
-        following = Stretch(tick, found[-1].overrides.then(change))
+        following = Stretch(tick, found[-1].overrides.with_change(change))
         if tick == found[-1].start and len(found) > 1:
             found[-1] = following
         else:
@@ -302,7 +302,7 @@ def try_changes(
             if not is_part(change.path, change.value):
                 _require_number(now, change)
                 _require_one_load(now, change.path, [path for path, _ in following.numbers])
-            following = following.then(change)
+            following = following.with_change(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
     alone = len(changes) == 1
@@ -314,7 +314,7 @@ def try_changes(
         # of several the one is named that alone would be refused
         for where, change in () if alone else changes:
             with _said_of(where):
-                require_continuous(begun, held.then(change).of(begun))
+                require_continuous(begun, held.with_change(change).of(begun))
         raise
     return following, now
 

@@ -38,7 +38,7 @@ from skyarm.dynamics.actuators import make_mixer
 from skyarm.plant.interface import number
 from skyarm.records import coerce
 from skyarm.records.files import shown
-from skyarm.records.leaves import Place, part, replaced
+from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.units import units
 from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
@@ -172,7 +172,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     fields = _fields(scenario, leaves)
     for (field, *inner, _, frame), mass in loads.items():
         record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
-        fields[field] = replaced(record, {place: part(record, place).with_payload(mass, frame)})
+        fields[field] = replace_at(record, {place: part(record, place).with_payload(mass, frame)})
     # a scenario is checked whenever it is made: once
     changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
@@ -211,7 +211,7 @@ def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
     below: dict[str, dict[Place, Any]] = {}
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
-    return {name: replaced(getattr(scenario, name), inner) for name, inner in below.items()}
+    return {name: replace_at(getattr(scenario, name), inner) for name, inner in below.items()}
 
 
 def _with_par(controller: Controller, **fields: Any) -> Controller:
@@ -267,7 +267,7 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
     for path, value in values.items():
         if path not in ATTITUDE:
             for place in places_of(shape, path):
-                changed = replaced(changed, {place[2:]: value})
+                changed = replace_at(changed, {place[2:]: value})
     angles = [values.get(path) for path in ATTITUDE]
     if any(angle is not None for angle in angles):
         known = euler_angles(held.quaternion.rotation())
@@ -345,6 +345,6 @@ def words_of(path: str) -> str:
     return " ".join(found) + (f" ({whose})" if whose else "")
 
 
-def labelled(words: str, unit: str) -> str:
+def axis_label(words: str, unit: str) -> str:
     """Words with their unit in brackets, as axes have them."""
     return f"{words} [{unit}]" if unit else words

@@ -97,7 +97,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
         raise ValueError(f"reference.governor: {allowed}")
     _require_no_instants(bare)
     found = plan_of(bare, options)
-    for line in (*_steps(bare), *_missed(found, bare, options)):
+    for line in (*_steps(bare), *_infeasible_demands(found, bare, options)):
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     return bare if found.path_time is None else bare.with_words(path_time=found.path_time)
 
@@ -113,7 +113,7 @@ def _require_no_instants(scenario: Scenario) -> None:
         raise ValueError("reference.governor: must be left out where the law is told of payloads (believed = true)")
 
 
-def _missed(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterator[str]:
+def _infeasible_demands(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterator[str]:
     if found.beyond > MISSED:
         name = Limits(scenario.controller.par.model, options).names()[found.limit]
         yield f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
@@ -268,7 +268,7 @@ class Limits:
 
     def shares(self, motion: Motion) -> Array:
         """(limits, K) demands of a motion as shares of their limits: above 1 is infeasible."""
-        settled = self._settled(motion.time)
+        settled = self._window_means(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
         found = self._shares(demand)
         if self._tip:
@@ -318,7 +318,7 @@ class Limits:
             [up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, *attitude]
         )
 
-    def _settled(self, time: Array) -> Any:
+    def _window_means(self, time: Array) -> Any:
         """Means over two windows of SETTLES seconds: what the attitude follows of the force's direction."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))

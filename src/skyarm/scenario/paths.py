@@ -100,7 +100,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
             known = [*options, *(_further(scenario, path) if start in ROOTS.values() else ())]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
-        places = _joined(heads, options[word])
+        places = _with_heads(heads, options[word])
         start = heads[0]
     if not isinstance(places, tuple):
         raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(places)}")
@@ -114,7 +114,7 @@ def _further(scenario: Scenario, path: str) -> list[str]:
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 
 
-def _joined(heads: tuple[Place, ...], found: Any) -> Any:
+def _with_heads(heads: tuple[Place, ...], found: Any) -> Any:
     """Places seen from the scenario; a tree of more words is seen from the first head."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)

@@ -181,11 +181,11 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
             raise ValueError(f"{at}: must be a gripper without a command of its own (closed)")
     if contact is None or not events:
         return contact
-    found = tuple(_commanded(each, events, control_rate) for each in contact.grippers)
+    found = tuple(_with_task_windows(each, events, control_rate) for each in contact.grippers)
     return dataclasses.replace(contact, grippers=found)
 
 
-def _commanded(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
+def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
     """A gripper that is closed from each pick to the next place."""
     windows: list[Windowed] = []
     since: float | None = None

@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log
 from skyarm.records.files import shown, unreadable
-from skyarm.records.plain import dotted
+from skyarm.records.plain import dotted_name
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned, under_law
 from skyarm.scenario.scenario_record import Change, Delays, Rates, Scenario, ScenarioError, without_law
 
@@ -49,7 +49,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
 def _has_layers(log: Any) -> bool:
     """True if a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
     held = written_part(log.info, "agent", "controller", "par", "type")
-    return held in (dotted(SafetyParameters), dotted(ActuatorParameters), dotted(VectoredParameters))
+    return held in (dotted_name(SafetyParameters), dotted_name(ActuatorParameters), dotted_name(VectoredParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:

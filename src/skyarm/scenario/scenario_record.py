@@ -358,7 +358,7 @@ class Scenario:
         from skyarm.scenario.scenario_checks import check_scenario
 
         try:
-            for name, value in _grouped(words).items():
+            for name, value in _group_fields(words).items():
                 object.__setattr__(self, name, value)
             check_name(self.name)
             for name in ("seed", "episode"):
@@ -540,7 +540,7 @@ class Scenario:
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
 
 
-def _grouped(words: dict[str, Any]) -> dict[str, Any]:
+def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
     """Every field of a scenario from fields and words of groups."""
     found: dict[str, Any] = {}
     for name, default in defaults(Scenario).items():

@@ -106,12 +106,12 @@ def truth(plant: Fields, folder: Path) -> Vehicle:
             words, at = str(error), plant.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
     if plant.where == "model" and "drives" in plant.table:
-        drives = mounted_drives(_named(plant, "drives"), plant.at("drives"))
+        drives = mounted_drives(_tables_by_name(plant, "drives"), plant.at("drives"))
         found = dataclasses.replace(found, drives=drives)
     return _with_joint_numbers(found, plant.inner("joints"))
 
 
-def _named(fields: Fields, name: str) -> dict[str, Any]:
+def _tables_by_name(fields: Fields, name: str) -> dict[str, Any]:
     """Tables by name."""
     table: Any = fields.take(name, {})
     if not isinstance(table, dict):
@@ -260,7 +260,7 @@ def drives(plant: Fields) -> tuple[JointDrive, ...]:
     """[plant.drives.JOINT]."""
     read = {
         joint: registered_from("drive", Drive, table, f"plant.drives.{joint}")
-        for joint, table in _named(plant, "drives").items()
+        for joint, table in _tables_by_name(plant, "drives").items()
     }
     return tuple(JointDrive(joint=joint, drive=drive) for joint, drive in read.items())
 

@@ -1,4 +1,4 @@
-"""Text of a scenario file with other scheduled changes: a flight led by hand, saved for a repeat."""
+"""Text of a scenario file with other scheduled changes: a flight steered by hand, saved for a repeat."""
 
 from __future__ import annotations
 
@@ -196,11 +196,11 @@ def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
         yield words, data
     for name, each in inner:
         # a class is told where it is a law, a plant or another kind of wind; elsewhere it follows from the field
-        if name not in FOR_PEOPLE or (name == "type" and isinstance(each, str) and _chosen(words)):
+        if name not in FOR_PEOPLE or (name == "type" and isinstance(each, str) and _has_choice(words)):
             yield from _leaves(each, (*words, str(name)))
 
 
-def _chosen(words: Words) -> bool:
+def _has_choice(words: Words) -> bool:
     """True if the value at this place may be of several classes."""
     return words in (("environment", "wind"), ("agent", "estimator")) or (
         words[:-1] in (("environment", "air"), ("environment", "forces"), ("endings",))

@@ -218,7 +218,7 @@ def _references(
 ) -> tuple[Reference, Reference, Array, int]:
     """Held and continuous reference, the reference's time, and the place in the first of what was flown first."""
     if inputs.waits.guards:
-        return (*inputs.led(flown.led.T), 0)
+        return (*inputs.waiting_references(flown.led.T), 0)
     led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]
     return inputs.held_reference, inputs.reference_between(start, stop), led, start
 

@@ -14,7 +14,7 @@ from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
 from skyarm.log.batch_log import BatchLog, batch_log
-from skyarm.log.metrics.metric_catalogue import metric_names, needed
+from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import shown
@@ -115,7 +115,7 @@ class Batch:
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
-        self._wanted = needed(self.names, scenario.plant.vehicle.n)
+        self._wanted = required_totals(self.names, scenario.plant.vehicle.n)
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
@@ -185,7 +185,7 @@ class Batch:
             parameters = leg.parameters(columns, count)
             carry = leg.begin(parameters, keys["seed"], keys["episodes"], last)
             carry, kept = leg.fly(carry, parameters, keys, threads)
-            last, log = (leg, carry), [*log, *((leg.logged, rows) for rows in kept)]
+            last, log = (leg, carry), [*log, *((leg.log_record, rows) for rows in kept)]
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:

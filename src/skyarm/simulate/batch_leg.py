@@ -17,7 +17,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
-from skyarm.log.metrics.accumulate import Goal, Instant, Total, counted, first_totals
+from skyarm.log.metrics.accumulate import Goal, Instant, Total, advance_totals, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.reference import Publisher, Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
@@ -70,7 +70,7 @@ class Feed:
             self.example = (*self.example, 0.0)
         else:
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
-            held = np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)
+            held = np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)
             columns += [held, *(np.stack(columns_of(goal, scenario.steps), axis=1) for goal in goals)]
             columns += columns_of((inputs.told_reference, inputs.path_time), scenario.steps)
             governor = (inputs.row_example.told, inputs.row_example.path_time)
@@ -141,7 +141,7 @@ def make_counting_period(
         loop, totals = both
         row = stages.clock.lead(loop.clock, loop.ticks, row)
         if not goals:
-            free = stages.waits.reference(*stages.waits.instants(stages.clock.logged(loop.clock, loop.ticks))[1])
+            free = stages.waits.reference(*stages.waits.instants(stages.clock.log_values(loop.clock, loop.ticks))[1])
             goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
         following, sample = period(loop, row, uniforms)
         state, command = sample.state, sample.command
@@ -161,7 +161,7 @@ def make_counting_period(
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
-        return (following, counted(totals, wanted, now, counts)), sample
+        return (following, advance_totals(totals, wanted, now, counts)), sample
 
     return step
 
@@ -303,7 +303,7 @@ class Leg:
         return cast("LegCode", self.code).kernel
 
     @property
-    def logged(self) -> Any:
+    def log_record(self) -> Any:
         """Record that such a leg logs."""
         return cast("LegCode", self.code).logged
 
@@ -312,7 +312,7 @@ class Leg:
         if self.code is not None:
             self.code.kernel.pools.close()
 
-    def named(self, columns: Sequence[Array]) -> dict[str, Array]:
+    def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
         """Path -> (lanes,) numbers that count in this leg: the lanes' own, and those that changes set."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
@@ -359,7 +359,7 @@ class Leg:
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Status of lanes that this leg left, from the loops they were left in."""
-        return lane_statuses(self.scenario, self.named(columns), now.state, now.clock, ticks, ended)
+        return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse numbers of lanes that the code's steps do not bear.
@@ -367,4 +367,4 @@ class Leg:
         Raises:
             ScenarioError: one line.
         """
-        require_short_steps(self.scenario, self.named(columns), self._loop.largest)
+        require_short_steps(self.scenario, self.numbers_by_path(columns), self._loop.largest)

@@ -39,7 +39,7 @@ RUNNING = "running"
 """Status of a log of an episode that is not over."""
 
 
-def going_on(scenario: Scenario, tick: int) -> Ended | None:
+def running_status(scenario: Scenario, tick: int) -> Ended | None:
     """Status of an unfinished episode for its log: "running"; None once its duration is flown."""
     return Ended(RUNNING, "", tick / scenario.rates.control) if tick < scenario.steps else None
 
@@ -62,7 +62,7 @@ def _both(a: Any, b: Any) -> Any:
     return b if a is True else a if b is True else logical_and(a, b)
 
 
-def ended_by(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
+def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """The ending that a state in flat floats means, or None; ``goal`` is the held reference's position."""
     vehicle = scenario.plant.vehicle
     state = rebuild(example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), iter(x))

@@ -32,7 +32,7 @@ class Draws:
     components: tuple[tuple[int, int], ...]
 
     @property
-    def needed(self) -> tuple[tuple[int, int], ...]:
+    def channels(self) -> tuple[tuple[int, int], ...]:
         """(channel, count) of those that draw."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
@@ -70,7 +70,7 @@ def draw_plan(scenario: Scenario) -> Draws:
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
     """(channel, count) of the uniform numbers a period takes; counts are even, normals come in pairs."""
-    return draw_plan(scenario).needed
+    return draw_plan(scenario).channels
 
 
 def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:

@@ -31,7 +31,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
-from skyarm.simulate.check_endings import Ended, ended_by, ending_of_command, failed_phase
+from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
@@ -317,7 +317,7 @@ class Engine:
     def _reason(self, *, lost: bool) -> Ended | None:
         """Why the episode has ended, in words; None for one that has flown its time."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
-        found = ended_by(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
+        found = find_ending(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
         found = found or failed_phase(scenario, time, now.clock)
         if found is not None or not lost:
             return found

@@ -52,7 +52,7 @@ class EpisodeInputs:
         return _motion(self.scenario)
 
     @cached_property
-    def held(self) -> Array:
+    def held_leaves(self) -> Array:
         """Leaves of the held reference."""
         return _rows(self.held_reference, self.scenario.steps)
 
@@ -97,7 +97,7 @@ class EpisodeInputs:
         """Guards of the reference's phases."""
         return Waits(self.scenario)
 
-    def led(self, columns: Any) -> tuple[Reference, Reference, Array]:
+    def waiting_references(self, columns: Any) -> tuple[Reference, Reference, Array]:
         """The held and the continuous reference of a scenario whose phases wait, and the reference's time, s.
 
         Args:
@@ -125,7 +125,7 @@ class EpisodeInputs:
     def held_now(self, now: LoopState) -> Reference:
         """The held reference where the clock of a loop stands, as data."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
-        held, _, _ = self.led(columns)
+        held, _, _ = self.waiting_references(columns)
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.files import shown
-from skyarm.records.leaves import Place, field_names, part, replaced
+from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import TURBULENCE, is_payload, means_the_same, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, LATER, places_of
@@ -330,7 +330,7 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Plac
 def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
     """Largest step (s) of a record with other numbers; None where it states none."""
     try:
-        other = replaced(record, numbers)
+        other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)
         if stated is None:
             return None

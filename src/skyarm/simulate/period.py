@@ -43,7 +43,7 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
     """Surroundings, sensors and estimator of a period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
-    wind, pushes = stages.felt(around, now.state), stages.pushes(around, now.state)
+    wind, pushes = stages.wind_sample(around, now.state), stages.pushes(around, now.state)
     force = plant.specific_force(now.state, acting, around)
     read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, uniforms, pushes)
     return Measured(components, around, acting, wind, read)
@@ -65,7 +65,7 @@ def act(
         queue=queue,
         sensors=measured.read.sensors,
         estimate=measured.read.estimate,
-        components=stages.gone_on(measured.components, coupled),
+        components=stages.advance_coupled(measured.components, coupled),
         drives=drives,
         clock=clock,
     )
@@ -86,7 +86,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
         now = stages.check(before, row)
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read
-        memory, command = stages.decide(now.memory, read.measurement, stages.joined(row), row.path_time)
+        memory, command = stages.decide(now.memory, read.measurement, stages.law_reference(row), row.path_time)
         clock = stages.clock.advance(now.clock, now.ticks, read.measurement, row, memory, command)
         following = act(stages, plant, now, measured, memory, command, clock)
         sample = Sample(
@@ -97,7 +97,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
             readings=read.readings,
             wind=measured.wind,
             found=stages.found(memory),
-            led=stages.clock.logged(now.clock, now.ticks),
+            led=stages.clock.log_values(now.clock, now.ticks),
         )
         return stages.keep(following, before), sample
 

@@ -173,7 +173,7 @@ class Waits:
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
-    def logged(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+    def log_values(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
         """Columns of the clock in a log; () without a clock."""
         return () if clock == () else self.times(clock, ticks)
 
@@ -183,7 +183,7 @@ class Waits:
         """The clock one control period later, from the law's measurement and memory."""
         if clock == ():
             return ()
-        return self.following(clock, ticks, self.seen(measurement, row.reference, observed_push(memory)))
+        return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
 
     def _hold_sample(self, clock: Any, ticks: Any) -> dict[str, Any]:
         """The sample that holds in a period, taken in it where it publishes one; () where each publishes one."""
@@ -235,7 +235,7 @@ class Waits:
         *moved, since = offset
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
-    def believing(self, par: Any, path_time: Any) -> Any:
+    def with_task_payloads(self, par: Any, path_time: Any) -> Any:
         """The law's constants, with the payloads in its model that the task carries at a time of the reference (s)."""
         vehicle = par.model.vehicle
         for payload in self._believed:
@@ -245,7 +245,7 @@ class Waits:
             return par
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
-    def seen(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
+    def guard_inputs(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
         """Inputs of the guards."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
@@ -408,7 +408,7 @@ class Paces:
         now = dataclasses.replace(first.now, place=ticks)
         return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
 
-    def held(self, clock: PaceClock, ticks: Any) -> Pace:
+    def held_pace(self, clock: PaceClock, ticks: Any) -> Pace:
         """The pace of the sample that holds in a period: taken in it where it publishes one."""
         if not isinstance(clock.held, Pace):
             return clock.now
@@ -417,10 +417,10 @@ class Paces:
 
     def lead(self, clock: PaceClock, ticks: Any, row: Row) -> Row:
         """Inputs of a period, with the governed reference at its own clock."""
-        told = row.told or self.told(clock, ticks)
+        told = row.told or self.governed_reference(clock, ticks)
         return dataclasses.replace(row, told=told, path_time=self.path_time(clock))
 
-    def logged(self, clock: PaceClock, _ticks: Any) -> tuple[Any, ...]:
+    def log_values(self, clock: PaceClock, _ticks: Any) -> tuple[Any, ...]:
         """Columns of the clock in a log."""
         return (self.path_time(clock),)
 
@@ -435,9 +435,9 @@ class Paces:
         time = clock.now.place / self._rate
         return time if self._path is None else self._path.derivatives(time)[0]
 
-    def told(self, clock: PaceClock, ticks: Any) -> Reference:
+    def governed_reference(self, clock: PaceClock, ticks: Any) -> Reference:
         """Reference that the law receives."""
-        pace = self.held(clock, ticks)
+        pace = self.held_pace(clock, ticks)
         time = pace.place / self._rate
         chain = (time, pace.rate, pace.acceleration, pace.jerk, 0)
         if self._path is None:
@@ -461,7 +461,7 @@ class Paces:
         acceleration = now.acceleration + jerk * dt
         rate = clip(now.rate + acceleration * dt, 0.0, 1.0)
         following = Pace(place=now.place + 0.5 * (now.rate + rate), rate=rate, acceleration=acceleration, jerk=jerk)
-        return PaceClock(now=following, held=() if self._ratio == 1 else self.held(clock, ticks))
+        return PaceClock(now=following, held=() if self._ratio == 1 else self.held_pace(clock, ticks))
 
 
 def reference_clock(scenario: Scenario) -> Waits | Paces:

@@ -23,7 +23,7 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, describe, join_pieces
-from skyarm.simulate.check_endings import RUNNING, Ended, going_on
+from skyarm.simulate.check_endings import RUNNING, Ended, running_status
 from skyarm.simulate.command_line import numbers_of_command
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.lane_numbers import require_paths
@@ -33,7 +33,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """The scenario in force at an instant of a flight, and the changes that led to it.
+    """The scenario in force at an instant of a flight, and the changes before it.
 
     Attributes:
         begun: the scenario with which the flight began, or by which it was replaced.
@@ -67,12 +67,12 @@ class Course:
         """True if a change takes effect in this control period."""
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
-    def then(self, tick: int, piece: Piece) -> Course:
+    def with_due_changes(self, tick: int, piece: Piece) -> Course:
         """The course once the changes of this control period have taken hold; ``piece`` was flown until now."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
-            overrides = overrides.then(change)
+            overrides = overrides.with_change(change)
         now = overrides.of(self.begun)
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
@@ -98,9 +98,9 @@ class Course:
         flown = (*self.flown, piece) if len(piece.flown.states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
-    def replaced(self, tick: int, scenario: Scenario, piece: Piece) -> Course:
+    def with_scenario(self, tick: int, scenario: Scenario, piece: Piece) -> Course:
         """The course after the whole scenario is replaced; what it would have changed by now holds."""
-        return dataclasses.replace(Course.of(scenario), flown=self.flown).then(tick, piece)
+        return dataclasses.replace(Course.of(scenario), flown=self.flown).with_due_changes(tick, piece)
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +278,7 @@ class Session:
         """The flight so far, each period with the reference held in it; its scenario is :attr:`plan`."""
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
-        return join_pieces(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))
+        return join_pieces(self.plan, pieces, engine.ended or running_status(self._scenario, engine.tick))
 
     def between(self, first: int, stop: int) -> Log:
         """The log of some of the periods flown, of status "running"."""
@@ -341,7 +341,7 @@ class Session:
         old = self._scenario
         require_continuous(old, scenario)
         scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
-        self._go_on(self._course.replaced(self.tick, scenario, self._engine.piece))
+        self._go_on(self._course.with_scenario(self.tick, scenario, self._engine.piece))
 
     def _make_engine(self, course: Course) -> Engine:
         """Machine code where it can be made, else Python."""
@@ -378,7 +378,7 @@ class Session:
     def _let_change(self) -> None:
         """Let the changes take hold that the next period begins with."""
         if self._course.due(self.tick):
-            self._go_on(self._course.then(self.tick, self._engine.piece))
+            self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
 
     def _read(self, course: Course) -> Overrides:
         """The numbers that machine code reads in every period."""

@@ -141,16 +141,16 @@ class Stages:
 
     def acting(self, queue: Sequence[Command]) -> Command:
         """The command that acts before this period's arrives."""
-        return self._heard(tuple(queue))
+        return self._active_command(tuple(queue))
 
-    def _heard(self, queue: tuple[Command, ...]) -> Command:
+    def _active_command(self, queue: tuple[Command, ...]) -> Command:
         """The active command of a queue; rotors and joints may have different delays."""
         if self.apart is None:
             return command_in_force(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
-    def joined(self, row: Row) -> Reference:
+    def law_reference(self, row: Row) -> Reference:
         """The law's reference: the governed one, if any; before tracking starts that of t = 0, at rest."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
@@ -209,7 +209,7 @@ class Stages:
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
         """The law's memory and command."""
-        par = self.waits.believing(self.scenario.controller.par, path_time)
+        par = self.waits.with_task_payloads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
 
@@ -219,7 +219,7 @@ class Stages:
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         moved = (*queue[1:], command)
-        return where(going, 1.0, 0.0), moved, self._heard(moved)
+        return where(going, 1.0, 0.0), moved, self._active_command(moved)
 
     def drive(self, drives: Sequence[Any], before: Command, acting: Command, state: State) -> tuple[Any, ...]:
         """Memories of the joint drives under the setpoints that act in this period, on average over it."""
@@ -234,18 +234,18 @@ class Stages:
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     @property
-    def coupled(self) -> tuple[int, ...]:
+    def coupled_indices(self) -> tuple[int, ...]:
         """Numbers of the components whose memories go on with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
-    def gone_on(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
+    def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
         """Memories of all components at the end of the period, those that went on with the plant as it left them."""
         held = list(memories)
-        for place, memory in zip(self.coupled, coupled, strict=True):
+        for place, memory in zip(self.coupled_indices, coupled, strict=True):
             held[place] = memory
         return tuple(held)
 
-    def felt(self, around: Surroundings, state: State) -> WindSample:
+    def wind_sample(self, around: Surroundings, state: State) -> WindSample:
         """Surroundings as the log keeps them."""
         return wind_at(around, self.scenario.plant.vehicle, state)
 

@@ -84,7 +84,7 @@ class Part:
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
-    def checked(self, memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
+    def checked_step(self, memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
         """A step whose mistakes are one line."""
         try:
             following, result = self.step(memory, time, state, draws)
@@ -114,7 +114,7 @@ def require_shapes(scenario: Scenario) -> None:
     for part in _checked_parts(scenario):
         state = rebuild(first_state(scenario), iter([float(leaf) for leaf in leaves(first_state(scenario))]))
         start = rebuild(part.memory, iter([float(leaf) for leaf in leaves(part.memory)]))
-        trace(part.checked, start, (0.0,), state, (0.5,) * part.draws)
+        trace(part.checked_step, start, (0.0,), state, (0.5,) * part.draws)
 
 
 def check_components(scenario: Scenario) -> None:
@@ -130,7 +130,7 @@ def check_components(scenario: Scenario) -> None:
     for part in _checked_parts(scenario):
         state = first_state(scenario)
         instants = [((k * period,), perturb(state, k), _uniforms(part.draws, k)) for k in range(PERIODS)]
-        compare_with_floats(part.checked, part.memory, instants, part.refusal, first=part.first)
+        compare_with_floats(part.checked_step, part.memory, instants, part.refusal, first=part.first)
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:

@@ -20,7 +20,7 @@ from typing import Any
 
 from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
-from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, loaded, register_law_of_file
+from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, loaded_plugins, register_law_of_file
 
 
 def pack(value: Any) -> bytes:
@@ -90,7 +90,9 @@ def workers(count: int) -> Iterator[Submit]:
     before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve_parent, initargs=(loaded(), laws_of_files()))
+    pool = ProcessPoolExecutor(
+        count, mp_context=spawn, initializer=_serve_parent, initargs=(loaded_plugins(), laws_of_files())
+    )
 
     def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         with _deaf_to_interrupts():

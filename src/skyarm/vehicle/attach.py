@@ -70,18 +70,18 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         VehicleError: no such link, or a name that stands in both.
     """
     seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position, "")
-    named = _renamed(arm, mount.prefix)
+    named = _with_prefix(arm, mount.prefix)
     root = [] if named.root == "base" else [replace(seat, name=named.root)]
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
     first = len(airframe.links)
 
-    def moved(frame: FrameOrLook) -> FrameOrLook:
+    def move(frame: FrameOrLook) -> FrameOrLook:
         if frame.link != BASE:
             return replace(frame, link=first + frame.link)
         at = posed_in(seat, frame.rotation, frame.position, frame.name)
         return replace(frame, link=at.link, position=at.position, rotation=at.rotation)
 
-    def carried(link: Link) -> Link:
+    def mount_link(link: Link) -> Link:
         if link.parent != BASE:
             return replace(link, parent=first + link.parent)
         at = posed_in(seat, link.joint.rotation, link.joint.position, "")
@@ -90,7 +90,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     load = Body(
         mass=named.base.mass,
         com=seat.position + seat.rotation.apply(named.base.com),
-        inertia=named.base.inertia.rotated(seat.rotation),
+        inertia=named.base.inertia.rotate(seat.rotation),
         planar=named.base.planar,
     )
     base, links = airframe.base, list(airframe.links)
@@ -102,11 +102,11 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         airframe.name,
         airframe.root,
         base,
-        (*links, *map(carried, named.links)),
-        (*airframe.frames, *root, *map(moved, named.frames)),
+        (*links, *map(mount_link, named.links)),
+        (*airframe.frames, *root, *map(move, named.frames)),
         {**airframe.mimics, **named.mimics},
         (*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes)),
-        (*airframe.looks, *map(moved, named.looks)),
+        (*airframe.looks, *map(move, named.looks)),
     )
 
 
@@ -122,7 +122,7 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
     )
 
 
-def _renamed(arm: RigidBodies, prefix: str) -> RigidBodies:
+def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
     if not prefix:
         return arm
     links = tuple(
@@ -195,7 +195,7 @@ def couple(
     followers = []
     for i in tied:
         mimic, joint = whole[links[i].joint.name], links[i].joint
-        joints[mimic.joint] = _narrowed(_with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic)
+        joints[mimic.joint] = _narrow_range(_with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic)
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = dataclasses.replace(joint, **nothing)
         link = dataclasses.replace(links[i], parent=place[links[i].parent], joint=plain)
@@ -258,7 +258,7 @@ def _range_of_leader(leader: Joint, follower: Joint, ratio: Any, offset: Any) ->
     return (low, high) if low < high else None
 
 
-def _narrowed(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
+def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
     found = _range_of_leader(leader, follower, mimic.ratio, mimic.offset)
     if found is None or found == (leader.lower, leader.upper):
         return leader

@@ -104,7 +104,7 @@ class Battery:
         under_load = 0.5 * (idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0)))
         return where(charge > 0.0, under_load, 0.0)
 
-    def drained(self, charge: Any, power: Any, seconds: Any) -> Any:
+    def discharge(self, charge: Any, power: Any, seconds: Any) -> Any:
         """Charge after some seconds of a load (W)."""
         voltage = self.voltage(charge, power)
         current = divide(power, where(voltage > 0.0, voltage, 1.0))

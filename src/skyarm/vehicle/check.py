@@ -200,18 +200,20 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
     # products that were zero stay structure
     size = 1e-15 * float(np.abs(given).max())
     entries = [float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    return Sym3.described(*(0.0 if abs(each) <= size else each for each in entries))
+    return Sym3.from_numbers(*(0.0 if abs(each) <= size else each for each in entries))
 
 
 def with_real_inertias(bodies: RigidBodies, repair: bool) -> RigidBodies:
     """Bodies whose inertias that are off by rounding, or with ``repair`` by a tenth, are the nearest real ones."""
     notes: list[str] = []
-    base = _settled(f"link {bodies.root}", bodies.base, repair, notes)
-    links = tuple(replace(link, body=_settled(f"link {link.name}", link.body, repair, notes)) for link in bodies.links)
+    base = _checked_body(f"link {bodies.root}", bodies.base, repair, notes)
+    links = tuple(
+        replace(link, body=_checked_body(f"link {link.name}", link.body, repair, notes)) for link in bodies.links
+    )
     return replace(bodies, base=base, links=links, notes=(*bodies.notes, *notes)) if notes else bodies
 
 
-def _settled(name: str, body: Body, repair: bool, notes: list[str]) -> Body:
+def _checked_body(name: str, body: Body, repair: bool, notes: list[str]) -> Body:
     """A body and, in the notes, what was changed of it."""
     import numpy as np
 

@@ -27,7 +27,7 @@ def zero_is_structure(value: float) -> int | float:
 
 def vector(values: Sequence[float]) -> Vec3:
     """Three numbers."""
-    return Vec3.described([float(value) for value in values])
+    return Vec3.from_numbers([float(value) for value in values])
 
 
 def unit_axis(field: str, values: Sequence[float]) -> Vec3:
@@ -37,15 +37,15 @@ def unit_axis(field: str, values: Sequence[float]) -> Vec3:
         refuse(field, list(values), "must have a direction (three finite numbers, not all zero; any length)")
     if abs(length - 1.0) <= ROUNDING:
         length = 1.0
-    return Vec3.described([value / length for value in values])
+    return Vec3.from_numbers([value / length for value in values])
 
 
 def rotation(R: Mat3) -> Mat3:
     """A rotation with the rounding of sin and cos taken off its zeros and ones."""
-    return Mat3.described([[_settled(float(entry)) for entry in row] for row in R.rows])
+    return Mat3.from_numbers([[_snap(float(entry)) for entry in row] for row in R.rows])
 
 
-def _settled(entry: float) -> float:
+def _snap(entry: float) -> float:
     nearest = float(round(entry))
     return nearest if abs(entry - nearest) <= ROUNDING else entry
 
@@ -74,7 +74,7 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
 
 def inertia(values: Sequence[float]) -> Sym3:
     """From xx yy zz or xx yy zz xy xz yz, kg m^2."""
-    return Sym3.described(*(float(value) for value in values))
+    return Sym3.from_numbers(*(float(value) for value in values))
 
 
 def body(parts: Sequence[Body]) -> Body:

@@ -54,7 +54,7 @@ class Body:
             inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
-    def joined(self, other: Body) -> Body:
+    def merge(self, other: Body) -> Body:
         """Body and another one of the same link as one."""
         return Body.of_parts((self, other))
 

@@ -65,7 +65,7 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    model = _compiled(path)
+    model = _compile(path)
     notes = Notes()
     refuse_what_is_not_here(model, notes)
     root, left_out = _root(model)
@@ -116,7 +116,7 @@ except ValueError as error:
 """Program of a process of its own: paths of XML and compiled model, and bytes of memory."""
 
 
-def _compiled(path: Path) -> Any:
+def _compile(path: Path) -> Any:
     """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
     if (size := path.stat().st_size) > MOST_TEXT:
         raise VehicleError(f"XML: has {size / 1e6:.0f} MB, must have at most {MOST_TEXT / 1e6:.0f} MB")
@@ -211,11 +211,11 @@ def _read_child(tree: _Tree, body: int) -> None:
     """A body with its joints; MuJoCo turns and shifts it by one after the other, about anchors in its own axes."""
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[int(model.body_parentid[body])]
-    at = _posed(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
-    joints = [joint for joint in _joints(model, body) if not _held(tree, joint)]
+    at = _frame_at(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
+    joints = [joint for joint in _joints(model, body) if not _is_fixed(tree, joint)]
     for joint in _joints(model, body):
         anchor = _vector(model.jnt_pos[joint])
-        at = _posed(at, Mat3.identity(), anchor)
+        at = _frame_at(at, Mat3.identity(), anchor)
         if joint in joints:
             last = joint == joints[-1]
             made = read_joint(model, joint, at.rotation, at.position, tree.notes)
@@ -225,14 +225,14 @@ def _read_child(tree: _Tree, body: int) -> None:
             at = Frame(name="", link=len(tree.links) - 1, position=Vec3(0, 0, 0))
         else:
             at = _held_pose(tree, joint, at)
-        at = _posed(at, Mat3.identity(), -anchor)
+        at = _frame_at(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
     if not joints:
         tree.frames.append(replace(at, name=_new_name(tree, name)))
     _read_body(tree, body)
 
 
-def _held(tree: _Tree, joint: int) -> bool:
+def _is_fixed(tree: _Tree, joint: int) -> bool:
     """True if a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
     name = joint_name(tree.model, joint)
     if name not in tree.mimics or tree.mimic == "lock":
@@ -248,8 +248,8 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
     axis = _vector(tree.model.jnt_axis[joint])
     if kind_of(tree.model, joint) == "revolute":
-        return _posed(at, axis_rotation(axis, value), Vec3(0, 0, 0))
-    return _posed(at, Mat3.identity(), axis * value)
+        return _frame_at(at, axis_rotation(axis, value), Vec3(0, 0, 0))
+    return _frame_at(at, Mat3.identity(), axis * value)
 
 
 def _read_body(tree: _Tree, body: int) -> None:
@@ -259,11 +259,11 @@ def _read_body(tree: _Tree, body: int) -> None:
     if mass > 0.0 and body:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(_vector(model.body_ipos[body]))
-        moments = Sym3.described(*(float(each) for each in model.body_inertia[body]))
-        tree.parts[at.link + 1].append(Body(mass=mass, com=com, inertia=moments.rotated(R)))
+        moments = Sym3.from_numbers(*(float(each) for each in model.body_inertia[body]))
+        tree.parts[at.link + 1].append(Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(int(model.nsite)):
         if int(model.site_bodyid[site]) == body and model.site(site).name:
-            pose = _posed(at, _rotation(model.site_quat[site]), _vector(model.site_pos[site]))
+            pose = _frame_at(at, _rotation(model.site_quat[site]), _vector(model.site_pos[site]))
             tree.frames.append(replace(pose, name=_new_name(tree, model.site(site).name)))
 
 
@@ -275,7 +275,7 @@ def _new_name(tree: _Tree, name: str) -> str:
     return name
 
 
-def _posed(at: Frame, R: Mat3, p: Vec3) -> Frame:
+def _frame_at(at: Frame, R: Mat3, p: Vec3) -> Frame:
     position = description.vector([float(c) for c in at.position + at.rotation.apply(p)])
     return Frame(name="", link=at.link, position=position, rotation=description.rotation(at.rotation @ R))
 

@@ -34,7 +34,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
         at = ", ".join(f"{q:g}" for q in joints)
         return (
             field,
-            _moved(value, field),
+            _describe(value, field),
             f"must move mass outward of it (the mass matrix is singular at joint values [{at}])",
         )
     if value.base.mass > 0 and _definite(value.base):
@@ -42,7 +42,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
         allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
         return "base.mass", value.base.mass, allowed
     allowed = "must leave no axis without inertia (the mass matrix of the whole vehicle is singular)"
-    return field, _moved(value, field), allowed
+    return field, _describe(value, field), allowed
 
 
 def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
@@ -210,7 +210,7 @@ def _definite(value: Body) -> bool:
     return bool(np.linalg.eigvalsh(np.array([list(row) for row in value.inertia.full().rows], dtype=float))[0] > 0.0)
 
 
-def _moved(value: Vehicle, field: str) -> str:
+def _describe(value: Vehicle, field: str) -> str:
     """Say in words what the refused field is."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":

@@ -45,7 +45,7 @@ def with_stops(
         damped: names of joints that state the damping; only the stiffness is chosen.
     """
     joints = [link.joint for link in vehicle.links]
-    wanted = [_limited(joint) and joint.name not in own and _asked(joint, stiff, damped) for joint in joints]
+    wanted = [_has_limits(joint) and joint.name not in own and _needs_stops(joint, stiff, damped) for joint in joints]
     if not any(wanted):
         return vehicle
     import numpy as np
@@ -55,19 +55,19 @@ def with_stops(
     sound = [asked and math.isfinite(each) and each > 0.0 for asked, each in zip(wanted, ease.tolist(), strict=True)]
     rows = zip(vehicle.links, ease.tolist(), sound, strict=True)
     links = tuple(
-        dataclasses.replace(k, joint=_stopped(k.joint, e, k.joint.name in damped)) if s else k for k, e, s in rows
+        dataclasses.replace(k, joint=_with_stops(k.joint, e, k.joint.name in damped)) if s else k for k, e, s in rows
     )
     return dataclasses.replace(vehicle, links=links)
 
 
-def _asked(joint: Joint, stiff: Collection[str], damped: Collection[str]) -> bool:
+def _needs_stops(joint: Joint, stiff: Collection[str], damped: Collection[str]) -> bool:
     """True if a number of a joint's stops is to be chosen."""
     if joint.name not in stiff:
         return not joint.has_stops or joint.name in damped
     return joint.name not in damped and float(joint.stop_stiffness) > 0.0
 
 
-def _limited(joint: Joint) -> bool:
+def _has_limits(joint: Joint) -> bool:
     return math.isfinite(joint.lower) or math.isfinite(joint.upper)
 
 
@@ -80,7 +80,7 @@ def _stiffness(joint: Joint, ease: float) -> float:
     return max(usual, min(shallow / DEEPEST, STIFFEST**2 / ease))
 
 
-def _stopped(joint: Joint, ease: float, damped: bool) -> Joint:
+def _with_stops(joint: Joint, ease: float, damped: bool) -> Joint:
     """A joint with stops, of its own stiffness if it has one, and with the damping that suits them, if it has none."""
     effort = float(joint.effort_limit)
     stiffness = float(joint.stop_stiffness) if joint.has_stops else _stiffness(joint, ease)

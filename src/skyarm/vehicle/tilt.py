@@ -71,4 +71,4 @@ def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> V
     length = math.sqrt(across.dot(across))
     if not length > 1e-9:
         raise VehicleError(f"{field}.axis = (missing): must stand here: the hub is not beside the base's origin")
-    return Vec3.described([c / length for c in across])
+    return Vec3.from_numbers([c / length for c in across])

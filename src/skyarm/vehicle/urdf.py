@@ -118,10 +118,10 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
         value = _held_at(joint, tree, mimic, notes)
         if value is not None:
-            turn, shift = displaced(joint, value)
+            turn, shift = joint_pose(joint, value)
             R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
             seats[name] = _Seat(seat.body, R, p)
-            parts[seat.body + 1] += [_seated(part, R, p) for part in _inertial(tree.links[name])]
+            parts[seat.body + 1] += [_in_parent_frame(part, R, p) for part in _inertial(tree.links[name])]
             frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
             continue
         moving.append(Link(name=name, parent=seat.body, joint=read_joint(joint, R, p, notes), body=Body(mass=0)))
@@ -204,17 +204,17 @@ def _inertial(link: ET.Element) -> list[Body]:
     if inertial is None:
         return []
     field = f"link[{link.get('name')}].inertial"
-    mass = required(inertial, "mass", ("value",), field)[0]
+    mass = required_numbers(inertial, "mass", ("value",), field)[0]
     if mass < 0.0:
         refuse(f"{field}.mass", mass, "must be at least 0")
-    entries = required(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
+    entries = required_numbers(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
     R, p = origin_of(inertial, field)
-    return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotated(R))]
+    return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotate(R))]
 
 
-def _seated(body: Body, R: Mat3, p: Vec3) -> Body:
+def _in_parent_frame(body: Body, R: Mat3, p: Vec3) -> Body:
     """A body given in a merged link's frame, in the frame of the link that carries it."""
-    return Body(mass=body.mass, com=p + R.apply(body.com), inertia=body.inertia.rotated(R), planar=body.planar)
+    return Body(mass=body.mass, com=p + R.apply(body.com), inertia=body.inertia.rotate(R), planar=body.planar)
 
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
@@ -257,7 +257,7 @@ def fixed_at(joint: ET.Element) -> float | None:
     return lower if stated and lower == upper else None
 
 
-def displaced(joint: ET.Element, value: float) -> tuple[Mat3, Vec3]:
+def joint_pose(joint: ET.Element, value: float) -> tuple[Mat3, Vec3]:
     """R and p by which a joint at a value, rad or m, places its child in the joint's frame."""
     kind = kind_of_joint(joint)
     if kind == "fixed":
@@ -405,7 +405,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
     return found[0] if found else None
 
 
-def required(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
+def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
     """Numbers of a child element that must be there, with all of them."""
     found = child(element, tag, field)
     if found is None:

@@ -56,9 +56,9 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
     path, known = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
         entry = LIBRARY / f"{text}.toml"
-        return _located(text, lambda: _from_toml(entry.read_bytes(), None))
+        return _name_file_in_errors(text, lambda: _from_toml(entry.read_bytes(), None))
     if is_robot(text):
-        return _located(text, lambda: plain_vehicle(robot_file(text)))
+        return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
     if path.suffix == ".xacro":
         raise VehicleError(f"vehicle = {shown(text)}: {expand(path)}")
     if path.suffix not in (".toml", *RIGID):
@@ -68,11 +68,11 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
     if reason:
         raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {known}")
     if path.suffix in RIGID:
-        return _located(text, lambda: plain_vehicle(path))
-    return _located(text, lambda: _from_toml(path.read_bytes(), path))
+        return _name_file_in_errors(text, lambda: plain_vehicle(path))
+    return _name_file_in_errors(text, lambda: _from_toml(path.read_bytes(), path))
 
 
-def _located(file: str, read: Any) -> Vehicle:
+def _name_file_in_errors(file: str, read: Any) -> Vehicle:
     """Return value of ``read``; its errors as one line that begins with the file."""
     try:
         vehicle: Vehicle = read()
@@ -93,7 +93,7 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
     Raises:
         VehicleError: one line, as :func:`load_vehicle` says it.
     """
-    return _located(str(file), lambda: _from_toml(text.encode(), file))
+    return _name_file_in_errors(str(file), lambda: _from_toml(text.encode(), file))
 
 
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
@@ -200,7 +200,7 @@ def robot_file(name: str) -> Path:
         return carried[wanted]
     fetched = fetched_robots()
     if wanted in fetched:
-        return _fetched(name, wanted)
+        return _fetch(name, wanted)
     if not carried and not fetched:
         refuse("robot", name, needs_extra("robots"))
     known = sorted({*carried, *fetched})
@@ -227,7 +227,7 @@ def fetched_robots() -> list[str]:
     return sorted(each.stem.removesuffix("_description") for each in folder.glob("*_description.py"))
 
 
-def _fetched(name: str, wanted: str) -> Path:
+def _fetch(name: str, wanted: str) -> Path:
     """File of a robot of robot_descriptions, fetched by that package if it is not there yet."""
     said = io.StringIO()
     try:

@@ -192,7 +192,7 @@ class Vehicle:
         return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
 
     @property
-    def untied(self) -> Vehicle:
+    def with_free_followers(self) -> Vehicle:
         """The vehicle with its followers as links that have joints of their own."""
         return self.with_checked(links=self.moving, followers=())
 
@@ -235,14 +235,14 @@ class Vehicle:
     def with_body(self, link: int, load: Body) -> Vehicle:
         """Vehicle with a load (in the axes of a link or follower, or ``BASE``) as a part of that one's body."""
         if link == BASE:
-            return dataclasses.replace(self, base=self.base.joined(load))
+            return dataclasses.replace(self, base=self.base.merge(load))
         if link >= self.n:
             held, k = list(self.followers), link - self.n
-            moved = dataclasses.replace(held[k].link, body=held[k].link.body.joined(load))
+            moved = dataclasses.replace(held[k].link, body=held[k].link.body.merge(load))
             held[k] = dataclasses.replace(held[k], link=moved)
             return dataclasses.replace(self, followers=tuple(held))
         links = list(self.links)
-        links[link] = dataclasses.replace(links[link], body=links[link].body.joined(load))
+        links[link] = dataclasses.replace(links[link], body=links[link].body.merge(load))
         return dataclasses.replace(self, links=tuple(links))
 
     def with_joints(self, **values: Any) -> Vehicle:

@@ -61,7 +61,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     drives = list(airframe.drives) if airframe else []
     settled = [link.joint.name for link in bodies.links] if airframe else []
     for fields in top.tables("attach"):
-        bodies, arm = _attached(bodies, fields, refer, mimic)
+        bodies, arm = _attach(bodies, fields, refer, mimic)
         if arm is not None:
             prefix = fields.text("prefix", "")
             settled += [prefix + link.joint.name for link in arm.links]
@@ -70,7 +70,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     for fields in _unique(top, "joints"):
         changes[fields.text("name")] = _actuation(fields)
         fields.done()
-    bodies = with_real_inertias(_overridden(changes, bodies, own), repair)
+    bodies = with_real_inertias(_override_joints(changes, bodies, own), repair)
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(_table(top, "drives"), "drives")
@@ -253,7 +253,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
     return posed_in(at, R, p, name)
 
 
-def _attached(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
+def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
     """Bodies with an arm on them, and the vehicle that the arm's own file describes it as."""
     arm = fields.text("arm")
     found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
@@ -283,7 +283,7 @@ def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
     return replace(arm, links=tuple(links))
 
 
-def _overridden(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
+def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
     """Bodies with the limits and friction that the file states for joints that another file describes."""
     known = [link.joint.name for link in bodies.links if link.joint.name not in own]
     for name in changes:
@@ -397,13 +397,13 @@ def _with_limits_of_drives(
     """Links with the limit of their drive where they have a drive and, as URDF files write it, an effort limit of 0."""
     given = {each.name: each.drive for each in drives if each.name not in stated}
 
-    def limited(link: Link) -> Link:
+    def limit_effort(link: Link) -> Link:
         drive, limit = given.get(link.joint.name), link.joint.effort_limit
         if drive is None or not concrete(limit) or limit != 0:
             return link
         return replace(link, joint=replace(link.joint, effort_limit=drive.largest_effort()))
 
-    return tuple(map(limited, links))
+    return tuple(map(limit_effort, links))
 
 
 def _sources(top: Fields) -> dict[str, str]:

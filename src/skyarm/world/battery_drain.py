@@ -28,4 +28,4 @@ class BatteryDrain(Component):
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> tuple[Any, Any]:
         """Charge after the period; the voltage under its load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
-        return self.battery.drained(memory[0], power, dt), self.battery.voltage(memory[0], power)
+        return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)

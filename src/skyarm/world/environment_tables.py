@@ -30,7 +30,7 @@ from typing import Any
 
 from skyarm.algebra import E_X, Vec3
 from skyarm.records.files import Fields
-from skyarm.records.files.old_names import renamed
+from skyarm.records.files.old_names import present_name
 from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, low_altitude
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload
@@ -54,7 +54,9 @@ def wind_from(table: dict[str, Any], where: str) -> Wind:
     """
     fields = Fields(table, where)
     if "mode" in fields.table:
-        fields = Fields({**fields.table, "mode": renamed(fields.at("mode"), fields.table["mode"], OLD_MODES)}, where)
+        fields = Fields(
+            {**fields.table, "mode": present_name(fields.at("mode"), fields.table["mode"], OLD_MODES)}, where
+        )
     mode = fields.choice("mode", ("none", "force_wind", "moving_air"))
     wind = {"none": _none, "force_wind": _force_wind, "moving_air": _moving_air}[mode](fields)
     fields.done()

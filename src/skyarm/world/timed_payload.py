@@ -144,5 +144,5 @@ class TimedPayload(Component):
     def body(self, vehicle: Vehicle, share: Any = 1) -> tuple[int, Body]:
         """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""
         at = vehicle.frame(self.frame or None)
-        moments = Sym3(*(mul(each, share) for each in self.inertia)).rotated(at.rotation)
+        moments = Sym3(*(mul(each, share) for each in self.inertia)).rotate(at.rotation)
         return at.link, Body(mass=mul(self.mass, share), com=at.position + at.rotation.apply(self.com), inertia=moments)

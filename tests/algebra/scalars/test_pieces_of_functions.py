@@ -68,9 +68,9 @@ def test_the_arctangent_has_no_step_where_its_formula_changes(t):
 def test_the_first_derivative_of_a_series_is_its_own_coefficient():
     """k c_k of a polynomial, which NumPy differentiates; the whole numbers of structure are kept, as no power is 0."""
     coefficients = (0.5, -1.25, 2.0, 3.0, -4.0)
-    found = Taylor(coefficients).differentiated()
+    found = Taylor(coefficients).derivative_series()
     assert list(found.c) == np.polynomial.Polynomial(coefficients).deriv().coef.tolist()
-    still = Taylor((7.0, 1, 0, 0)).differentiated()
+    still = Taylor((7.0, 1, 0, 0)).derivative_series()
     assert still.c == (1, 0, 0)
     assert [type(c) for c in still.c] == [int, int, int]
 
@@ -81,5 +81,5 @@ def test_structure_of_a_series_survives_its_derivatives():
     assert [type(c) for c in time.c] == [float, int, int, int]
     assert [type(time.derivative(k)) for k in range(4)] == [float, int, int, int]
     assert (time.derivative(1), time.derivative(2)) == (1, 0)
-    cubes = (time * time * time).differentiated()
+    cubes = (time * time * time).derivative_series()
     assert [float(cubes.derivative(k)) for k in range(3)] == [27.0, 18.0, 6.0]

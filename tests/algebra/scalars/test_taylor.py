@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra.scalars import cos, divide, sin, sqrt
-from skyarm.algebra.scalars.taylor import Taylor, chosen
+from skyarm.algebra.scalars.taylor import Taylor, choose
 
 mpmath = pytest.importorskip("mpmath")
 
@@ -51,7 +51,7 @@ def test_derivatives_carry_the_factorials():
     series = Taylor.of_derivatives(derivatives)
     assert [series.derivative(k) for k in range(5)] == pytest.approx(derivatives, rel=1e-15)
     assert series.c[4] == pytest.approx(-4.0 / math.factorial(4), rel=1e-15)
-    assert [series.differentiated().derivative(k) for k in range(4)] == pytest.approx(derivatives[1:], rel=1e-15)
+    assert [series.derivative_series().derivative(k) for k in range(4)] == pytest.approx(derivatives[1:], rel=1e-15)
 
 
 def test_a_constant_costs_nothing():
@@ -61,5 +61,5 @@ def test_a_constant_costs_nothing():
 
 
 def test_a_choice_takes_every_coefficient_of_one_side():
-    assert chosen(True, Taylor(A), Taylor(B)).c == A
-    assert chosen(False, Taylor(A), 3.0).c == (3.0, 0.0, 0.0, 0.0, 0.0)
+    assert choose(True, Taylor(A), Taylor(B)).c == A
+    assert choose(False, Taylor(A), 3.0).c == (3.0, 0.0, 0.0, 0.0, 0.0)

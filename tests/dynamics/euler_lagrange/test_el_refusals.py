@@ -33,7 +33,7 @@ def off(vector, axis, by=1e-6):
 def heavier(index, **entries):
     """Other moments and products of inertia, kg m^2, beside I_yy."""
     held = {"xx": 0.0, "yy": 7.5e-5, "zz": 0.0, "xy": 0.0, "xz": 0.0, "yz": 0.0} | entries
-    return body({"inertia": Sym3.described(*held.values())}, index)
+    return body({"inertia": Sym3.from_numbers(*held.values())}, index)
 
 
 TURNED = Mat3(Vec3(0, 0, 1), Vec3(0, 1, 0), Vec3(-1, 0, 0))

@@ -12,8 +12,8 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.accumulate import Goal, Instant, counted, first_totals
-from skyarm.log.metrics.metric_catalogue import GROUPS, needed, values
+from skyarm.log.metrics.accumulate import Goal, Instant, advance_totals, first_totals
+from skyarm.log.metrics.metric_catalogue import GROUPS, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.simulate.batch import Batch
 
@@ -37,10 +37,10 @@ def instant(k, force, wanted=1.0, tool=ZERO, **more):
 
 
 def metrics_of(instants):
-    wanted = needed(NAMES, 0)
+    wanted = required_totals(NAMES, 0)
     totals = first_totals(wanted)
     for now in instants:
-        totals = counted(totals, wanted, now, {"whole": True})
+        totals = advance_totals(totals, wanted, now, {"whole": True})
     held = dict(zip(wanted, [_arrays(total) for total in totals], strict=True))
     found = values(NAMES, held, {"whole": np.array([len(instants)])}, 0, PERIOD)
     return {name: float(value[0]) for name, value in found.items()}

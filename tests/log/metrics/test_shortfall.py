@@ -87,7 +87,9 @@ def test_a_law_that_cuts_its_own_commands_for_a_moment_says_nothing(hover):
 @pytest.mark.parametrize(("beyond", "counts"), [(0.0, False), (1e-6, True)])
 def test_a_setpoint_at_the_end_of_its_range_is_carried_out(hover, monkeypatch, beyond, counts):
     sent = np.full(hover.time.size, -beyond)
-    monkeypatch.setattr("skyarm.log.metrics.shortfall._limited", lambda _: [("joint elbow", "rad", sent, 0.0, 1.0)])
+    monkeypatch.setattr(
+        "skyarm.log.metrics.shortfall._actuator_limits", lambda _: [("joint elbow", "rad", sent, 0.0, 1.0)]
+    )
     assert (hover.shortfall.saturation is not None) is counts
 
 

@@ -13,8 +13,8 @@ from simulate_flights import document
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.accumulate import Goal, Instant, counted, first_totals, roll_and_pitch, tilt
-from skyarm.log.metrics.metric_catalogue import GROUPS, measures, metric_names, needed, values
+from skyarm.log.metrics.accumulate import Goal, Instant, advance_totals, first_totals, roll_and_pitch, tilt
+from skyarm.log.metrics.metric_catalogue import GROUPS, measures, metric_names, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip
@@ -200,7 +200,7 @@ def test_what_is_not_asked_for_is_not_in_the_program():
     least, standard, most = sizes.values()
     assert standard[0] - least[0] > 200
     assert most[0] - standard[0] > 100
-    assert standard[1] - least[1] == len(needed(metric_names(["standard"], 2), 2)) - 1
+    assert standard[1] - least[1] == len(required_totals(metric_names(["standard"], 2), 2)) - 1
     # no window's flag is fed that no metric looks at
     assert (least[2], standard[2]) == (least[2], least[2] + 2)
 
@@ -228,10 +228,10 @@ def test_windows_are_half_open_and_extremes_keep_their_sign():
     times = np.array([0.5, 1.0, 1.5, 2.0])
     windows = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), holds=())
     masks = windows.masks(times, 2.5)
-    wanted = needed(names, 1)
+    wanted = required_totals(names, 1)
     totals = first_totals(wanted)
     for k, x in enumerate((-8.0, 1.0, 3.0, 64.0)):
-        totals = counted(totals, wanted, instant(x), {name: bool(mask[k]) for name, mask in masks.items()})
+        totals = advance_totals(totals, wanted, instant(x), {name: bool(mask[k]) for name, mask in masks.items()})
     instants = {name: mask.sum() for name, mask in masks.items()}
     found = values(names, dict(zip(wanted, totals, strict=True)), instants, 1, 0.5)
     assert instants["steady"] == 2

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed
+from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed_versions
 
 
 def distribution(folder: Path, *names: str) -> str:
@@ -30,22 +30,24 @@ def distribution(folder: Path, *names: str) -> str:
     ],
 )
 def test_a_version_below_its_floor_is_named_with_what_is_needed(tmp_path: Path, there: str, line: str) -> None:
-    found = installed(FLOORS, [distribution(tmp_path, there, "click-8.5.1")])
+    found = installed_versions(FLOORS, [distribution(tmp_path, there, "click-8.5.1")])
     assert line in (below_floor(found) or "")
 
 
 def test_an_unsplit_mujoco_whose_files_are_those_of_the_core_is_named(tmp_path: Path) -> None:
-    there = installed((*FLOORS, UNSPLIT), [distribution(tmp_path, "mujoco-3.3.7", "mujoco_core-4.0.0")])
+    there = installed_versions((*FLOORS, UNSPLIT), [distribution(tmp_path, "mujoco-3.3.7", "mujoco_core-4.0.0")])
     line = below_floor(there) or ""
     assert line.startswith("mujoco 3.3.7 is installed, whose files are those of mujoco-core")
     assert "pip uninstall --yes mujoco" in line
-    split = installed((*FLOORS, UNSPLIT), [distribution(tmp_path / "split", "mujoco-4.0.0", "mujoco_core-4.0.0")])
+    split = installed_versions(
+        (*FLOORS, UNSPLIT), [distribution(tmp_path / "split", "mujoco-4.0.0", "mujoco_core-4.0.0")]
+    )
     assert below_floor(split) is None
 
 
 @pytest.mark.parametrize("there", ["typer-0.20", "typer-0.20.0", "typer-1.0a1", "rich-13.0.0", "numpy-2.0.0+local"])
 def test_a_version_at_its_floor_or_above_is_fine(tmp_path: Path, there: str) -> None:
-    found = installed(FLOORS, [distribution(tmp_path, there)])
+    found = installed_versions(FLOORS, [distribution(tmp_path, there)])
     assert len(found) == 1
     assert below_floor(found) is None
 
@@ -53,13 +55,13 @@ def test_a_version_at_its_floor_or_above_is_fine(tmp_path: Path, there: str) -> 
 def test_the_first_folder_counts_and_in_it_the_newer_of_two(tmp_path: Path) -> None:
     first = distribution(tmp_path / "a", "typer-0.12.0", "typer-0.29.1")
     second = distribution(tmp_path / "b", "typer-0.1.0", "Rich-14.0.0")
-    assert installed(FLOORS, ["nowhere", first, second]) == {"typer": "0.29.1", "rich": "14.0.0"}
+    assert installed_versions(FLOORS, ["nowhere", first, second]) == {"typer": "0.29.1", "rich": "14.0.0"}
 
 
 def test_what_is_installed_here_is_what_importlib_finds() -> None:
     from importlib.metadata import version
 
-    assert installed(FLOORS) == {name: version(name) for name in FLOORS}
+    assert installed_versions(FLOORS) == {name: version(name) for name in FLOORS}
 
 
 def command(*words: str, path: Path) -> subprocess.CompletedProcess[str]:

@@ -22,7 +22,7 @@ from skyarm.records.registry.plugins import (
     load_again,
     load_installed,
     load_plugin,
-    loaded,
+    loaded_plugins,
     register_law_of_file,
     register_loaded_law,
 )
@@ -57,7 +57,7 @@ def test_a_file_registers_its_names_under_its_path(tmp_path):
         str(path)
     }
     digest = f"sha256:{hashlib.sha256(OWN.read_bytes()).hexdigest()}"
-    assert loaded()[-1] == Plugin(str(path), digest)
+    assert loaded_plugins()[-1] == Plugin(str(path), digest)
     assert identities()["own_plugin.py"] == digest
 
 
@@ -66,7 +66,7 @@ def test_a_file_is_run_once(tmp_path):
     first = load_plugin(path)
     assert load_plugin(str(path)) is first
     assert load_plugin(tmp_path / ".." / tmp_path.name / "mine.py") is first
-    assert [plugin.name for plugin in loaded()].count(str(path)) == 1
+    assert [plugin.name for plugin in loaded_plugins()].count(str(path)) == 1
 
 
 def test_a_file_that_has_changed_is_refused(tmp_path):
@@ -101,7 +101,7 @@ BROKEN = {
 def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
     text, words = BROKEN[what]
     head = b"from skyarm import register; register.force('broken_one')(type('T', (), {}))\n"
-    before, known = everything(), loaded()
+    before, known = everything(), loaded_plugins()
     for body in (text, head.replace(b"\n", b"; ") + text.encode() if isinstance(text, str) else text):
         path = written(tmp_path, body)
         with pytest.raises(RegistryError, match=words) as caught:
@@ -109,7 +109,7 @@ def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
         assert str(caught.value).startswith(f"plugin = {str(path)!r}: ")
         assert "\n" not in str(caught.value)
         assert "line None" not in str(caught.value)
-        assert (everything(), loaded()) == (before, known)
+        assert (everything(), loaded_plugins()) == (before, known)
     # once it is mended it loads
     written(tmp_path, head)
     load_plugin(path)
@@ -221,7 +221,7 @@ def test_another_process_must_have_the_same(tmp_path, monkeypatch):
     installed(monkeypatch, Entry("pack", registering("from_pack")))
     path = written(tmp_path, "x = 1\n")
     load_plugin(path)
-    load_again(loaded())  # the same: nothing is said
+    load_again(loaded_plugins())  # the same: nothing is said
     with pytest.raises(RegistryError, match=r"^plugin dist-pack: must be installed here as version 9\.9$"):
         load_again([Plugin("dist-pack", "version 9.9")])
     with pytest.raises(RegistryError, match=r"^plugin absent: must be installed here as version 1$"):
@@ -268,12 +268,12 @@ def breeze(tmp_path, monkeypatch):
 
 
 def test_a_plugin_that_is_installed_and_given_as_a_file_is_one(breeze, tmp_path):
-    known, module = loaded(), sys.modules["breeze_pack.winds"]
+    known, module = loaded_plugins(), sys.modules["breeze_pack.winds"]
     assert load_plugin(breeze) is module
     copy = Path(shutil.copy(breeze, tmp_path / "winds.py"))  # as in a checkout beside the installed one
     assert load_plugin(copy) is module
     assert find("air", "breeze") is module.Breeze
-    assert loaded() == known
+    assert loaded_plugins() == known
     assert identities()["skyarm-breeze"] == "version 1.0"
     copy.write_text(WINDS.replace("evenly", "unevenly"))
     with pytest.raises(RegistryError, match=r"air 'breeze': is registered by skyarm-breeze 1\.0 and by .*winds\.py"):

@@ -110,7 +110,7 @@ def test_what_each_command_on_its_way_does_is_that_of_the_flight(hover, rotors, 
     for i, command in enumerate(queue):
         held[[*command.rotor_speeds]] += 7.0 * i + np.array([0.0, 9.0, -4.0, 2.0])
         held[[*command.efforts]] += 0.02 * (i + 1)
-    row = [0.0, *inputs.held[0]]
+    row = [0.0, *inputs.held_leaves[0]]
     loop = Differentiator(late).at(carry_of(first_loop_state(late), held), row, "up")
     rows = [*state.position, *state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds]
     linear = [0, 1, 2, *range(6, 20)]  # the attitude is a rotation vector in one and a quaternion in the other

@@ -20,7 +20,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.check_endings import ended_by, statuses
+from skyarm.simulate.check_endings import find_ending, statuses
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.plan import at_episode, prepare
 from skyarm.studies.sweep.study import Study
@@ -191,7 +191,7 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     states[:, 10] = rng.choice([0.0, 2e4, np.nan], 400, p=[0.8, 0.1, 0.1])
     states[:, 0] = rng.choice([0.0, 900.0, -2e3], 400, p=[0.8, 0.1, 0.1])
     goals = np.tile([0.0, 0.0, 1.0], (400, 1))
-    wanted = [ended_by(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
+    wanted = [find_ending(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
     named = [ending.status if ending else "completed" for ending in wanted]
     assert set(named) == set(STATUSES) - {PHASE_FAILED}
     state = rebuild(first_state(scenario), iter(list(states.T)))

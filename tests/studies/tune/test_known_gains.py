@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.records.identity import identity
-from skyarm.records.leaves import replaced
+from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune.excitation import excited
 from skyarm.studies.tune.gain_search import scatter
@@ -63,7 +63,7 @@ def test_a_start_has_the_numbers_of_its_preset():
 def test_numbers_of_other_ratios_stay_where_they_are():
     """One factor a knob cannot lead from them to the catalogue's: the search goes about what was given."""
     law = FLIGHT.controller
-    other = replaced(law.par, {("joint_gains", "stiffness", "0"): 100.0})
+    other = replace_at(law.par, {("joint_gains", "stiffness", "0"): 100.0})
     flight = dataclasses.replace(FLIGHT, controller=dataclasses.replace(law, par=other))
     found = about(flight)
     assert identity(found.flight) == identity(flight)

@@ -38,11 +38,11 @@ class Taylor:
         """The k-th derivative."""
         return mul(self.c[k], 1 if k < 2 else float(math.factorial(k)))
 
-    def differentiated(self) -> Taylor:
+    def derivative_series(self) -> Taylor:
         """Series of the first derivative, one order lower."""
         return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
 
-    def truncated(self, order: int) -> Taylor:
+    def truncate(self, order: int) -> Taylor:
         """The same series to a lower order."""
         return Taylor(self.c[: order + 1])
 
@@ -167,10 +167,10 @@ class _TaylorFunctions:
 
     @staticmethod
     def where(condition: Any, a: Any, b: Any) -> Taylor:
-        return chosen(condition, a, b)
+        return choose(condition, a, b)
 
 
-def chosen(condition: Any, a: Any, b: Any) -> Taylor:
+def choose(condition: Any, a: Any, b: Any) -> Taylor:
     """``a`` where the condition (on values, not a series) holds, else ``b``, coefficient by coefficient."""
     order = len((a if isinstance(a, Taylor) else b).c) - 1
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))

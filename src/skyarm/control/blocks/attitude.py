@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, sin, sqrt
-from skyarm.algebra.scalars.taylor import Taylor, chosen
+from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
@@ -42,7 +42,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     """Posture of joint signals, to ``order`` derivatives."""
     # every number a series: an engine's scalar on the left of a product would not know what a series is
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
-    poses = tuple(link_poses(lifted, [q.truncated(order) for q in joints]))
+    poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints]))
     total = lifted.base.com * lifted.base.mass
     for link, pose in zip(lifted.moving, poses, strict=True):
         total = total + pose.apply(link.body.com) * link.body.mass
@@ -82,11 +82,11 @@ class Attitude:
 
 def reachable(force: Vec3, tilt: Any, floor: Any) -> Vec3:
     """A force (series, N) with a vertical part of at least ``floor`` and at most the tangent ``tilt`` of tilt."""
-    z = chosen(force.z > floor, force.z, floor)
+    z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)
-    length = chosen(steep, side, 1.0)
-    share = chosen(steep, z * tilt / sqrt(length), 1.0)
+    length = choose(steep, side, 1.0)
+    share = choose(steep, z * tilt / sqrt(length), 1.0)
     return Vec3(force.x * share, force.y * share, z)
 
 
@@ -100,10 +100,10 @@ def upright(force: Vec3, weight: Any, start: Any) -> Vec3:
     width = start * FALL
     # the series stands first: an engine's scalar on the left would not know what a series is
     t = (force.z - start * weight) * divide(-1.0, width * weight)
-    t = chosen(t > 0.0, t, 0.0)
+    t = choose(t > 0.0, t, 0.0)
     deep = t < 1.0
-    t = chosen(deep, t, 1.0)
-    z = chosen(deep, force.z, (start - width) * weight)
+    t = choose(deep, t, 1.0)
+    z = choose(deep, force.z, (start - width) * weight)
     return Vec3(force.x, force.y, z + (t * t * t - t * t * t * t * 0.5) * (width * weight))
 
 
@@ -123,7 +123,7 @@ def attitude(force: Vec3, yaw: Taylor) -> Attitude:
 
 def _unit(v: Vec3) -> Vec3:
     square = v.x * v.x + v.y * v.y + v.z * v.z
-    inverse = 1.0 / sqrt(chosen(square > TINY, square, 1.0))
+    inverse = 1.0 / sqrt(choose(square > TINY, square, 1.0))
     return Vec3(v.x * inverse, v.y * inverse, v.z * inverse)
 
 
@@ -139,7 +139,7 @@ def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) 
     """
     relative = R.T @ desired.R
     w_d = relative.apply(desired.rate)
-    pull = gains.attitude.scaled(attitude_error(R, desired.R)) + gains.rate.scaled(w - w_d)
+    pull = gains.attitude.hadamard(attitude_error(R, desired.R)) + gains.rate.hadamard(w - w_d)
     return relative.apply(desired.acceleration) - w.cross(w_d) - pull
 
 

@@ -28,7 +28,7 @@ def downward_acceleration(
 
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
-    pull = gains.position.scaled(position_error) + gains.velocity.scaled(velocity_error)
+    pull = gains.position.hadamard(position_error) + gains.velocity.hadamard(velocity_error)
     a_d: Vec3 = pull * divide(1.0, mass) - E_Z * gravity - acceleration
     return a_d
 
@@ -76,7 +76,7 @@ def angular_acceleration(gains: GeometricGains, inertia: Sym3, e_R: Vec3, e_w: V
 
     RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse dynamics.
     """
-    torque = -(gains.attitude.scaled(e_R) + gains.rate.scaled(e_w))
+    torque = -(gains.attitude.hadamard(e_R) + gains.rate.hadamard(e_w))
     return Vec3(*ldl_solve([list(row) for row in inertia.full().rows], list(torque)))
 
 

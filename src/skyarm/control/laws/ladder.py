@@ -225,9 +225,9 @@ def _force_series(
     along = force.dot(b3)
     drift = measurement.velocity - goal.velocity
     pull = (b3 * along + unknown.force) * per_mass - E_Z * par.model.gravity - goal.acceleration
-    first = goal.jerk * mass - par.gains.position.scaled(drift) - par.gains.velocity.scaled(pull)
+    first = goal.jerk * mass - par.gains.position.hadamard(drift) - par.gains.velocity.hadamard(pull)
     change = (b3 * first.dot(b3) + b3 * force.dot(b3d) + b3d * along) * per_mass - goal.jerk
-    second = goal.snap * mass - par.gains.position.scaled(pull) - par.gains.velocity.scaled(change)
+    second = goal.snap * mass - par.gains.position.hadamard(pull) - par.gains.velocity.hadamard(change)
     return Vec3(*(Taylor.of_derivatives(each) for each in zip(force, first, second, strict=True)))
 
 

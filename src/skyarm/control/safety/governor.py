@@ -51,9 +51,9 @@ def govern_base(
 
     return dataclasses.replace(
         reference,
-        position=where_bound(measurement.position + pull.scaled(shares), reference.position),
-        velocity=where_bound(measurement.velocity + brake.scaled(shares), reference.velocity),
-        acceleration=where_bound(reference.acceleration.scaled(shares), reference.acceleration),
+        position=where_bound(measurement.position + pull.hadamard(shares), reference.position),
+        velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
+        acceleration=where_bound(reference.acceleration.hadamard(shares), reference.acceleration),
         # a reference that moves with the measurement has no higher derivatives
         jerk=where_bound(Vec3(0.0, 0.0, 0.0), reference.jerk),
         snap=where_bound(Vec3(0.0, 0.0, 0.0), reference.snap),

@@ -43,7 +43,7 @@ def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
-    return _alike([(rotor, speed, effectiveness)], [ZERO3], velocity, ZERO3).moved(rotor.position)
+    return _alike([(rotor, speed, effectiveness)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
 
 
 def rotor_forces(
@@ -70,7 +70,7 @@ def rotor_forces(
         center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
         beside = [_offset(rotor.position, center) for rotor, *_ in group]
         hub = _alike(group, beside, velocity + rate.cross(center), rate)
-        total = total + hub.moved(center)
+        total = total + hub.at_origin(center)
     return total
 
 

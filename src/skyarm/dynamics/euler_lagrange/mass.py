@@ -76,7 +76,7 @@ def M_rr(par: PlanarArmParameters, attitude: Attitude, points: Points) -> Sym3:
 
     Source: Barakou, Tzafestas, Valavanis 2026, (57).
     """
-    return rotational_inertia(par, points).rotated(attitude.Q.T)
+    return rotational_inertia(par, points).rotate(attitude.Q.T)
 
 
 def rotational_inertia(par: PlanarArmParameters, points: Points) -> Sym3:

@@ -84,7 +84,7 @@ def dM_rr_by_joint(attitude: Attitude, points: Points, j: int) -> Sym3:
     for point in points:
         half = Mat3.cross(point.J[j] * point.mass).T @ Mat3.cross(point.p)
         turned = turned + Sym3.of_matrix(half + half.T)
-    return turned.rotated(attitude.Q.T)
+    return turned.rotate(attitude.Q.T)
 
 
 def dM_te_by_angle(attitude: Attitude, points: Points, k: int) -> Columns:

@@ -49,7 +49,7 @@ class PlanarArmParameters:
 
 TABLE_1 = PlanarArmParameters(
     mb=0.716,
-    Ib=Sym3.described(7.0e-3, 7.0e-3, 1.2e-2),
+    Ib=Sym3.from_numbers(7.0e-3, 7.0e-3, 1.2e-2),
     m1=0.04,
     m2=0.04,
     me=0.01,

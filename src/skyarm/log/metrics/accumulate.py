@@ -169,7 +169,7 @@ def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
     return tuple(added_metric(name).start() if kind == ADDED else STARTS[kind] for kind, _, name in wanted)
 
 
-def counted(
+def advance_totals(
     totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
 ) -> tuple[Any, ...]:
     """Totals with one more control instant.

@@ -49,5 +49,5 @@ def battery_use(log: Log, vehicle: Vehicle) -> BatteryUse:
         power = float(battery.power(vehicle.rotors, [float(w) for w in row]))
         voltage = float(battery.voltage(charge, power))
         rows.append((charge, voltage, power / voltage if voltage > 0.0 else 0.0, power))
-        charge = float(battery.drained(charge, power, period))
+        charge = float(battery.discharge(charge, power, period))
     return BatteryUse(*np.array(rows).reshape(len(rows), 4).T)

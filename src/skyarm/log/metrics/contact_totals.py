@@ -180,7 +180,7 @@ def _met(held: Any, number: Any) -> Any:
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
-def _seen(number: Any) -> Any:
+def _nan_if_absent(number: Any) -> Any:
     """A number of what was moved, NaN where nothing of its kind is there."""
     return np.where(np.abs(number) < NOT_YET, number, np.nan)
 
@@ -214,14 +214,24 @@ VALUES: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
         "largest tip error across the normal in contact",
         "m",
     ),
-    "contact_last": ("left", lambda held: _seen(held.force), "contact force at the end", "N"),
-    "contact_largest": ("left", lambda held: _seen(held.largest), "largest contact force", "N"),
-    "object_last_x": ("left", lambda held: _seen(held.x), "x of the first object at the end", "m"),
-    "object_last_y": ("left", lambda held: _seen(held.y), "y of the first object at the end", "m"),
-    "object_last_z": ("left", lambda held: _seen(held.z), "z of the first object at the end", "m"),
-    "mechanism_last": ("left", lambda held: _seen(held.mechanism), "coordinate of the first mechanism at the end", ""),
-    "mechanism_furthest": ("left", lambda held: _seen(held.furthest), "largest coordinate of the first mechanism", ""),
-    "tip_lowest": ("left", lambda held: _seen(held.lowest), "lowest height of the tip", "m"),
+    "contact_last": ("left", lambda held: _nan_if_absent(held.force), "contact force at the end", "N"),
+    "contact_largest": ("left", lambda held: _nan_if_absent(held.largest), "largest contact force", "N"),
+    "object_last_x": ("left", lambda held: _nan_if_absent(held.x), "x of the first object at the end", "m"),
+    "object_last_y": ("left", lambda held: _nan_if_absent(held.y), "y of the first object at the end", "m"),
+    "object_last_z": ("left", lambda held: _nan_if_absent(held.z), "z of the first object at the end", "m"),
+    "mechanism_last": (
+        "left",
+        lambda held: _nan_if_absent(held.mechanism),
+        "coordinate of the first mechanism at the end",
+        "",
+    ),
+    "mechanism_furthest": (
+        "left",
+        lambda held: _nan_if_absent(held.furthest),
+        "largest coordinate of the first mechanism",
+        "",
+    ),
+    "tip_lowest": ("left", lambda held: _nan_if_absent(held.lowest), "lowest height of the tip", "m"),
     "phases_time": ("left", lambda held: held.when, "when the last phase was done", "s"),
     **grip_totals.VALUES,
 }

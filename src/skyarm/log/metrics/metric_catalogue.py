@@ -164,11 +164,11 @@ def measures(joints: int) -> dict[str, Measure]:
         twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
         found[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
     for name in registered_names("metric"):
-        found[name] = _added(name)
+        found[name] = _registered_measure(name)
     return found
 
 
-def _added(name: str) -> Measure:
+def _registered_measure(name: str) -> Measure:
     """A registered metric."""
     metric = added_metric(name)
     return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
@@ -214,7 +214,7 @@ def _written_out(name: str, joints: int) -> list[str]:
     return [f"tau{i + 1}_rms" for i in range(joints)] if name == "efforts" else [name]
 
 
-def needed(names: Sequence[str], joints: int) -> tuple[Total, ...]:
+def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
     """Totals that metrics need, each once."""
     known = measures(joints)
     return tuple(dict.fromkeys(total for name in names for total in known[name].totals))

@@ -15,8 +15,8 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Goal, Instant, counted, first_totals, quantity
-from skyarm.log.metrics.metric_catalogue import metric_names, needed, values
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Goal, Instant, advance_totals, first_totals, quantity
+from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.records.files import shown
 
@@ -43,7 +43,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
     joints = log.joints.shape[1]
     names = metric_names(metrics, joints, [unit is not None for unit in names_of(log).setpoints])
-    wanted = needed(names, joints)
+    wanted = required_totals(names, joints)
     at = (windows or Windows()).of_flight(float(log.info["duration"]), windows_of(log))
     masks = at.masks(log.time)
     used = tuple(dict.fromkeys(window for _, window, _ in wanted))
@@ -52,7 +52,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     flags = (0.0,) * len(used)
     program = trace(
-        lambda held, now, inside: counted(
+        lambda held, now, inside: advance_totals(
             held, wanted, now, {name: flag > 0.5 for name, flag in zip(used, inside, strict=True)}
         ),
         totals,

@@ -117,7 +117,7 @@ def shortfall(log: Log) -> Shortfall:
 def _saturation(log: Log) -> Saturation | None:
     """None, too, where a log keeps no vehicle."""
     beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
-    for actuator, unit, sent, low, high in _limited(log):
+    for actuator, unit, sent, low, high in _actuator_limits(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(over))
         limit = low if low - sent[worst] > sent[worst] - high else high
@@ -133,7 +133,7 @@ def _saturation(log: Log) -> Saturation | None:
     return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
 
 
-def _limited(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
+def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
     """Name, unit, commands (N,), lower and upper limit of every actuator that has one."""
     try:
         vehicle = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.log.contents import arrays_of, as_cut, columns_in, described, log_of
+from skyarm.log.contents import arrays_of, as_cut, columns_in, log_info, log_of
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.ros.messages import FLIGHT, definition, full_name
 from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics, Topic
@@ -52,7 +52,7 @@ def write_mcap(log: Log, path: Path) -> Path:
         from mcap.writer import CompressionType, Writer
     except ImportError:
         raise ValueError(f"mcap: is missing; a log as MCAP {needs_extra('logs')}") from None
-    topics, info = FlightTopics(log), described(log)
+    topics, info = FlightTopics(log), log_info(log)
     scenario = info.pop("scenario_record", None)
     with writing_atomically(path) as stream:
         writer: Any = Writer(stream, chunk_size=CHUNK, compression=CompressionType.NONE, enable_data_crcs=True)
@@ -213,7 +213,7 @@ def _messages(topics: FlightTopics, log: Log, ros1: bool = False) -> Iterator[tu
         piece, rows = rows_of(log, slice(begin, begin + length)), []
         for order, topic in enumerate(topics.topics):
             if topic.every or not begin:
-                stamps, data = topics.encoded(topic, piece, ros1)
+                stamps, data = topics.encode(topic, piece, ros1)
                 rows += [(t, order, row.tobytes()) for t, row in zip(stamps.tolist(), data, strict=True)]
         rows.sort(key=lambda row: row[:2])
         yield from ((t, topics.topics[order], data) for t, order, data in rows)

@@ -111,7 +111,7 @@ class Frames:
             found.append(transform(stamps, parent, self.links[i], pose.p, of_matrices(_turns(pose.R, len(joints)))))
         return found
 
-    def fixed(self) -> list[dict[str, Any]]:
+    def fixed_transforms(self) -> list[dict[str, Any]]:
         """Transforms of named frames and of the rotors' hubs, whose z is the axis of positive thrust."""
         found = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):

@@ -98,7 +98,7 @@ class FlightTopics:
             + _sensor_topics(log, fast, self._names)
         )
 
-    def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
+    def encode(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
         """Times (ns) and messages of a topic in a part of the flight.
 
         Args:
@@ -137,7 +137,7 @@ class FlightTopics:
         return [
             Topic("/odom", "nav_msgs/Odometry", every, odometry),
             *_joints("/joint_states", every, names.joints, position="joints", velocity="joint_rates", **efforts(names)),
-            *_joints("/commands/joints", every, names.joints, **told(names)),
+            *_joints("/commands/joints", every, names.joints, **command_fields(names)),
             *_joints("/commands/rotors", every, names.rotors, velocity="rotor_commands"),
             *_joints("/rotors", every, names.rotors, velocity="rotor_speeds"),
         ]
@@ -151,18 +151,18 @@ class FlightTopics:
             Topic("/reference/base", "geometry_msgs/PoseStamped", every, level),
             *_joints("/reference/joints", every, names.joints, position="joints_reference"),
             _point("/reference/tip", every, "tool_reference"),
-            Topic("/held/base", "nav_msgs/Odometry", every, _held),
+            Topic("/held/base", "nav_msgs/Odometry", every, _held_reference),
             *_joints("/held/joints", every, names.joints, **held),
             _point("/held/tip", every, "tool_held"),
             _point("/tip", every, "tool"),
-            *self._measured(every),
+            *self._measurement_topics(every),
             Topic("/wind", "geometry_msgs/WrenchStamped", every, _wind),
             Topic("/air_velocity", "geometry_msgs/Vector3Stamped", every, _air),
             *_thrust(every, vehicle),
             *(Topic(f"/metrics/{name}", "std_msgs/Float64", every, metric) for name, metric in METRICS.items()),
         ]
 
-    def _measured(self, every: int) -> list[Topic]:
+    def _measurement_topics(self, every: int) -> list[Topic]:
         """The law's measurement of the full state; nothing in a flight on an estimator."""
         if not any(each.array == "measured_position" for each in self._columns):
             return []
@@ -205,18 +205,18 @@ Column = str | Callable[[Part], Array]
 
 def efforts(names: Names) -> dict[str, Column]:
     """Commanded torques and forces as a field of a JointState; NaN of joints that take another setpoint."""
-    return _chosen("effort", [told is None for told in names.setpoints])
+    return _select_commands("effort", [told is None for told in names.setpoints])
 
 
-def told(names: Names) -> dict[str, Column]:
+def command_fields(names: Names) -> dict[str, Column]:
     """Commands as the fields of a JointState that they are of: angles and lengths, rates, torques and forces."""
     found = efforts(names)
     for field, units in (("position", ("rad", "m")), ("velocity", ("rad/s", "m/s"))):
-        found |= _chosen(field, [each in units for each in names.setpoints])
+        found |= _select_commands(field, [each in units for each in names.setpoints])
     return found
 
 
-def _chosen(field: str, mine: Sequence[bool]) -> dict[str, Column]:
+def _select_commands(field: str, mine: Sequence[bool]) -> dict[str, Column]:
     """The commands of some joints as a field; without any no field, as of what is not known."""
     if all(mine):
         return {field: "efforts"}
@@ -246,7 +246,7 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = {"transforms": frames.fixed()}, {"markers": markers(vehicle, frames)}
+    fixed, drawn = {"transforms": frames.fixed_transforms()}, {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -347,7 +347,7 @@ def _level(position: str, yaw: str) -> Callable[[Part], dict[str, Any]]:
     return lambda part: {"header": part.header(WORLD), "pose": _pose(part[position], yaw_quaternion(part[yaw]))}
 
 
-def _held(part: Part) -> dict[str, Any]:
+def _held_reference(part: Part) -> dict[str, Any]:
     """The reference as published; its velocity in the axes of the level base, as Odometry has it."""
     yaw, (x, y, z) = part["yaw_held"], part["velocity_held"].T
     c, s = np.cos(yaw), np.sin(yaw)

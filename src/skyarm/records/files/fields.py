@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from skyarm.records.files.messages import did_you_mean, listed, must_be_one_of, shown
+from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
 
 _REQUIRED: Any = object()
 
@@ -76,18 +76,18 @@ class Fields:
             raise self._missing(name)
         self._stands_for[meant] = name
         self._asked.append(meant)
-        wrong[self.where, meant] = self._unknown(meant, [name])
+        wrong[self.where, meant] = self._unknown_field(meant, [name])
         return self.table[meant]
 
     def _missing(self, name: str) -> ValueError:
-        there = listed(sorted(self.table)) if self.table else "no fields"
+        there = comma_list(sorted(self.table)) if self.table else "no fields"
         if (wrong := _wrong_words.get()) is not None:
             for word in self._stands_for:
                 wrong.pop((self.where, word), None)
         return ValueError(f"{self.at(name)}: is missing; there are {there}")
 
-    def _unknown(self, name: str, known: Iterable[str]) -> str:
-        allowed, meant = listed(dict.fromkeys(known)), did_you_mean(name, known)
+    def _unknown_field(self, name: str, known: Iterable[str]) -> str:
+        allowed, meant = comma_list(dict.fromkeys(known)), did_you_mean(name, known)
         return f"{self.at(name)} = {shown(self.table[name])}: unknown field; {meant}allowed: {allowed}"
 
     def number(
@@ -153,7 +153,7 @@ class Fields:
         for name in self.table:
             if name in known:
                 continue
-            line = self._unknown(name, known)
+            line = self._unknown_field(name, known)
             if wrong is None:
                 raise ValueError(line)
             wrong[self.where, name] = line

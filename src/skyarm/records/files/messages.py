@@ -35,7 +35,7 @@ def one_line(text: str) -> str:
     return f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 + 5 :]}"
 
 
-def listed(names: Iterable[Any]) -> str:
+def comma_list(names: Iterable[Any]) -> str:
     """Names as messages list them: parted by commas, on one line of bounded length."""
     text = printable(", ".join(map(str, names)))
     return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."

@@ -29,7 +29,7 @@ METADATA = ".dist-info"
 NUMBERS = re.compile(r"\d+(?:\.\d+)*")
 
 
-def installed(packages: Iterable[str], path: Iterable[str] | None = None) -> dict[str, str]:
+def installed_versions(packages: Iterable[str], path: Iterable[str] | None = None) -> dict[str, str]:
     """Versions of those packages that are installed, from the names of their metadata folders.
 
     Half a millisecond for all; ``importlib.metadata`` reads and parses a file for each and takes twenty.

@@ -163,7 +163,7 @@ MISSING = "missing"
 """Identity of a file that cannot be read any more."""
 
 
-def numbered(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Names and identities as a table in which another identity of the same name gets a number."""
     found: dict[str, str] = {}
     for plain, identity in pairs:

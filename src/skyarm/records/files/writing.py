@@ -271,7 +271,7 @@ def one_writer(folder: Path) -> Iterator[None]:
     """
     path, handle = folder / LOCK, None
     while handle is None:  # a holder removes the file when it ends
-        handle = _locked(path, folder)
+        handle = _lock_file(path, folder)
     try:
         with contextlib.suppress(OSError):  # on a full disk the process stays unnamed
             os.ftruncate(handle, 0)
@@ -286,7 +286,7 @@ def one_writer(folder: Path) -> Iterator[None]:
             _forget(path)
 
 
-def _locked(path: Path, folder: Path) -> int | None:
+def _lock_file(path: Path, folder: Path) -> int | None:
     """The lock's file, opened and locked; None if it is not the one at the path any more."""
     try:
         handle = os.open(path, _OPEN, 0o666)

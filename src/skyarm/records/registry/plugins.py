@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from skyarm.records.files import shown, unreadable
-from skyarm.records.files.user_code import file_of, identity_of, identity_of_file, is_beside, numbered
+from skyarm.records.files.user_code import file_of, identity_of, identity_of_file, is_beside, number_duplicates
 from skyarm.records.registry.class_signatures import thing_mistake
 from skyarm.records.registry.registrations import (
     API,
@@ -78,7 +78,7 @@ _LOADED: dict[str, Plugin] = {}
 _MODULES: dict[str, ModuleType] = {}
 
 
-def loaded() -> tuple[Plugin, ...]:
+def loaded_plugins() -> tuple[Plugin, ...]:
     """Every plugin of this process, in the order in which they were loaded."""
     return tuple(_LOADED.values())
 
@@ -102,12 +102,12 @@ def identities() -> dict[str, str]:
 
     The order in which they were loaded does not count.
     """
-    return numbered(sorted({pair for plugin in loaded() for pair in plugin.identities()}))
+    return number_duplicates(sorted({pair for plugin in loaded_plugins() for pair in plugin.identities()}))
 
 
 def installed_modules() -> dict[str, ModuleType]:
     """Modules of the installed plugins' packages that are imported, by the path of their file."""
-    packages = {plugin.package for plugin in loaded() if plugin.package}
+    packages = {plugin.package for plugin in loaded_plugins() if plugin.package}
     found = [module for name, module in [*sys.modules.items()] if name.partition(".")[0] in packages]
     return {file: module for module in found if (file := file_of(module))}
 
@@ -117,7 +117,7 @@ def known_names() -> set[str]:
     return {*identities(), *(Path(file).name for file in installed_modules())}
 
 
-def _installed(key: str, identity: str) -> ModuleType | None:
+def _installed_module(key: str, identity: str) -> ModuleType | None:
     """The module of an installed plugin whose file this is, or a copy of it: a plugin loaded both ways is one."""
     registrations("air")  # installed packages are there
     modules = installed_modules()
@@ -144,15 +144,15 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
     content, key = file.read_bytes(), str(file.resolve())
     identity = identity_of(content)
     if expected is not None and identity != expected:
-        raise _changed(str(path))
+        raise _change_error(str(path))
     if key in _LOADED:
         if _LOADED[key].identity != identity:
-            raise _changed(str(path))
+            raise _change_error(str(path))
         for beside, first in _LOADED[key].beside:
             if identity_of_file(beside) != first:
-                raise _changed(str(path), beside)
+                raise _change_error(str(path), beside)
         return _MODULES[key]
-    if (installed := _installed(key, identity)) is not None:
+    if (installed := _installed_module(key, identity)) is not None:
         return installed
     name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
     try:
@@ -174,7 +174,7 @@ def _beside(key: str, before: set[str]) -> list[str]:
     return [name for name, file in since.items() if file != key and is_beside(file, folder)]
 
 
-def _changed(path: str, beside: str = "") -> RegistryError:
+def _change_error(path: str, beside: str = "") -> RegistryError:
     which = f"{shown(beside)}, which it imports, " if beside else ""
     return RegistryError(f"plugin = {shown(path)}: {which}has changed since it was loaded first; start again")
 
@@ -314,14 +314,14 @@ def load_again(plugins: Iterable[Plugin]) -> None:
     Raises:
         RegistryError: one is missing here or is not the same.
     """
-    here = {plugin.name: plugin.identity for plugin in loaded()}
+    here = {plugin.name: plugin.identity for plugin in loaded_plugins()}
     for plugin in plugins:
         if plugin.identity.startswith("sha256:"):
             load_plugin(plugin.name, plugin.identity)
             here_now = dict(_LOADED[str(Path(plugin.name).resolve())].beside)
             for beside, identity in plugin.beside:
                 if here_now.get(beside, identity_of_file(beside)) != identity:
-                    raise _changed(plugin.name, beside)
+                    raise _change_error(plugin.name, beside)
         elif here.get(plugin.name) != plugin.identity:
             raise RegistryError(f"plugin {plugin.name}: must be installed here as {plugin.identity}")
 
@@ -330,7 +330,7 @@ def code_of(name: str, plugins: Mapping[str, str]) -> Any:
     """The class or function of a name ``module:qualified.name``.
 
     Args:
-        name: as :func:`skyarm.records.plain.dotted` gives it.
+        name: as :func:`skyarm.records.plain.dotted_name` gives it.
         plugins: identities of the plugins that were loaded when the name was written.
 
     Raises:
@@ -354,7 +354,7 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
     if module in file_modules():
         return file_modules()[module]
     require_plugins([name], plugins)
-    if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered():
+    if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered_packages():
         return sys.modules[module]
     absent = [file for file in plugins if file not in identities()]
     needed = f"; plugins of then that are not loaded: {', '.join(absent)}" if absent else ""
@@ -388,7 +388,7 @@ def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
         raise RegistryError("; ".join(missing))
 
 
-def _registered() -> set[str]:
+def _registered_packages() -> set[str]:
     """Packages, or modules that stand alone, of everything that was registered from outside."""
     return {module.split(".")[0] for module in _modules()}
 

@@ -200,7 +200,7 @@ class Register:
         if kind not in KINDS:
             raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
 
-        def named(name: str, title: str = "") -> Callable[[Thing], Thing]:
+        def decorator(name: str, title: str = "") -> Callable[[Thing], Thing]:
             def decorate(thing: Thing) -> Thing:
                 words = (thing.__doc__ or "").strip().splitlines()
                 add(kind, name, thing, title or (words[0].rstrip(".") if words else ""))
@@ -208,7 +208,7 @@ class Register:
 
             return decorate
 
-        return named
+        return decorator
 
 
 register = Register()

@@ -77,7 +77,7 @@ class Flight:
         carry = first_loop_state(scenario)
         row = Row(time=0.0, reference=inputs.reference_example)
         loop = trace_loop(step, structure_of(carry), base, row, draws_needed(scenario), loops=loops)
-        rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)])
+        rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])
         return cls(loop, np.array(leaves(carry), dtype=float), np.array(base), rows, scenario.duration)
 
     def lanes(self, count: int) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ def latency(scenario: Scenario, calls: int) -> dict[str, dict[str, float]]:
 
     loop = trace_loop(control, controller.memory, (), (reading, inputs.reference_example))
     memory = np.array(leaves(controller.memory), dtype=float)
-    row = np.array([*leaves(reading), *inputs.held[0]], dtype=float)
+    row = np.array([*leaves(reading), *inputs.held_leaves[0]], dtype=float)
     compiled = Stepper(Kernel(loop, Lanes(1, contract=True), logging=True), memory)
     compiled.row[:] = row
     python, values = loop.stepper(), (*memory.tolist(), *row.tolist())

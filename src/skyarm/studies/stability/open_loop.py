@@ -227,7 +227,7 @@ class Differentiator:
         proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
         now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.controller)(
-            point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
+            point.memory, point.seen, stages.law_reference(row), self._period, par=scenario.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, lates[-1], self._period)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import did_you_mean, number, shown
-from skyarm.scenario.numbers import labelled, words_of
+from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.studies.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
 from skyarm.studies.sweep.study import StudyError
@@ -77,7 +77,7 @@ class Rows:
 
     def label(self, path: str) -> str:
         """Words and unit of a varied number."""
-        return labelled(words_of(path), self.manifest.units.get(path, ""))
+        return axis_label(words_of(path), self.manifest.units.get(path, ""))
 
     @property
     def complete(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.files import file_names, write_inside
-from skyarm.scenario.numbers import labelled, words_of
+from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.sweep.stats import SHARES
 from skyarm.studies.sweep.store import Manifest, not_counted
 from skyarm.view.pages import image, rendered
@@ -54,7 +54,7 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
         levels=SHARES,
         notes=not_counted(found["files_not_counted"]),
         metric=metric_label,
-        label=lambda path: labelled(words_of(path), manifest.units.get(path, "")),
+        label=lambda path: axis_label(words_of(path), manifest.units.get(path, "")),
         image=image,
         **vars(pictures),
     )
@@ -89,4 +89,4 @@ def summary(found: Mapping[str, Any]) -> list[str]:
 
 def metric_label(metric: str) -> str:
     """Words and unit of a metric."""
-    return labelled(*metric_words(metric))
+    return axis_label(*metric_words(metric))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from skyarm.compile.machine_code import missing_extra
 from skyarm.control.controller import Controller
-from skyarm.records.leaves import replaced
+from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.stability.along import Instant
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
@@ -68,7 +68,7 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
     numbers = {
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
     }
-    return dataclasses.replace(controller, par=replaced(controller.par, numbers))
+    return dataclasses.replace(controller, par=replace_at(controller.par, numbers))
 
 
 def calm(flight: Scenario) -> Scenario:

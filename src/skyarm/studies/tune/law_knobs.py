@@ -30,7 +30,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, shown
-from skyarm.records.leaves import Place, is_record, parts, replaced, walk
+from skyarm.records.leaves import Place, is_record, parts, replace_at, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
@@ -218,7 +218,7 @@ def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
         for knob in knobs
     )
     law = flight.controller
-    place = flight.with_words(controller=dataclasses.replace(law, par=replaced(law.par, numbers)))
+    place = flight.with_words(controller=dataclasses.replace(law, par=replace_at(law.par, numbers)))
     starts = {GIVEN: _row([values(knob) for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _row(known[name], middle)

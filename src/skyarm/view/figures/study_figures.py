@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.files.names import require_suffix
-from skyarm.scenario.numbers import labelled
+from skyarm.scenario.numbers import axis_label
 from skyarm.studies.stability.along import Locus
 from skyarm.studies.stability.basin import CAUGHT, RATES, TILTS, Basin
 from skyarm.studies.stability.disk_margins import MOST
@@ -113,7 +113,7 @@ def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture
         if column:
             title = _class_words(first.by, column, "\n")
             grid[0, j].set_title(title, linespacing=1.0, **style.small_words)
-        grid[-1, j].set_xlabel(labelled(_short(first.over.words), first.over.unit), **style.words)
+        grid[-1, j].set_xlabel(axis_label(_short(first.over.words), first.over.unit), **style.words)
         if first.over.logarithmic:
             grid[-1, j].set_xscale("log")
     for i, each in enumerate(found):
@@ -219,7 +219,7 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
             logarithmic(ax.xaxis)
         else:
             ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
-        ax.set_xlabel(labelled(lines.over.words, lines.over.unit), **PAPER.small_words)
+        ax.set_xlabel(axis_label(lines.over.words, lines.over.unit), **PAPER.small_words)
         if i % columns == 0:
             ax.set_ylabel(label, **PAPER.small_words)
     every = [each for lines in curves for each in lines.curves]

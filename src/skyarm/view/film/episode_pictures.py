@@ -146,7 +146,7 @@ class EpisodePictures:
         if all(abs(number) < FARTHEST for number in leaves(now.state)):
             self._last = now.state
         state, around = self._last, self._stages.surroundings(now.components, now.drives, time)
-        wind, numbers = self._stages.felt(around, state), np.array([leaves(state)], dtype=float)
+        wind, numbers = self._stages.wind_sample(around, state), np.array([leaves(state)], dtype=float)
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn

@@ -172,7 +172,7 @@ class FreeObject(Carrier):
     def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> ObjectMotion:
         """Newton's and Euler's equations."""
         R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
-        torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.scaled(moments))
+        torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.hadamard(moments))
         return ObjectMotion(
             position=memory.velocity,
             attitude=memory.attitude.derivative(w),

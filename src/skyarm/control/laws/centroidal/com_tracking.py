@@ -112,16 +112,16 @@ def thrust(
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]
     off = [e]
-    pull = [_attraction(par, off) + kv.scaled(ed)]
+    pull = [_attraction(par, off) + kv.hadamard(ed)]
     force = (wanted[2] + gravity - _soft_limit(pull, limit)) * mass - disturbance
     per_mass = divide(1.0, mass)
     edd = (achievable_force(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     off.append(ed)
-    pull.append(_attraction(par, off) + kv.scaled(edd))
+    pull.append(_attraction(par, off) + kv.hadamard(edd))
     first = (wanted[3] - _soft_limit(pull, limit)) * mass - force_rate
     eddd = (achievable_force(reach, [force, first], R, w) + force_rate) * per_mass - wanted[3]
     off.append(edd)
-    pull.append(_attraction(par, off) + kv.scaled(eddd))
+    pull.append(_attraction(par, off) + kv.hadamard(eddd))
     second = (wanted[4] - _soft_limit(pull, limit)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
@@ -144,7 +144,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
     kp, kv = par.base.position, par.base.velocity
     approach = par.center.approach
     if approach is None:
-        return kp.scaled(errors[-1])
+        return kp.hadamard(errors[-1])
     near = [divide(p * p, v * v * (2.0 * approach)) for p, v in zip(kp, kv, strict=True)]
     series = [Taylor.of_derivatives(each) for each in zip(*errors, strict=True)]
     x, y, z = (each * share for each, share in zip(series, near, strict=True))

@@ -275,11 +275,11 @@ def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: 
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
-        axis = None if held is None else thrust_axis(held, yaw.truncated(2))
+        axis = None if held is None else thrust_axis(held, yaw.truncate(2))
         force = leaning(reach, force, center.sideways.share, axis)
     if center.low_thrust is not None:
         force = upright(force, par.model.vehicle.mass * par.model.gravity, center.low_thrust)
-    return attitude(force, yaw.truncated(2))
+    return attitude(force, yaw.truncate(2))
 
 
 def pushes_across(vehicle: Vehicle) -> bool:

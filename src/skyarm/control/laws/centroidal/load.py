@@ -63,7 +63,7 @@ def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
     about = memory.mass * (gains.size * gains.size)
     inertia = Sym3(about, about, about)
     if isinstance(memory.inertia, InertiaMemory):
-        inertia = Sym3(*memory.inertia.moments).rotated(tip.rotation)
+        inertia = Sym3(*memory.inertia.moments).rotate(tip.rotation)
     load = Body(mass=memory.mass, com=tip.position + tip.rotation.apply(memory.place), inertia=inertia)
     return dataclasses.replace(model, vehicle=model.vehicle.with_body(tip.link, load))
 

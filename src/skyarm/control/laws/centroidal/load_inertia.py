@@ -102,8 +102,8 @@ def unit_torques(vehicle: Vehicle, signals: Sequence[Taylor]) -> tuple[Vec3, Vec
         vehicle: model.
         signals: x, y, z, yaw and the joints of a level base, series in time.
     """
-    yaw = signals[3].truncated(2)
-    R = tip_rotation(vehicle, posture(vehicle, [q.truncated(2) for q in signals[4:]], 2))
+    yaw = signals[3].truncate(2)
+    R = tip_rotation(vehicle, posture(vehicle, [q.truncate(2) for q in signals[4:]], 2))
     world = Mat3.columns(*(turn_by_yaw(yaw, R.column(k)) for k in range(3)))
     rate, acceleration = turning(world)
     level = values_of(world)

@@ -20,7 +20,7 @@ from typing import Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import cos, divide, mul, sin, sqrt
-from skyarm.algebra.scalars.taylor import Taylor, chosen
+from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import Attitude, derivative
 from skyarm.dynamics.actuators import Mixer
 
@@ -57,8 +57,8 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, change = force.z * row.z, force.x * row.x + force.y * row.y
-        room = chosen(change > 0.0, held * -1 + top, held)
-        room = chosen(room > least, room, least)
+        room = choose(change > 0.0, held * -1 + top, held)
+        room = choose(room > least, room, least)
         share = change / room
         square = share * share
         fourth = square * square
@@ -99,7 +99,7 @@ def slightest(reach: Reach, vertical: Taylor) -> Taylor:
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, size = vertical * row.z, row.x * row.x + row.y * row.y
         for room in (held, held * -1 + top):
-            inverse = 1.0 / chosen(room > least, room, least)
+            inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total
     root: Taylor = sqrt(sqrt(sqrt(total)))
@@ -135,7 +135,7 @@ def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec
         axes.append([Taylor.of_derivatives(each) for each in zip(*motion, strict=True)])
     x, y, z = (a[0] * wanted[0] + a[1] * wanted[1] + a[2] * wanted[2] for a in axes)
     side = gauge(reach, Vec3(x, y, z))
-    share = 1.0 / _eighth_root(chosen(side > 1.0, side, 1.0))
+    share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
     x, y = x * share, y * share
     given = Vec3(*(axes[0][i] * x + axes[1][i] * y + axes[2][i] * z for i in range(3)))
     return derivative(given, order)

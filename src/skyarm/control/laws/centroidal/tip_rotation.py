@@ -102,7 +102,7 @@ def turned_reference(
         signals: of the reference: x, y, z, yaw, joints.
         dt: control period, s.
     """
-    yaw, planned = signals[3].truncated(2), [q.truncated(2) for q in signals[4:]]
+    yaw, planned = signals[3].truncate(2), [q.truncate(2) for q in signals[4:]]
     wanted = posture(vehicle, planned, 2)
     values = [q.derivative(0) + dq for q, dq in zip(planned, memory.joints, strict=True)]
     rates = [q.derivative(1) + dq for q, dq in zip(planned, memory.joint_rates, strict=True)]
@@ -123,7 +123,7 @@ def turned_reference(
         more = bend - q.derivative(2)
         moved.append((dq + dt * (slope + 0.5 * (dt * more)), slope + dt * more, more))
     joints = [signal + _series(row) for signal, row in zip(signals[4:], moved, strict=True)]
-    there = posture(vehicle, [q.truncated(2) for q in joints], 2)
+    there = posture(vehicle, [q.truncate(2) for q in joints], 2)
     offset = turn_by_yaw(yaw, wanted.tip - there.tip)
     base = [signal + _series([c.derivative(k) for k in range(3)]) for signal, c in zip(signals, offset, strict=False)]
     after = ArmTurn(joints=tuple(data(row[0]) for row in moved), joint_rates=tuple(data(row[1]) for row in moved))

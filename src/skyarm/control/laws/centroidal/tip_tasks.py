@@ -54,10 +54,10 @@ def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
 
 def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> Goal:
     """Return where a level base at its reference has tip and links."""
-    yaw = yaw.truncated(2)
+    yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
     tip = (base[0] + derivative(arm, 0), base[1] + derivative(arm, 1), base[2] + derivative(arm, 2))
-    spin = Vec3(0, 0, yaw.differentiated())
+    spin = Vec3(0, 0, yaw.derivative_series())
     rates: list[Vec3] = []
     links = []
     for link, pose, q in zip(vehicle.links, level.links, joints, strict=True):
@@ -67,7 +67,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
         if link.joint.kind == "revolute":
             axis = Vec3(*(Taylor.constant(c, 1) for c in link.joint.axis))
             along = Vec3(*(row.dot(axis) for row in Mat3.columns(*columns).rows))
-            slope = q.differentiated().truncated(1)
+            slope = q.derivative_series().truncate(1)
             rate = Vec3(*(add(a, b * slope) for a, b in zip(rate, along, strict=True)))
         rates.append(rate)
     return Goal(
@@ -122,7 +122,7 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> lis
     """
     R, w, alpha = still.R, still.rate, still.acceleration
     r, rd, rdd = (derivative(turned, k) for k in range(3))
-    arm = turn_by_yaw(yaw.truncated(2), level)
+    arm = turn_by_yaw(yaw.truncate(2), level)
     return [
         derivative(arm, 0) - R.apply(r),
         derivative(arm, 1) - R.apply(w.cross(r) + rd),
@@ -148,7 +148,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
     if vehicle.followers:
-        own = com_columns(vehicle.untied, poses)
+        own = com_columns(vehicle.with_free_followers, poses)
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
             own[each.leader] = own[each.leader] + column * each.ratio
         return own[: vehicle.n]

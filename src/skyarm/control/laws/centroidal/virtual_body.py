@@ -35,7 +35,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, maximum, sin, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor, chosen
+from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
 
@@ -150,7 +150,7 @@ def rotation_series(vector: tuple[Vec3, ...]) -> Mat3:
     square = theta.dot(theta)
     small = square < SMALL * SMALL
     # the root never sees zero; next terms of the series of sin(a/2)/a and cos(a/2) are below 1e-16
-    angle = sqrt(chosen(small, Taylor.constant(1.0, len(square.c) - 1), square))
-    factor = chosen(small, 0.5 - square * (1.0 / 48.0) + square * square * (1.0 / 3840.0), sin(angle * 0.5) / angle)
-    w = chosen(small, 1.0 - square * 0.125 + square * square * (1.0 / 384.0), cos(angle * 0.5))
+    angle = sqrt(choose(small, Taylor.constant(1.0, len(square.c) - 1), square))
+    factor = choose(small, 0.5 - square * (1.0 / 48.0) + square * square * (1.0 / 3840.0), sin(angle * 0.5) / angle)
+    w = choose(small, 1.0 - square * 0.125 + square * square * (1.0 / 384.0), cos(angle * 0.5))
     return Quaternion(w, factor * theta.x, factor * theta.y, factor * theta.z).rotation()

@@ -54,7 +54,7 @@ def guo_center_of_inertia(
     position, velocity, acceleration = center_reference(vehicle, reference)
     off = measurement.position + R.apply(c) - position
     drift = measurement.velocity + R.apply(cd + w.cross(c)) - velocity
-    pull = par.gains.position.scaled(off) + par.gains.velocity.scaled(drift)
+    pull = par.gains.position.hadamard(off) + par.gains.velocity.hadamard(drift)
     up = acceleration + E_Z * par.model.gravity - pull * inverse_mass(vehicle)
     thrust = vehicle.mass * up.dot(R.column(2))
     alpha = turn_towards(par, measurement, reference, R, up)
