@@ -16,7 +16,7 @@ NAME = "llvmlite"
 
 
 class NoMachineCodeError(RuntimeError):
-    """Machine code cannot be made here."""
+    """Machine code is not available here."""
 
 
 class SlowFlightWarning(RuntimeWarning):

@@ -202,7 +202,7 @@ class EnvLanes:
         return tuple(rows[:, lanes].copy() for rows in kept)
 
     def put_back(self, lanes: Array, held: tuple[Array, ...]) -> None:
-        """Put lanes back as they were; the reward of the step that they did not make is 0."""
+        """Restore lanes; the reward of their skipped step is 0."""
         for rows, old in zip(
             (self._carry, self.observation, self._truncated[None], self.ending[None]), held, strict=True
         ):

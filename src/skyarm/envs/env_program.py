@@ -187,7 +187,7 @@ class EnvProgram:
         return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
-        """The law's memory and the command that the action means."""
+        """The law's memory and the command of an action."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))

@@ -45,7 +45,7 @@ class Task:
 
     @property
     def told(self) -> tuple[bool, ...]:
-        """Which joints take setpoints of drives."""
+        """True for each joint that takes setpoints of a drive."""
         return self.scenario.commands_setpoints
 
 

@@ -130,7 +130,7 @@ class JaxEnvironment:
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
     def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
-        """Fly one control period, as :meth:`step` does, and begin nothing; flying on after an end means nothing."""
+        """Fly one control period, as :meth:`step` does, without a reset; steps after an end are undefined."""
         del key
         require_params(params, self.paths)
         given = jnp.asarray(action, self.dtype)

@@ -1,4 +1,4 @@
-"""The shipped environments: each a scenario file beside this one, with what its actions, observation and reward are."""
+"""The shipped environments: each a scenario file in this folder, with its actions, observation and reward."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def named_task(name: str) -> NamedTask:
 
 
 def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an environment: those given, and the task's where nothing is."""
+    """Arguments of an environment: the given ones, else those of the task."""
     mine = named_task(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
     found = {**own, **given}

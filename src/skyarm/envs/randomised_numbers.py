@@ -58,7 +58,7 @@ class Randomised:
 
 
 def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
-    """Read which numbers are drawn; whatever may be drawn must be a number that the scenario can have.
+    """Read the randomised numbers; each must be a valid number of the scenario over its whole range.
 
     Raises:
         ScenarioError: one line with path, value and what is allowed.

@@ -116,7 +116,7 @@ class LanePictures:
         return tuple(found)
 
     def close(self) -> None:
-        """Give back what drawing holds."""
+        """Release the resources of drawing."""
         for pictures in self._pictures.values():
             pictures.close()
         self._drawn.clear()
@@ -200,7 +200,7 @@ class LanePage:
         self._page.begin(lanes.lane_scenario(0), loop_of_lane(lanes))
 
     def show(self, lanes: EnvLanes, lost: str = "") -> None:
-        """Show the first lane's present state; ``lost``: why it has ended early, in words."""
+        """Show the first lane's present state; ``lost``: cause of an early end, in words."""
         self._page.show(loop_of_lane(lanes), lost)
 
     def close(self) -> None:

@@ -155,7 +155,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return self._pictures.draw(self.lanes)[0]
 
     def close(self) -> None:
-        """End the threads, and give back what drawing holds; a second time does nothing."""
+        """End the threads, and release the resources of drawing; idempotent."""
         self._closed = True
         self.lanes.close()
         if self._pictures is not None:

@@ -193,7 +193,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._pictures.draw(self.lanes)
 
     def close_extras(self, **_: Any) -> None:
-        """End the threads, and give back what drawing holds; also of environments refused while they were made."""
+        """End the threads, and release the resources of drawing; also after a failed construction."""
         if hasattr(self, "lanes"):
             self.lanes.close()
         pictures: LanePictures | None = getattr(self, "_pictures", None)

@@ -117,7 +117,7 @@ def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
 
 
 def _require_description(info: dict[str, Any]) -> None:
-    """Check the fields of a description, which may come from anyone, by their types.
+    """Check the fields of a description from an untrusted file, by their types.
 
     Raises:
         ValueError: one line: field, value, what is allowed.

@@ -157,7 +157,7 @@ class Log:
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
-        """(kind, when it was done in s, None if it was not) of each phase of a task that waits for the flight."""
+        """(kind, completion time in s or None) of each phase of a task with guards."""
         found = []
         for number, name in enumerate(self.info.get("phases", ())):
             later = np.flatnonzero(self.phase > number + 0.5)
@@ -205,7 +205,7 @@ class Log:
 
     @property
     def scenario(self) -> Any:
-        """The :class:`skyarm.Scenario` that was flown: flown again by the same version, it gives the same bits.
+        """The :class:`skyarm.Scenario` of the flight: the same version reproduces the same bits from it.
 
         Raises:
             ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged

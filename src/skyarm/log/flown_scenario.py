@@ -1,4 +1,4 @@
-"""The scenario that a log was flown with, read back from what the log keeps of it."""
+"""The scenario of a log, restored from the log's metadata."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _written_model(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
 
 @contextmanager
 def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
+    """Context of reading a record: its errors name the log, and missing plugins."""
     try:
         yield
     except RegistryError as error:

@@ -132,7 +132,7 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
 
 
 def save_log(log: Log, path: PathLike) -> Path:
-    """Write a log in the format of the path's suffix; where that fails, no file of it is left.
+    """Write a log in the format of the path's suffix; a failed write leaves no file.
 
     Raises:
         RegistryError: no such format. OSError: it cannot be written.

@@ -41,7 +41,7 @@ Between = Callable[[int, int], Log]
 
 
 class Journal:
-    """The file of a flight that goes on; called as ``keep`` of :func:`skyarm.run`.
+    """Journal file of a running flight; called as ``keep`` of :func:`skyarm.run`.
 
     Args:
         file: to write; one of before is replaced, once there is something to write.

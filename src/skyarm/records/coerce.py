@@ -42,7 +42,7 @@ _STRUCTURE = (-1, 0, 1)
 
 
 def accept(record: Any, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
-    """Put the fields of a frozen record that is being made in the form they are held in.
+    """Convert the fields of a frozen record under construction to their stored types.
 
     Raises:
         ValueError: of the class ``error``.
@@ -222,7 +222,7 @@ ROUNDING = 1e-12
 
 
 def near_unit_vector(field: str, value: Any) -> Vec3:
-    """A vector; one of a length that is 1 within TOLERANCE is made exactly that long, any other is not touched."""
+    """A vector; a length of 1 within TOLERANCE is made exact, any other is kept."""
     held = vector(field, value)
     length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
     if not ROUNDING < abs(length - 1.0) <= TOLERANCE:
@@ -266,7 +266,7 @@ def _skew(rows: list[list[Any]]) -> float:
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
-    """A quaternion; one of a length that is 1 within TOLERANCE is made exactly that long."""
+    """A quaternion; a length of 1 within TOLERANCE is made exact."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
 

@@ -30,7 +30,7 @@ WHOLE = 2**53
 
 
 def accept_fields(record: Any, where: str, error: type[ValueError] = RecordError) -> None:
-    """Put every field of a frozen record that is being made in the form it is held in.
+    """Convert every field of a frozen record under construction to its stored type.
 
     Args:
         record: a dataclass, in its ``__post_init__``.
@@ -111,7 +111,7 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
-    """A rule of a field's own, whose plain numbers are within its bounds."""
+    """A user-defined rule of a field, whose plain numbers are within its bounds."""
 
     def check(field: str, value: Any) -> Any:
         held = rule(field, value)
@@ -198,7 +198,7 @@ _NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
 
 
 def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
-    """The rule of a union: the first option that takes the value; the last refusal where none does."""
+    """The rule of a union: the first option that accepts the value; else the last error."""
     found = [_rule(each, unit) for each in options if each is not type(None)]
     if any(each is None for each in found):
         return None

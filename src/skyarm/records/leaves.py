@@ -68,7 +68,7 @@ def is_record(value: Any) -> bool:
 
 
 def is_leaf(value: Any) -> bool:
-    """True for a scalar that may vary; False for structure. Of a value without parts."""
+    """True for a scalar that may vary; False for structure. For a value without parts."""
     return not isinstance(value, _STRUCTURE)
 
 

@@ -1,4 +1,4 @@
-"""A record from a table of a file: its fields are the table's words."""
+"""Records from tables of a file: a record's fields are the table's keys."""
 
 from __future__ import annotations
 

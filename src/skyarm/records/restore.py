@@ -121,7 +121,7 @@ def _class(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> type
 
 
 def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
-    """Class of a frozen dataclass, and plain data of the fields that it is made with."""
+    """Class of a frozen dataclass, and plain data of its constructor's fields."""
     kind: Any = _class(data, plugins, where)
     names = field_names(kind) or ()
     table = {key: value for key, value in data.items() if key != "type"}

@@ -111,7 +111,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
-    """The scenario as another law flies it, without what it changes of its own controller in flight.
+    """The scenario with another law, without scheduled changes of its former controller.
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
@@ -131,13 +131,13 @@ PYTHON_ONLY = ("network",)
 
 
 def law_words(law: str) -> tuple[str, ...]:
-    """Words that a table may have beside a law: its options as a file calls them, and those of any law."""
+    """Fields that a table may have next to a law: its options as in a file, and those of any law."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety", "servos")
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """A preset, or a law and its options, for a belief; ``known`` is what it may know of its loop."""
+    """A preset, or a law and its options, for a model; ``known`` are the timing data of its loop."""
     return preset_from(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
 
 
@@ -158,7 +158,7 @@ def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Contr
 
 
 def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """The law of a table; ``known`` is what it may know of its loop.
+    """The law of a table; ``known`` are the timing data of its loop.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

@@ -37,7 +37,7 @@ class Ending:
     """One word for the log."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
-        """True while the episode may go on; pure, over any scalar, and false for NaN.
+        """True while the episode is not over; pure, over any scalar, and false for NaN.
 
         Args:
             scenario: of the episode.
@@ -153,7 +153,7 @@ class Ground(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorContact(Ending):
-    """A rotor's disc at a surface of the world that stands still."""
+    """A rotor's disc touches a fixed surface of the world."""
 
     status: ClassVar[str] = "rotor_contact"
 
@@ -172,7 +172,7 @@ class RotorContact(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BodyContact(Ending):
-    """The base's origin or a joint inside a surface that stands still; only contact points may be there."""
+    """The base's origin or a joint inside a fixed surface; only contact points may be there."""
 
     status: ClassVar[str] = "body_contact"
 
@@ -206,7 +206,7 @@ STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
-    """(distance in m, rotor, surface) of every rotor's disc and every surface that stands still."""
+    """(distance in m, rotor, surface) of every rotor's disc and every fixed surface."""
     R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
     for contact in scenario.worlds:
         for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
@@ -217,7 +217,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
 
 
 def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
-    """(depth in m, what, surface) of the base's origin and of every joint in every surface that stands still."""
+    """(depth in m, what, surface) of the base's origin and of every joint in every fixed surface."""
     vehicle, found = scenario.plant.vehicle, list[tuple[Any, str, str]]()
     for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)

@@ -58,7 +58,7 @@ def with_part(scenario: Scenario, path: str, value: Any) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]:
-    """Fields of the scenario that a part in the words of a file replaces."""
+    """Fields of the scenario that a part, written as in a file, replaces."""
     if path in PARTS:
         place, read = PARTS[path]
         return {place[-1]: read(value, path)}
@@ -188,7 +188,7 @@ class Stretch:
 
 
 def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
-    """The stretches of a flight, the first as it began, which is of no period where a change takes hold in the first.
+    """The stretches of a flight; the first is empty if a change takes effect in the first period.
 
     Changes beyond its end come in none.
     """
@@ -243,7 +243,7 @@ MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(W
 
 
 def require_changes(scenario: Scenario) -> None:
-    """Refuse changes that could not be made; they are tried one after the other, those of one instant together.
+    """Refuse invalid changes; they are tried in order, those of one instant together.
 
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
@@ -254,7 +254,7 @@ def require_changes(scenario: Scenario) -> None:
 
 
 def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence[Change]) -> None:
-    """Refuse what has just been changed if changes to come could not be made any more.
+    """Refuse a change that makes a later change invalid.
 
     Args:
         begun: as the flight began.
@@ -271,7 +271,7 @@ def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence
 
 
 def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
-    """Make changes one after the other as they take hold, those of one control period together."""
+    """Apply changes in order, those of one control period together."""
     rate = begun.rates.control
 
     def tick(named: tuple[str, Change]) -> int:
@@ -361,7 +361,7 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Loads add up: one that is changed again keeps its name, or it would hang there twice."""
+    """Refuse a second path to one payload: payloads add up, and it would be applied twice."""
     for other in changed if is_payload(path) else ():
         if other != path and is_payload(other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")

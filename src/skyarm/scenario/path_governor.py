@@ -103,7 +103,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
 
 
 def _require_no_instants(scenario: Scenario) -> None:
-    """Refuse what a flight takes or leaves at instants: they would come before the vehicle."""
+    """Refuse events at fixed instants: a slowed vehicle would arrive after them."""
     grippers = () if scenario.world is None else scenario.world.grippers
     for each in grippers:
         if each.closed.signal.switch_times():
@@ -224,7 +224,7 @@ class GovernorOptions:
 
     @property
     def pause(self) -> PathPause | None:
-        """The pause in flight; None where nothing bounds it."""
+        """The pause in flight; None without bounds for it."""
         found = PathPause(error=self.pause_error, thrust=self.pause_thrust, acceleration=self.pause_acceleration)
         return found if found.is_active else None
 
@@ -279,7 +279,7 @@ class Limits:
         return found
 
     def _shift(self, motion: Motion, settled: Any) -> Array:
-        """(3, K) m/s^2, by which a base that tilts accelerates besides for its tip to stay where a level one has it."""
+        """(3, K) m/s^2, additional acceleration of a tilted base that keeps its tip where a level base has it."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
         arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])
@@ -319,7 +319,7 @@ class Limits:
         )
 
     def _window_means(self, time: Array) -> Any:
-        """Means over two windows of SETTLES seconds: what the attitude follows of the force's direction."""
+        """Means over two windows of SETTLES seconds: the attitude's response to the force's direction."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))
 

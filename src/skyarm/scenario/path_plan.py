@@ -132,7 +132,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
 
 
 def _first_rate(square: Array) -> float:
-    """The largest ds/dt that may stay for the first two steps.
+    """The largest ds/dt that is feasible for the first two steps.
 
     Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
     """

@@ -1,4 +1,4 @@
-"""Paths of numbers: the words of a scenario file, and the places of the scenario's records that they lead to.
+"""Parameter paths: names in a scenario file, and the places of the scenario's records that they denote.
 
 One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
 file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
@@ -50,7 +50,7 @@ JOINED = "reference.joined"
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Places of the scenario record at which the number of a path stands; all hold the same.
+    """Places of the scenario record that a path denotes; all hold the same number.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
@@ -115,7 +115,7 @@ def _further(scenario: Scenario, path: str) -> list[str]:
 
 
 def _with_heads(heads: tuple[Place, ...], found: Any) -> Any:
-    """Places seen from the scenario; a tree of more words is seen from the first head."""
+    """Places relative to the scenario; a tree of more names is relative to the first head."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
     return found
@@ -204,7 +204,7 @@ def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
 
 
 def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
-    """The same places seen from a record further out."""
+    """The same places relative to an outer record."""
     if isinstance(at, tuple):
         return tuple((*head, *place) for place in at)
     return {name: _under(head, inner) for name, inner in at.items()}

@@ -90,7 +90,7 @@ def check_scenario(scenario: Scenario) -> None:
 
 
 def _check_times(scenario: Scenario) -> None:
-    """Duration and delays are whole numbers of steps within the flight; a varied delay stays below its longest."""
+    """Require whole numbers of steps for duration and delays; a varied delay stays below its longest."""
     rates, delays = scenario.rates, scenario.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
         most = f"{LONGEST_FLIGHT / rates.control:g} s"
@@ -162,7 +162,7 @@ def _check_reference(scenario: Scenario) -> None:
 
 
 def _check_sensors(scenario: Scenario) -> None:
-    """Named sensors tick with the loop and have names of their own; law, phases and estimator have those they need."""
+    """Check named sensors: periods of the loop, unique names, and the sensors that law, phases and estimator need."""
     rates, vehicle = scenario.rates, scenario.plant.vehicle
     sensors: dict[str, Sensor] = {}
     for each in scenario.sensors:
@@ -287,7 +287,7 @@ def _check_surroundings(scenario: Scenario) -> None:
 
 
 def _check_mujoco_contacts(scenario: Scenario) -> None:
-    """Refuse what MuJoCo's own contacts cannot fly."""
+    """Refuse settings that MuJoCo's own contacts do not support."""
     plant, contact = f"plant.kind = {shown(scenario.kind)}: must be 'rigid_body' or 'mujoco'", scenario.world
     if contact is None:
         raise ValueError(f"{plant} without a [world], of which nothing can be touched")
@@ -410,7 +410,7 @@ def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle:
 
 
 def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
-    """Phases wait for what a sensor of the vehicle reads."""
+    """Require the sensors that guards of phases read."""
     if not trajectory.guards:
         return
     from skyarm.sensing.sensor_kinds import TactileSwitch

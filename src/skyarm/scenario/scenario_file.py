@@ -234,13 +234,13 @@ def usual_integrator(plant: Any) -> str:
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
-    """[[changes]]; a controller that takes the place of the file's is not changed by the file."""
+    """[[changes]]; those of the controller are dropped if another controller replaces the file's."""
     found = tuple(record_from(Change, fields) for fields in top.tables("changes"))
     return without_law(found) if "controller" in replaced else found
 
 
 def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
-    """Refuse changes that take hold in no control period of a flight.
+    """Refuse changes that fall into no control period of a flight.
 
     Raises:
         ScenarioError: one line.

@@ -22,7 +22,7 @@ from skyarm.scenario.scenario_record import Change, Delays, Rates, Scenario, Sce
 
 
 def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | None = None) -> Scenario:
-    """The scenario that a log keeps, with what is replaced in it.
+    """The scenario of a log, with replaced parts.
 
     Args:
         path: of a log in a format that can be read back.

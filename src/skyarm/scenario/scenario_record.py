@@ -124,7 +124,7 @@ class Delays:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NamedSensor:
-    """A sensor beside the full state; its readings reach the estimator under this name."""
+    """A sensor in addition to the full state; its readings reach the estimator under this name."""
 
     name: str
     sensor: Sensor
@@ -152,7 +152,7 @@ class JointDrive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """A change in flight takes hold in the first control period that does not begin before ``at``.
+    """Scheduled change; it takes effect in the first control period that does not begin before ``at``.
 
     Attributes:
         at: s.
@@ -180,7 +180,7 @@ class Change:
             raise ScenarioError("value: has too many lists or tables within each other") from None
 
     def tick(self, rate: int) -> int:
-        """The control period that it takes hold in, at this control rate (Hz)."""
+        """The control period in which it takes effect, at this control rate (Hz)."""
         k = math.floor(self.at * rate)
         # against the instants as the loop has them: k / rate
         while k / rate < self.at:
@@ -221,12 +221,12 @@ def _table(value: Any) -> Any:
 
 
 def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
-    """Changes as they take hold: by control period, those of one period in the order given."""
+    """Changes in order of their control periods, those of one period in the given order."""
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
 def without_law(changes: Iterable[Change]) -> tuple[Change, ...]:
-    """The changes that are not of the controller: another law than the one they were meant for flies without them."""
+    """Changes other than those of the controller, which another law does not take over."""
     return tuple(each for each in changes if each.path.split(".", maxsplit=1)[0] != "controller")
 
 
@@ -275,7 +275,7 @@ class Environment:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Agent:
-    """One vehicle with all that is its own: truth, law, reference, sensors, estimator, drives, delays, loads.
+    """One vehicle and its parts: plant, law, reference, sensors, estimator, drives, delays, payloads.
 
     Attributes:
         plant: true vehicle and gravity.

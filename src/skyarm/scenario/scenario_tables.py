@@ -211,7 +211,7 @@ def controller(
 
 
 def _require_alone(fields: Fields) -> None:
-    """Refuse a law beside a file of gains, which names its own."""
+    """Refuse a law together with a file of gains, which names its own."""
     for word, value in fields.table.items():
         if word not in ("tuned", "safety", "servos"):
             allowed = "beside it only safety and servos are allowed"
@@ -266,7 +266,7 @@ def drives(plant: Fields) -> tuple[JointDrive, ...]:
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
-    """Facts of the flight that a reference's tables may need."""
+    """Facts of the flight for a reference's tables."""
     weight = float(world.vehicle.mass) * float(world.gravity)
     most = float(highest_thrust(world.vehicle)) / weight if weight > 0.0 else math.inf
     return Setting(vehicle=world.vehicle, gravity=float(world.gravity), duration=duration, thrust_to_weight=most)
@@ -343,7 +343,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:
-    """Refuse a start at rest on nothing, or with a motion."""
+    """Refuse a standing start without a world, or with a motion."""
     if not scenario.worlds:
         raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):

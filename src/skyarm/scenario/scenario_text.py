@@ -142,7 +142,7 @@ def _table(change: Mapping[str, Any]) -> str:
 
 
 def _without_changes(text: str) -> str:
-    """The text without its ``[[changes]]``, as far as its lines tell; what is made of it is read back and compared."""
+    """The text without its ``[[changes]]``, cut by lines; the caller reads the result back and compares."""
     kept, skipping = [], False
     for line in text.splitlines():
         if HEAD.fullmatch(line):
@@ -190,7 +190,7 @@ def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
 
 
 def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
-    """Words and value of everything in plain data that has no parts itself."""
+    """Paths and values of all leaves of plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
         yield words, data

@@ -132,7 +132,7 @@ def _of_joint(name: str, value: Any, kind: str) -> Suspicion:
 
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
-    """Lines about numbers of a scenario that are allowed and hardly meant; empty where there is none."""
+    """Warnings about suspicious values of a scenario, which are allowed; empty if there are none."""
     vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.plant.vehicle))
     return (*vehicle, *unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario))
 

@@ -109,7 +109,7 @@ def join_pieces(
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Give each table the arrays that only others have: zeros where a law finds nothing, NaN where nothing is read."""
+    """Add missing arrays to each table: zeros where a law has no estimates, NaN where a sensor has no reading."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():

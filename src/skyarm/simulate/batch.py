@@ -189,7 +189,7 @@ class Batch:
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Status of each lane, by the scenario of the leg that it was left in."""
+        """Status of each lane, by the scenario of its last leg."""
         if len(self._legs) == 1:
             return self._legs[0].statuses(columns, now, ticks, ended)
         found = np.full(len(ticks), "completed", dtype=object)

@@ -313,20 +313,20 @@ class Leg:
             self.code.kernel.pools.close()
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
-        """Path -> (lanes,) numbers that count in this leg: the lanes' own, and those that changes set."""
+        """Path -> (lanes,) numbers in force in this leg: the lanes' own, and those set by changes."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
         return own | {path: given[source] for path, source in self._swept.items()}
 
     def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
-        """(numbers, lanes) as the code takes them."""
+        """(numbers, lanes) parameters of the code."""
         given = dict(zip(self._options.paths, columns, strict=True))
         rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
         every = [*columns, *rows]
         return np.stack(every) if every else np.zeros((0, lanes))
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
-        """(carry, lanes) of the first period: first states, or what the leg before this one left."""
+        """(carry, lanes) of the first period: initial states, or the final carry of the leg before."""
         fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
@@ -358,7 +358,7 @@ class Leg:
         return carry, log
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Status of lanes that this leg left, from the loops they were left in."""
+        """Status of lanes at the end of this leg, from their loop states."""
         return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:

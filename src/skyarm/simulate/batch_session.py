@@ -136,7 +136,7 @@ class BatchSession:
         return now
 
     def set(self, values: Mapping[str, Any], mask: Array | None = None) -> None:
-        """Give lanes other numbers by path; they hold from the next step on, a start from the next episode on.
+        """Set numbers of lanes by path; they hold from the next step on, initial values from the next episode on.
 
         Args:
             values: path -> one number for all lanes, or (lanes,).
@@ -213,7 +213,7 @@ class BatchSession:
         return self.state
 
     def _fly(self) -> None:
-        """One control period in every lane, and how the episodes stand after it."""
+        """Fly one control period in every lane, and update the termination flags."""
         self._stepper.step()
         np.less(self._alive, 0.5, out=self.ended)
         np.greater_equal(self._ticks, self.scenario.steps, out=self.truncated)
@@ -222,7 +222,7 @@ class BatchSession:
             self._tell_apart()
 
     def _fly_those_that_go_on(self) -> None:
-        """One control period; lanes whose episode is over are put back as they were."""
+        """Fly one control period; lanes whose episode is over are restored."""
         over = np.flatnonzero(self.ended | self.truncated)
         held = self._carry[:, over].copy(), self.ended[over], self.truncated[over]
         if over.size < self.lanes:

@@ -28,7 +28,7 @@ SLACK = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Why an episode stopped: status, cause in words, time in s."""
+    """Early end of an episode: status, cause in words, time in s."""
 
     status: str
     cause: str
@@ -63,7 +63,7 @@ def _both(a: Any, b: Any) -> Any:
 
 
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
-    """The ending that a state in flat floats means, or None; ``goal`` is the held reference's position."""
+    """The ending reached by a state in flat floats, or None; ``goal`` is the held reference's position."""
     vehicle = scenario.plant.vehicle
     state = rebuild(example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), iter(x))
     for ending in endings_of(scenario):
@@ -85,7 +85,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
 
 
 def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
-    """The ending that a command means, or None."""
+    """The ending reached by a command, or None."""
     cause = not_finite(scenario.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
@@ -102,7 +102,7 @@ def statuses(
     ended: Array,
     failed: Array | None = None,
 ) -> Array:
-    """Status of each lane of a batch, from the states they were left in.
+    """Status of each lane of a batch, from its final state.
 
     Args:
         scenario: of the batch.

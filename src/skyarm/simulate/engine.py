@@ -200,7 +200,7 @@ class _PythonSteps:
         self.carry[:] = now
 
     def _draws(self, k: int) -> tuple[float, ...]:
-        """Uniform numbers of a period, made for a second or so at a time."""
+        """Uniform numbers of a period, drawn for about a second at a time."""
         if not self._loop.uniforms:
             return ()
         block, row = divmod(k, DRAWN)
@@ -300,7 +300,7 @@ class Engine:
         self._stepper.read_tables(self._rows, log)
 
     def _fly(self, stop: int) -> bool:
-        """Fly up to a period; whether the episode goes on."""
+        """Fly up to a period; True while the episode is not over."""
         while stop > self._room:
             longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
             longer[: len(self._log)] = self._log
@@ -315,7 +315,7 @@ class Engine:
         return True
 
     def _reason(self, *, lost: bool) -> Ended | None:
-        """Why the episode has ended, in words; None for one that has flown its time."""
+        """Cause of an early end of the episode, in words; None after its full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
         found = find_ending(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
         found = found or failed_phase(scenario, time, now.clock)
@@ -387,7 +387,7 @@ class Engine:
         return measurement
 
     def snapshot(self) -> Any:
-        """Everything that :meth:`restore` takes; periods flown later are written beyond its part of the log."""
+        """Data for :meth:`restore`; periods flown later are written beyond its part of the log."""
         stepper = self._stepper
         numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
@@ -403,7 +403,7 @@ class Engine:
             self.code.calls.memory = copy.deepcopy(memory)
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
-        """Fly on with other numbers from the next period on, if the same program can; False where nothing happened.
+        """Change numbers from the next period on, if the same program can; False if nothing was changed.
 
         Args:
             scenario: as it is now.
@@ -421,7 +421,7 @@ class Engine:
         return True
 
     def take_over(self, other: Engine, *, anew: bool) -> None:
-        """Go on where another engine stands; ``anew``: with another reference."""
+        """Continue from the state of another engine; ``anew``: with another reference."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
         kept = carry_over(self.first, now, component_groups(self.scenario, other.scenario), clock)

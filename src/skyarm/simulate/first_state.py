@@ -56,7 +56,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
 
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
-    """A sensor before its first reading; what is on its way has the shape of a reading, and is never seen."""
+    """Sensor state before the first reading; placeholders in the delay queue have the shape of a reading."""
     vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
@@ -86,7 +86,7 @@ def readings_waiting(scenario: Scenario, index: int) -> int:
 
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
-    """Surroundings of one period as an example: those of the start, since a component may refuse other numbers."""
+    """Surroundings of the first period as an example, since a component may refuse other numbers."""
     return Stages(scenario).surroundings(first.components, first.drives, 0.0)
 
 

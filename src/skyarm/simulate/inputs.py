@@ -123,7 +123,7 @@ class EpisodeInputs:
         return [float(c) for c in self.held_now(now).position]
 
     def held_now(self, now: LoopState) -> Reference:
-        """The held reference where the clock of a loop stands, as data."""
+        """The held reference at the clock of a loop, as data."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
         held, _, _ = self.waiting_references(columns)
         dense: Reference = held.dense()

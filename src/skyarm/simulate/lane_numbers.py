@@ -55,7 +55,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
 
 
 def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
-    """Paths of numbers that compiled code reads, each a number of its own.
+    """Require paths of numbers that compiled code reads, each of a different number.
 
     Raises:
         ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
@@ -142,7 +142,7 @@ def lane_columns(
 
 
 def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
-    """Varied delays stay within the queue of commands.
+    """Require that varied delays fit the queue of commands.
 
     Args:
         scenario: with the longest delay of its queue.
@@ -174,7 +174,7 @@ REFUSALS = (ValueError, ArithmeticError)
 
 
 def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse to vary noise that the scenario has not: no random numbers were put by for it.
+    """Refuse to vary noise that the scenario lacks: no random numbers are reserved for it.
 
     Raises:
         ScenarioError: names the path.
@@ -203,7 +203,7 @@ class LaneRules:
         self._passed: dict[str, tuple[float, float]] = {}
 
     def require(self, values: Mapping[str, Any]) -> None:
-        """Refuse numbers with which the scenario could not be made.
+        """Refuse numbers that make the scenario invalid.
 
         Args:
             values: path -> (lanes,) or one number for all; some of the paths, the others are the scenario's.
@@ -231,7 +231,7 @@ class LaneRules:
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
 
     def _look_at(self, numbers: dict[str, float], lane: int) -> None:
-        """Make the scenario of one lane; of a refusal the number is named that alone would be refused."""
+        """Build the scenario of one lane; an error names the number that alone would be refused."""
         words = self._refusal(numbers)
         if words is None:
             return

@@ -120,7 +120,7 @@ def read(log: Log | str | os.PathLike[str]) -> Log:
 
 
 def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> Scenario:
-    """The scenario of a log, under its own law or another.
+    """The scenario of a log, under its law or another.
 
     Raises:
         ScenarioError: one line.

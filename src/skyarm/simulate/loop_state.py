@@ -1,4 +1,4 @@
-"""Records of the closed loop: what a control period hands on, what it is fed, what may be logged of it."""
+"""Records of the closed loop: state between control periods, external inputs, logged samples."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Row:
     """External inputs of a control instant: its time and the held reference.
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
-    ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
+    ``told`` is the governed sample that the law receives in its place and ``path_time`` the reference's time, s
     (:mod:`skyarm.reference.governor.path_time`); without a governor both are empty: structure.
     """
 
@@ -77,7 +77,7 @@ class Sample:
     """Quantities of a control instant that may be logged.
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
-    each, as they had arrived; ``found`` is what the law found out, of most laws nothing
+    each, as they had arrived; ``found`` are the online estimates of the law, () of most laws
     (:mod:`skyarm.control.law_estimates`); ``led`` is what :meth:`skyarm.simulate.reference_clock.Waits.times` says of a
     reference that waits.
     """

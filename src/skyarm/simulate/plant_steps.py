@@ -105,7 +105,7 @@ class EpisodeEndedError(Exception):
 
 
 class StagesInPython(Stages):
-    """Stages of a period that is evaluated in Python: an ending stops it, and a law may be called with floats.
+    """Stages of a period evaluated in Python: an ending stops it, and a law may be called with floats.
 
     Args:
         scenario: of the episode. calls: of its law. example: a command, for its structure.
@@ -131,7 +131,7 @@ class StagesInPython(Stages):
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """The law, called with floats if it cannot be traced; others than the law know its observed push alone."""
+        """The law, called with floats if it cannot be traced; only its observed push is visible outside."""
         if self.scenario.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law

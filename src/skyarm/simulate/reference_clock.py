@@ -1,4 +1,4 @@
-"""Clocks of the reference: phases that wait for the flight, and a governor that pauses; both are state of the loop.
+"""Clocks of the reference: phases with guards, and a pausing governor; both are states of the loop.
 
 The clock of phases counts control periods of the reference. It goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
@@ -79,7 +79,7 @@ class Seen:
     """Inputs of the guards in a control period.
 
     Attributes:
-        tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
+        tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
         force: on the tip as the law observes it, N, world axes; None of a law that observes none.
         felt: the same as a force sensor reads it, where a guard asks for that. switches: 1 closed, in the order of
             those that ``Waits`` looks at.
@@ -151,7 +151,7 @@ class Waits:
         )
 
     def begun_at(self, ticks: Any) -> PathClock | tuple[()]:
-        """The clock of a task that takes over in a control period of the flight: at the first guard to come.
+        """The clock of a task that starts during the flight: at its first guard to come.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -288,7 +288,7 @@ class Waits:
         )
 
     def _skip(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
-        """Offset of the reference, which stays where it is when what is left of a phase is skipped."""
+        """Offset of the reference, which keeps its position when the rest of a phase is skipped."""
         if not self._moves:
             return {"offset": (), "since": ()}
         now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position
@@ -349,7 +349,7 @@ class Waits:
         return self._select(n, [nothing if value is None else value for value in given])
 
     def _select(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
-        """The value that belongs to guard number n; ``beyond`` those, the last one's if left out."""
+        """The value for guard number n; after the last guard ``beyond``, by default the last value."""
         found = values[-1] if beyond is None else beyond
         for i in reversed(range(len(values))):
             found = where(n < i + 0.5, values[i], found)
@@ -403,7 +403,7 @@ class Paces:
         return PaceClock(now=now, held=() if self._ratio == 1 else now)
 
     def begun_at(self, ticks: Any) -> PaceClock:
-        """The clock of a reference that takes over in a control period of the flight."""
+        """The clock of a reference that starts in a control period of the flight."""
         first = self.first()
         now = dataclasses.replace(first.now, place=ticks)
         return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
@@ -488,7 +488,7 @@ def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: 
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:
-    """The clock as it begins in the present period; () where the one before goes on, or where there is none.
+    """The clock at its start in the present period; () if the one before continues, or if there is none.
 
     Args:
         scenario: after the change.

@@ -57,7 +57,7 @@ class Course:
 
     @property
     def plan(self) -> Scenario:
-        """The scenario that flies this again: as it began, with the changes made since and those to come."""
+        """The scenario that reproduces this flight: its initial scenario with past and coming changes."""
         changes = (*self.made, *self.coming)
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
@@ -77,7 +77,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """The course after changes made by hand, before this control period.
+        """The course after interactive changes, before this control period.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -120,7 +120,7 @@ class Flying:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """A session at an instant, to go back to; it may be restored more than once.
+    """Snapshot of a session; it may be restored more than once.
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
@@ -262,7 +262,7 @@ class Session:
         return self.log
 
     def fly(self, stop: int) -> bool:
-        """Fly by the law some periods at a stretch, at most up to one; whether the episode goes on.
+        """Fly several periods by the law, at most up to one; True while the episode is not over.
 
         A stretch takes about a tenth of a second, and ends where the scenario changes.
         """
@@ -311,7 +311,7 @@ class Session:
         self._engine.restore(snapshot.flying.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Give the scenario other numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
+        """Change numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
 
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
@@ -344,7 +344,7 @@ class Session:
         self._go_on(self._course.with_scenario(self.tick, scenario, self._engine.piece))
 
     def _make_engine(self, course: Course) -> Engine:
-        """Machine code where it can be made, else Python."""
+        """Machine code if available, else Python."""
         scenario = course.now
         if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
             if course.begun is not self._begun:
@@ -356,7 +356,7 @@ class Session:
         return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
 
     def _compile(self, course: Course, scenario: Scenario) -> Engine:
-        """An engine in machine code, with a program that was made before if one fits."""
+        """An engine in machine code, with an earlier program if one fits."""
         read, key = self._read(course), self._key(course)
         numbers, shape = dict(read.numbers), read.parts_of(course.begun)
         code = next((code for code in self._codes if code.fits(key, scenario)), None)
@@ -376,7 +376,7 @@ class Session:
         return Engine(code, scenario, numbers)
 
     def _let_change(self) -> None:
-        """Let the changes take hold that the next period begins with."""
+        """Apply the changes that are due in the next period."""
         if self._course.due(self.tick):
             self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
 
@@ -385,7 +385,7 @@ class Session:
         return course.overrides.data(course.begun, self._paths)
 
     def _key(self, course: Course) -> Any:
-        """Programs of one key differ in the values of their numbers alone."""
+        """Key of a program; programs of one key differ in the values of their numbers only."""
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
 

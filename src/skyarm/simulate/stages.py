@@ -235,11 +235,11 @@ class Stages:
 
     @property
     def coupled_indices(self) -> tuple[int, ...]:
-        """Numbers of the components whose memories go on with the plant."""
+        """Indices of the components whose memories are integrated with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
-        """Memories of all components at the end of the period, those that went on with the plant as it left them."""
+        """Memories of all components at the end of the period, the coupled ones as integrated with the plant."""
         held = list(memories)
         for place, memory in zip(self.coupled_indices, coupled, strict=True):
             held[place] = memory

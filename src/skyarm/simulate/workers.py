@@ -59,7 +59,7 @@ def _content(cell: CellType) -> tuple[Any, ...]:
 
 
 def _empty(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
-    """The function before what it was closed over is there: it may have been closed over itself."""
+    """A function with empty closure cells, filled later: a closure may contain the function itself."""
     inner: CodeType = marshal.loads(code)
     closure = tuple(CellType() for _ in range(cells))
     made = FunctionType(inner, import_module(module).__dict__, inner.co_name, None, closure)
@@ -128,7 +128,7 @@ _REFUSED: list[RegistryError] = []
 
 
 def _call(work: bytes) -> Any:
-    """Do a piece of work; it is unpickled here, once the plugins that it may need are loaded."""
+    """Execute one task; it is unpickled here, after the plugins that it may need are loaded."""
     if _REFUSED:
         raise _REFUSED[0]
     function, arguments = pickle.loads(work)
@@ -155,7 +155,7 @@ def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Wait for the parent's end, however it comes: a killed parent cannot tell its workers, who would wait for ever."""
+    """Wait for the end of the parent: a killed parent cannot stop its workers, which would wait for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -171,7 +171,7 @@ class Mimic:
 def couple(
     links: Sequence[Link], frames: Sequence[Frame], mimics: Mapping[str, Mimic]
 ) -> tuple[tuple[Link, ...], tuple[Follower, ...], tuple[Frame, ...]]:
-    """Links with joints of their own, followers, and the frames with the new indices of both.
+    """Independent links, followers, and the frames with the new indices of both.
 
     Damping and armature of a follower's joint are felt at its leader, by the square of the ratio; its dry friction by
     the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as

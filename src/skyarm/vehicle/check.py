@@ -34,7 +34,7 @@ class VehicleError(RecordError):
 
 
 def accept_named(record: Any, kind: str) -> None:
-    """Put a record that has a name in the form it is held in; messages call it by the name, ``joints[shoulder].axis``.
+    """Convert a named record to its stored types; messages call it by the name, ``joints[shoulder].axis``.
 
     Raises:
         VehicleError: one line with field, value and what is allowed.
@@ -126,7 +126,7 @@ def vehicle(value: Vehicle) -> None:
 
 
 def _drives(value: Vehicle) -> None:
-    """Each drive is of a joint of its own, which lets it give a torque."""
+    """Require a different joint for each drive, one that lets it give a torque."""
     joints = [link.joint.name for link in value.links]
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
@@ -138,7 +138,7 @@ def _drives(value: Vehicle) -> None:
 
 
 def _follower(value: Vehicle, each: Follower, index: int) -> None:
-    """A follower has a leader, an earlier parent, and a joint without anything of its own."""
+    """Require of a follower a leader, an earlier parent, and a joint without dynamics."""
     field, link = f"followers[{each.name}]", each.link
     inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     joint(f"{field}.link.joint", link.joint)

@@ -164,7 +164,7 @@ def _compiled_apart(path: Path) -> Any:
 
 
 def _require_numbers(read: ET.Element) -> None:
-    """Refuse a number that is none: to MuJoCo it would mean one that was left out."""
+    """Refuse NaN, which MuJoCo reads as a missing number."""
     for element in read.iter():
         for name, value in element.attrib.items():
             if name not in NAMES and "nan" in value.lower().split():
@@ -306,7 +306,7 @@ def joint_name(model: Any, joint: int) -> str:
 
 
 def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
-    """Joint record at a pose in its parent; its zero is where the model stands at first (``ref``)."""
+    """Joint record at a pose in its parent; its zero is the model's reference position (``ref``)."""
     name = joint_name(model, joint)
     zero = float(model.qpos0[model.jnt_qposadr[joint]])
     if zero:
@@ -360,7 +360,7 @@ def _largest_force(model: Any, actuator: int) -> float:
 
 
 def mimics_of(model: Any) -> dict[str, Mimic]:
-    """Joint -> the one that it follows, of the equalities of joints; one that is held by itself follows nothing ("").
+    """Joint -> the one that it follows, from the equalities of joints; a joint fixed by an equality follows none ("").
 
     Raises:
         VehicleError: an equality that is no straight line.

@@ -131,7 +131,7 @@ def pivot_into_parent(vehicle: Vehicle, i: int, value: float, whole: list[Any], 
 
 
 def joint_mobility(vehicle: Vehicle) -> list[Any]:
-    """Joint accelerations that joint efforts give, (n, n), at six configurations within the limits; NaN if undefined.
+    """Joint accelerations per joint effort, (n, n), at six configurations within the limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
@@ -211,7 +211,7 @@ def _definite(value: Body) -> bool:
 
 
 def _describe(value: Vehicle, field: str) -> str:
-    """Say in words what the refused field is."""
+    """Words for the link or the base of a refused field."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
             return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"

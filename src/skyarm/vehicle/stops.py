@@ -1,4 +1,4 @@
-"""Hard stops for the joints of a vehicle that comes from a file and does not state its own.
+"""Hard stops for joints of a vehicle file that does not state them.
 
 A real joint meets metal or rubber at its limits. How hard these are is rarely known. The default gives way little to
 the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a

@@ -199,7 +199,7 @@ def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
 
 
 def _inertial(link: ET.Element) -> list[Body]:
-    """Body of one link in its own axes; none if the file gives no inertial. An inertial must be whole."""
+    """Body of one link in its own axes; none if the file gives no inertial. An inertial must be complete."""
     inertial = child(link, "inertial", f"link[{link.get('name')}]")
     if inertial is None:
         return []
@@ -398,7 +398,7 @@ def read_xml(path: str | os.PathLike[str]) -> tuple[ET.Element, bool]:
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """The child element of a kind of which there may be one."""
+    """The child element of a kind that may occur once."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
@@ -417,13 +417,13 @@ def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field:
 
 
 def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
-    """A number that may be left out; infinite only where that means something."""
+    """An optional number; infinite only where that is allowed."""
     text: Any = None if element is None else element.get(name)
     return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
 
 
 def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
-    """Three numbers that may be left out."""
+    """Three optional numbers."""
     text: Any = None if element is None else element.get(name)
     if text is None:
         return default
@@ -434,7 +434,7 @@ def numbers(element: ET.Element | None, name: str, field: str, default: tuple[fl
 
 
 def finite(text: str, field: str, *, infinite: bool = False) -> float:
-    """A number in words."""
+    """A number from text."""
     try:
         value = float(text)
     except ValueError:

@@ -86,7 +86,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look(Frame):
-    """A mesh that a link looks like, at a pose in it; it has no mass and touches nothing.
+    """A visual mesh of a link, at a pose in it; it has no mass and no contact.
 
     Attributes:
         name: of the link in the file that describes it.
@@ -193,7 +193,7 @@ class Vehicle:
 
     @property
     def with_free_followers(self) -> Vehicle:
-        """The vehicle with its followers as links that have joints of their own."""
+        """The vehicle with its followers as links that have independent joints."""
         return self.with_checked(links=self.moving, followers=())
 
     def with_checked(self, **parts: Any) -> Vehicle:

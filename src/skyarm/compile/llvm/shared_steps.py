@@ -81,7 +81,7 @@ class ThreadPools:
         return ThreadPool()
 
     def give(self, pool: ThreadPool) -> None:
-        """Hand back what was taken."""
+        """Give the threads back to the pool."""
         self._idle.append(pool)
 
     def close(self) -> None:
@@ -198,7 +198,7 @@ class SharedSteps:
         machine.measure((time.perf_counter() - begun) * threads, work)
 
     def _share(self, step: Callable[[], None], threads: int) -> None:
-        """Have threads step, and wait for all of them."""
+        """Run the threads' steps, and wait for all of them."""
         ended: SimpleQueue[None] = SimpleQueue()
 
         def step_and_tell() -> None:

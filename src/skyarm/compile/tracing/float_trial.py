@@ -1,4 +1,4 @@
-"""A function called with floats beside its program: what it keeps outside its arguments shows as a difference.
+"""Comparison of a function in floats with its program: hidden state of the function shows as a difference.
 
 A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
 it, and nobody sees. Therefore it is called with floats for some periods, traced twice, and compared.

@@ -238,7 +238,7 @@ class Graph:
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 
     def slot(self) -> Node:
-        """Make a place that holds a loop's start value, then what its last round left there."""
+        """Make a slot of a loop: first its start value, then the value of the last round."""
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
     def repeat(

@@ -63,7 +63,7 @@ class PushTotals(Metric):
     """Force, losses and the tip's error of a commanded contact; nothing is counted where none is commanded."""
 
     def start(self) -> PushMemory:
-        """Nothing was touched."""
+        """Totals before any contact."""
         return PushMemory()
 
     def count(self, memory: PushMemory, now: Instant) -> PushMemory:
@@ -124,7 +124,7 @@ class LeftTotals(Metric):
     """Final displacement of moved objects, and the time at which the task was done."""
 
     def start(self) -> LeftMemory:
-        """Nothing was seen."""
+        """Totals before any motion of an object."""
         return LeftMemory()
 
     def count(self, memory: LeftMemory, now: Instant) -> LeftMemory:

@@ -47,7 +47,7 @@ class GripTotals(Metric):
     """Radial force and lag of a handle that turns; nothing is counted where the tip never holds one."""
 
     def start(self) -> GripMemory:
-        """Nothing was held."""
+        """Totals before any grasp."""
         return GripMemory()
 
     def count(self, memory: GripMemory, now: Instant) -> GripMemory:

@@ -115,7 +115,7 @@ def shortfall(log: Log) -> Shortfall:
 
 
 def _saturation(log: Log) -> Saturation | None:
-    """None, too, where a log keeps no vehicle."""
+    """Saturation of the actuators; none if a log has no vehicle."""
     beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)

@@ -103,7 +103,7 @@ def flight_definition(columns: Sequence[Column]) -> str:
 
 
 def definition(kind: str, definitions: Mapping[str, str]) -> str:
-    """A type's definition and behind it those of the types in it, as MCAP's encoding ``ros2msg`` wants them."""
+    """A type's definition followed by those of the types in it, as MCAP's encoding ``ros2msg`` requires."""
     found = list(dict.fromkeys(_inner(kind, definitions)))
     parts = (f"{LINE}\nMSG: {each}\n{definitions[each]}\n" for each in found)
     return "".join([f"{definitions[kind]}\n", *parts])

@@ -253,7 +253,7 @@ class WorldMarkers:
         self._moving |= {f"world/{each.name}" for carrier in carriers for each in carrier.surfaces}
 
     def still(self) -> list[dict[str, Any]]:
-        """A visualization_msgs/Marker for each surface that stays where it is."""
+        """A visualization_msgs/Marker for each fixed surface."""
         shapes = world_shapes(self._contacts, np.zeros(1), self._around)
         still = without_holes(each for each in shapes if each.shape.name not in self._moving)
         return [

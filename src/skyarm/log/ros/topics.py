@@ -255,7 +255,7 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
 
 def _world(every: int, log: Log) -> list[Topic]:
-    """Shapes of the world: those that stand still once, those that move with the time; none without a world."""
+    """Shapes of the world: fixed ones once, moving ones over time; none without a world."""
     markers_of_world = WorldMarkers(log)
     still, found = markers_of_world.still(), list[Topic]()
     if still:

@@ -22,7 +22,7 @@ _wrong_words: ContextVar[_Wrong | None] = ContextVar("wrong_words", default=None
 
 @contextmanager
 def all_wrong_words() -> Iterator[None]:
-    """Refuse the wrong words of all tables that are read inside together, in one line.
+    """Collect the unknown fields of all tables read inside into one error line.
 
     They are said before any other error, which one of them may have caused.
 

@@ -1,4 +1,4 @@
-"""Text of messages: on one line of bounded length, printable, with what was perhaps meant."""
+"""Text of messages: on one line of bounded length, printable, with suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ NEAREST = 4
 
 
 def did_you_mean(word: Any, known: Iterable[str]) -> str:
-    """Words that begin a message, such as ``did you mean 'case3'? ``; empty where nothing is alike."""
+    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar."""
     if not isinstance(word, str):
         return ""
     names = [name for name in known if name != word]
@@ -78,7 +78,7 @@ def nearest(word: Any, known: Iterable[str]) -> list[str]:
 
 
 def must_be_one_of(known: Iterable[str], word: Any, see: str = "") -> str:
-    """Allowed names in words, after what was perhaps meant.
+    """Allowed names in words, after a suggestion.
 
     Args:
         known: names.

@@ -32,7 +32,7 @@ def file_name(value: Any, field: str) -> str:
 
 
 def unreadable(path: Path) -> str:
-    """Why there is no file to read at a path, in words; empty if there is one."""
+    """Reason why there is no file to read at a path; empty if there is one."""
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
         mode = os.stat(path).st_mode
@@ -78,7 +78,7 @@ SUFFIXES = ("png", "svg", "pdf")
 
 
 def picture_file(name: str, field: str = "file") -> Path:
-    """Path of a picture that is to be made, checked before the work.
+    """Path of a picture to be written, checked before the work.
 
     Raises:
         ValueError: another suffix; one line with those there are. OSError: it cannot be written.
@@ -113,7 +113,7 @@ READS = {
 
 
 def kind_of(document: Mapping[str, Any]) -> str:
-    """One of ``READS``, or nothing where the tables do not tell."""
+    """One of ``READS``, or empty if the tables do not show it."""
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
     if "gains" in document and "law" in document:

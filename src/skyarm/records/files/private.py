@@ -22,7 +22,7 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name 
 
 
 def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
-    """Make a folder that its user alone can enter; one that is there is closed to others if it holds nothing else.
+    """Make a private folder; an existing one is closed to others if it holds nothing else.
 
     A folder with other files in it keeps its rights: it is used if nobody else may write there.
 
@@ -64,7 +64,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
 
 
 def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None:
-    """Content of a file that its user alone may write; None if there is none, or it is not such a file.
+    """Content of a file that only its user may write; None if there is none, or others may write it.
 
     Args:
         file: a regular file of this user; a link is not followed.
@@ -114,7 +114,7 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
 
 
 def _link(temporary: Path, file: Path) -> None:
-    """Give a file its name unless that is taken."""
+    """Rename a file unless the name is taken."""
     with contextlib.suppress(FileExistsError):
         try:
             os.link(temporary, file)

@@ -91,7 +91,7 @@ def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None
 
 
 def _is_binary(content: bytes) -> bool:
-    """By its length: the header of a binary file, too, may begin with "solid"."""
+    """Detect a binary file by its length: its header, too, may begin with "solid"."""
     if len(content) < HEADER:
         return False
     count = int.from_bytes(content[HEADER - 4 : HEADER], "little")

@@ -25,7 +25,7 @@ DEPTH = 8
 
 
 def own_code(thing: Any, depth: int = DEPTH) -> types.CodeType | None:
-    """The code that is not the library's, of a function or of one that it is made of; None where all of it is ours.
+    """The first part of a function that is user code; None if all of it is the library's.
 
     Args:
         thing: a function, a method, a partial one, an object that can be called, or a class.

@@ -189,7 +189,7 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
 
 
 def require_no_link(path: Path) -> Path:
-    """Refuse a link where a file or a folder of our own must be: it may lead anywhere.
+    """Refuse a link where a file or a folder of the library must be: it may lead anywhere.
 
     Raises:
         OSError: with one line that names it.
@@ -213,7 +213,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 @contextmanager
 def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
-    """Remove what the work inside made, where it raises an error that is none of the disk and left no result.
+    """Clean-up after failed work: remove its files, unless the disk failed or a result was written.
 
     Args:
         paths: folders that the work makes, outermost first (with those above them), and files that mean nothing

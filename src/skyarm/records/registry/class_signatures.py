@@ -76,7 +76,7 @@ def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
 
 
 def _number_mistake(name: str, held: Any) -> str | None:
-    """Why something cannot stand where the base has a number or a word; None where it can."""
+    """Reason why a value cannot replace the base's number or text; None if it can."""
     if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
         return None
     return f"has a function {name}: must be a field, a class attribute or a property"

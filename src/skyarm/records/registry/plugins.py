@@ -98,7 +98,7 @@ def plugin_of(module: str) -> Plugin | None:
 
 
 def identities() -> dict[str, str]:
-    """File or distribution name -> identity, for what results are made of; a second file of a name gets a number.
+    """File or distribution name -> identity, for the metadata of results; a second file of a name gets a number.
 
     The order in which they were loaded does not count.
     """
@@ -260,7 +260,7 @@ def law_of_file_key(text: str) -> str:
 
 
 def register_law_of_file(text: str) -> bool:
-    """Register the law that FILE.py:make means under that name; False if the text is not of this form.
+    """Register the law of FILE.py:make under that name; False if the text is not of this form.
 
     Only the command line does this: a file that is read never runs code.
 
@@ -278,7 +278,7 @@ def register_law_of_file(text: str) -> bool:
 
 
 def register_loaded_law(text: str) -> bool:
-    """Register the law that FILE.py:make means where its file was loaded already; False where it was not.
+    """Register the law of FILE.py:make if its file is loaded already; False if it is not.
 
     Nothing is run: a file that is read may name such a law, as it may name any other.
 
@@ -292,7 +292,7 @@ def register_loaded_law(text: str) -> bool:
 
 
 def load_installed() -> None:
-    """Load the plugins of installed packages; a broken one costs only its own names, and a line of warning."""
+    """Load the plugins of installed packages; a broken one is skipped with a warning."""
     for entry in metadata.entry_points(group=GROUP):
         distribution = entry.dist
         name = distribution.name if distribution is not None else entry.value
@@ -389,7 +389,7 @@ def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
 
 
 def _registered_packages() -> set[str]:
-    """Packages, or modules that stand alone, of everything that was registered from outside."""
+    """Packages, or top-level modules, of everything that was registered from outside."""
     return {module.split(".")[0] for module in _modules()}
 
 
