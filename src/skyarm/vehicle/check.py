@@ -138,7 +138,7 @@ def _drives(value: Vehicle) -> None:
 
 
 def _follower(value: Vehicle, each: Follower, index: int) -> None:
-    """Require of a follower a leader, an earlier parent, and a joint without dynamics."""
+    """Require of a follower a leader, an earlier parent, and a joint without friction, armature or stops."""
     field, link = f"followers[{each.name}]", each.link
     inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     joint(f"{field}.link.joint", link.joint)
