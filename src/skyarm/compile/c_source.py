@@ -265,7 +265,7 @@ def make_struct(
     Args:
         record: its leaves give the values.
         name: a member's name from a path.
-        keep: whether each leaf is wanted; a vector that is not wanted as a whole, or holds structure,
+        keep: True for each leaf to include; a vector that is not included as a whole, or holds structure,
             falls into members of its own.
         others: units of records, by place, whose fields mean something else there than they say.
 

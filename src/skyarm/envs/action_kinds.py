@@ -30,8 +30,8 @@ class Turn(NamedTuple):
     """Inputs of an action kind in a control period.
 
     Attributes:
-        memory: of the law, ``()`` where it is not asked. measurement: of the period. reference: told for it.
-        law: of the scenario. par: its constants, with the model. told: which joints take setpoints.
+        memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
+        law: of the scenario. par: its constants, with the model. told: True for joints that take setpoints.
     """
 
     memory: Any
@@ -111,7 +111,7 @@ class RotorsAndJoints(Actions):
     """Speeds of the rotors about hover, then setpoints of the joints.
 
     Attributes:
-        span: share of the believed hover speed that a full action adds or takes.
+        span: share of the model's hover speed that a full action adds or subtracts.
     """
 
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
@@ -183,10 +183,10 @@ class References(Actions):
 class Residual(Actions):
     """Correction of the law's command: of the rotors' speeds, then of the joints' setpoints.
 
-    A law that keeps what it commanded is told what was sent.
+    A law that remembers its command receives the command that was sent.
 
     Attributes:
-        span: share of the believed hover speed at full action.
+        span: share of the model's hover speed at full action.
     """
 
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.1

@@ -28,7 +28,7 @@ class Sight:
     """Inputs of a policy before it acts: those of a law, without the truth.
 
     Attributes:
-        measurement: of this period. reference: told for this period.
+        measurement: of this period. reference: of the law for this period.
         action: the one before, each number in [-1, 1]; zeros in an episode's first period.
         model: belief of the scenario's controller.
     """

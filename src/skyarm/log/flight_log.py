@@ -78,7 +78,7 @@ class Log:
             "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
             and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
-            ``code`` are the files of someone's own code that flew, by name and SHA-256, which are part of the digest.
+            ``code`` are the files of user code that flew, by name and SHA-256, which are part of the digest.
             ``phases`` are the kinds of the phases of a task that waits; ``received`` describes readings and estimate.
     """
 
@@ -220,7 +220,7 @@ class Log:
 
         Args:
             replaced: field -> value.
-            controller: (believed model, the other fields) -> fields with another controller in place of the log's.
+            controller: (the law's model, the other fields) -> fields with another controller in place of the log's.
 
         Raises:
             ValueError: as :attr:`scenario`, or of ``controller``.

@@ -247,7 +247,7 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
         info: of a log, which keeps the scenario that was flown.
 
     Returns:
-        units as ``rad or m``, of a revolute and of a prismatic joint; empty where a drive of someone's own states none,
+        units as ``rad or m``, of a revolute and of a prismatic joint; empty where a user's drive states none,
         or its plugin is not loaded.
     """
     carried = _rows(written_part(info, "agent", "plant", "vehicle", "drives"))

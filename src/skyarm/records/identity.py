@@ -25,7 +25,7 @@ FOR_PEOPLE = ("title", "sources", *DRAWN)
 def identity(record: Any) -> str:
     """Digest of a record's plain data, without titles and sources.
 
-    Where plugins are loaded, or code of the record is someone's own, their files are part of it: a file that has
+    Where plugins are loaded, or code of the record is the user's, their files are part of it: a file that has
     changed flies something else.
     """
     content, files = _without(plain(record), FOR_PEOPLE), all_files(record)
@@ -37,7 +37,7 @@ def log_digest(written: Any, files: Mapping[str, str]) -> str:
 
     Args:
         written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
-        files: name -> identity of the files of someone's own code in it (:func:`own_files`).
+        files: name -> identity of the files of user code in it (:func:`own_files`).
     """
     flown = _without(written, DRAWN)
     return digest({"record": flown, "code": dict(files)} if files else flown)

@@ -257,7 +257,7 @@ def load_controller(
 
     Args:
         file: path, .toml.
-        model: what the law believes.
+        model: of the law.
         delay: known age of the measurement, s; for laws with such an option, as all that follow.
         control_period: s.
         reference_period: between published samples, s.
@@ -284,7 +284,7 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
     Args:
         name: path of the file.
         folder: where it starts.
-        model: what the law believes.
+        model: of the law.
         known: what it may know of its loop.
         field: that names the file, for messages.
 

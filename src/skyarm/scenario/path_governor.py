@@ -1,7 +1,7 @@
 """Path governor: slows the path parameter of a reference that the nominal vehicle could not follow.
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
-and the lag t - s(t) stands beside them. The plan is made before the flight, from what the law believes; the scenario
+and the lag t - s(t) stands beside them. The plan is made before the flight, from the law's model; the scenario
 keeps it as a curve of time (:mod:`skyarm.reference.governor.path_time`), so that every engine flies the same numbers.
 """
 
@@ -233,7 +233,7 @@ class Limits:
     """The limits of the nominal vehicle, and demands as shares of them.
 
     Args:
-        model: what the law believes. options: of the governor.
+        model: of the law. options: of the governor.
     """
 
     def __init__(self, model: Model, options: GovernorOptions) -> None:

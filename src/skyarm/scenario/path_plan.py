@@ -5,7 +5,7 @@
 3. What the resulting motion asks of the vehicle is judged by inverse dynamics. Where it is too much, the ceiling is
    lowered there, or the path's acceleration where that alone is to blame; then again from 2.
 
-A limit lies in the judgement of the motion as it will be told, with its smoothing and its jerk, not in a bound for it.
+A limit applies to the motion as commanded, with its smoothing and its jerk, not to a bound for it.
 """
 
 from __future__ import annotations

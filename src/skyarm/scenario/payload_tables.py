@@ -13,7 +13,7 @@
     drop = 14.0                                      # the same; left out: it is held to the end
     kind = "rigid"                                   # or "hanging", a point mass on a cord: cord (m, 0.5), stretch (by
                                                      # its weight, of its length, 0.02), damping_ratio (0.2)
-    believed = true                                  # the law's model is told at both instants (default false)
+    believed = true                                  # the law's model changes at both instants (default false)
 
 The model of the law takes a point mass at the frame, by changes of ``model.payload.FRAME.mass``
 (:mod:`skyarm.scenario.in_flight`).
@@ -99,7 +99,7 @@ def belief_changes(
 
     Args:
         payloads: of the flight.
-        told: which of them the model takes.
+        told: True for each payload that the model includes.
         duration: of the flight, s; what comes behind its end is left out.
         rate: of control, Hz.
     """

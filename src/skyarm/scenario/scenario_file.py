@@ -8,7 +8,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit,
                   armature, stop_stiffness, stop_damping }, each a number
                   for every joint or a list of one for each
-    [model]       vehicle, gravity (9.81), payload, joints: what the controller believes
+    [model]       vehicle, gravity (9.81), payload, joints: the controller's model
     [controller]  preset, or law with gains = { position, velocity, attitude, rate } (three numbers each),
                   joint_gains = { stiffness, damping } (one number a joint); mixer, rate_error,
                   without = ["coriolis", "coupling", "full_gravity", "feedforward"];
@@ -22,7 +22,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
     [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints, joint_rates, rotor_speeds
     [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the estimator
-    [estimator]   kind = NAME and its numbers: from all readings to what the law is told
+    [estimator]   kind = NAME and its numbers: from all readings to the law's measurement
     [plant.drives.JOINT]  kind = NAME and its numbers: what the joint's setpoint means
     [[endings]]   kind = NAME and its numbers, beside the library's
     [plugins]     need = [names]: plugins that must be loaded; a file never loads one itself
@@ -36,7 +36,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.scenario_tables)
     seed, episode
 
-A vehicle is a name of the library or a path beside the file. Without [model] the controller believes the plant's
+A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
 vehicle and gravity, but knows of no payload. Every error is one line: file, field, value, what is allowed.
 """
 

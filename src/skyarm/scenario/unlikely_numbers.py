@@ -1,6 +1,6 @@
 """Suspicious values: numbers of a vehicle or a scenario that are allowed and probably in other units.
 
-They are told of, never refused. The bounds are generous: tens of times what flying robots have, and less than the
+They cause warnings, never errors. The bounds are generous: tens of times what flying robots have, and less than the
 factors between units (57.3 degrees a radian, 9.55 rev/min a rad/s, 1000 grams a kilogram, 1000 millimetres a metre,
 10 000 kg cm^2 a kg m^2).
 """

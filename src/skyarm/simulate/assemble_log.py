@@ -47,7 +47,7 @@ class Samples:
     """Samples of a flight, one row per control instant: leaves of State and Command, and records of columns.
 
     Attributes:
-        measurement: that the law received; None where nobody asks for it. readings: name and record of each sensor.
+        measurement: that the law received; None if it is not logged. readings: name and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) what the law found out, or without columns.
         led: of a reference that waits (``Sample.led``), likewise.
@@ -87,10 +87,10 @@ def join_pieces(
     """The log of a flight in pieces, one after the other.
 
     Args:
-        scenario: that the log says was flown.
+        scenario: of the flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
-        info: what the log says of itself, where that is known already.
+        info: metadata of the log, if known already.
     """
     tables = [_tables(piece) for piece in pieces]
     sources: dict[str, Any] = {}

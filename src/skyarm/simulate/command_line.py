@@ -79,7 +79,7 @@ def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
 def mean_efforts(before: Command, after: Command, late: Any, period: float) -> tuple[Any, ...]:
     """Setpoints of the joints on average over a period, in which they hear of ``after`` when ``late`` seconds are over.
 
-    A drive's memory is stepped once per period: what it hears of two setpoints is their mean, as of its own latency.
+    A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.
     """
     if type(late) is float and late == 0.0:
         return tuple(after.efforts)

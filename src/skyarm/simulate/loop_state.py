@@ -78,7 +78,7 @@ class Sample:
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
     each, as they had arrived; ``found`` are the online estimates of the law, () of most laws
-    (:mod:`skyarm.control.law_estimates`); ``led`` is what :meth:`skyarm.simulate.reference_clock.Waits.times` says of a
+    (:mod:`skyarm.control.law_estimates`); ``led`` are the :meth:`skyarm.simulate.reference_clock.Waits.times` of a
     reference that waits.
     """
 

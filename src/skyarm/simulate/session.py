@@ -156,7 +156,7 @@ class Session:
         ScenarioError: not a scenario, or one with changes that cannot be made.
 
     Attributes:
-        slow: why it flies in Python where machine code was wanted; else empty.
+        slow: reason for flying in Python where machine code was requested; else empty.
     """
 
     _commands = True

@@ -173,7 +173,7 @@ def couple(
 ) -> tuple[tuple[Link, ...], tuple[Follower, ...], tuple[Frame, ...]]:
     """Independent links, followers, and the frames with the new indices of both.
 
-    Damping and armature of a follower's joint are felt at its leader, by the square of the ratio; its dry friction by
+    Damping and armature of a follower's joint act at its leader, by the square of the ratio; its dry friction by
     the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as
     in files whose limits forget a sign, the leader keeps its own (:func:`limits_that_contradict`).
 

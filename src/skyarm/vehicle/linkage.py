@@ -139,7 +139,7 @@ class Follower:
     """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
 
     URDF calls such a joint a mimic: the second finger of a gripper, the bars of a parallelogram. It has no coordinate,
-    no drive, no friction and no limits of its own; what it moves is felt at its leader.
+    no drive, no friction and no limits of its own; its inertia acts at its leader.
 
     Attributes:
         link: body and joint; its parent is the base, a link, or (from ``Vehicle.n`` on) an earlier follower.

@@ -109,7 +109,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
 
     Args:
         vehicle: with concrete numbers.
-        names: joints whose ``coulomb_rate`` nobody has stated.
+        names: joints without a stated ``coulomb_rate``.
     """
     if not any(link.joint.name in names and link.joint.coulomb for link in vehicle.links):
         return vehicle

@@ -138,7 +138,7 @@ class Vehicle:
 
     Attributes:
         name: short name.
-        title: one line that says what it is.
+        title: description in one line.
         base: the airframe's body, base frame.
         links: tree in an order in which every parent precedes its children.
         rotors: any number, any pose.

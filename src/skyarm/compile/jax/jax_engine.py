@@ -48,7 +48,7 @@ class JaxKernel:
         logging: compile in the writing of the log.
 
     Raises:
-        ValueError: double precision is wanted and JAX does not allow it.
+        ValueError: double precision is requested and JAX does not allow it.
     """
 
     def __init__(

@@ -233,6 +233,6 @@ def require_machine_code() -> None:
     """Make the least of all kernels, before work that needs many begins.
 
     Raises:
-        NoMachineCodeError: says why and what to do.
+        NoMachineCodeError: with the cause and the remedy.
     """
     Kernel(trace_loop(lambda carry, *_: (carry, ()), 0.0, (), ()), Lanes(1), effort=0)

@@ -123,7 +123,7 @@ class Stepper:
     """One lane, one step a call, for a control loop in real time: about a microsecond, no memory is taken.
 
     Args:
-        kernel: of width 1, with logging if outputs are wanted.
+        kernel: of width 1, with logging if outputs are needed.
         carry: first carry. parameters: constants. seed, episode: keys of the random numbers.
 
     Attributes:

@@ -1,8 +1,8 @@
 """A cache of object files: machine code that need not be built again, executed only if its own user put it there.
 
 An entry carries a code (HMAC-SHA256) of its name and content under its user's key
-(:mod:`skyarm.compile.llvm.object_cache`). So neither what somebody else wrote into the cache is believed, nor another
-program's entry under this name. Entries that are damaged or not believed are built again.
+(:mod:`skyarm.compile.llvm.object_cache`). So neither content written by another user is trusted, nor another
+program's entry under this name. Entries that are damaged or not trusted are built again.
 
 After each new entry those used longest ago go, until all together fit into ``SKYARM_CACHE_SIZE`` MB.
 """
@@ -199,7 +199,7 @@ def load(identity: str) -> bytes | None:
 def store(identity: str, content: bytes) -> None:
     """Keep object code under a text that describes it, and forget what is beyond the limit.
 
-    A cache that cannot be written is no error; one that others could write is said in a warning, and not used.
+    A cache that cannot be written is no error; one that others could write causes a warning, and is not used.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.

@@ -1,7 +1,7 @@
 """Running sums and extremes from which metrics follow, counted while an episode flies, over any scalar.
 
 A total is a sum, a sum of squares, a largest or smallest value, or the value of largest magnitude with its sign, of one
-quantity over one window. Only the totals that the wanted metrics need are counted; what they do not need is not even
+quantity over one window. Only the totals that the requested metrics need are counted; what they do not need is not even
 traced. Over a log the same functions count: :mod:`skyarm.log.metrics.score`.
 """
 
@@ -43,9 +43,9 @@ class Instant:
     Attributes:
         state: of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
-        held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
+        held, continuous: the reference. lag: s, of the law's governed reference behind it.
         phase: number of the task's phase, where phases wait. time: s.
-        push: wanted contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
+        push: commanded contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
         contact: normal force at each pair of a surface and a point of the vehicle, N. objects: places of the free
             objects' middles, m, one behind the other. mechanisms: their coordinates, rad or m.
         pull: number of what the first gripper holds, 0 for nothing, and its force on it, N, world axes. hinge: a place
@@ -176,7 +176,7 @@ def advance_totals(
 
     Args:
         totals: so far.
-        wanted: what each of them is.
+        wanted: definition of each of them.
         now: the instant.
         inside: window -> whether the instant counts for it, a condition.
     """

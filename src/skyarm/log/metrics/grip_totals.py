@@ -1,7 +1,7 @@
 """Running totals of a held handle during an episode: force along its radius, and lag behind its reference.
 
 The radius is that of the true hinge of the world's first mechanism, the force that of the first gripper on it. How far
-the handle should have gone is read off the reference of the tip, about the axis that the reference believes in.
+the handle should have gone is read off the reference of the tip, about the axis that the reference assumes.
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) 
     Args:
         wanted: names and groups.
         joints: of the arm.
-        told: joint by joint, whether its command is a setpoint in place of a torque: groups then leave its torque out.
+        told: per joint, True if its command is a setpoint in place of a torque: groups then leave its torque out.
 
     Raises:
         ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.

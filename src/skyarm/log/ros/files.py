@@ -124,7 +124,7 @@ def _records(content: bytes) -> Iterator[Any]:
     """Records of a file and of its chunks, to the end of the last that is whole.
 
     Raises:
-        McapError: it is no MCAP file, is damaged, or its chunks are compressed, whose size nobody can know before.
+        McapError: it is no MCAP file, is damaged, or its chunks are compressed, whose size is unknown in advance.
     """
     try:
         from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded

@@ -24,7 +24,7 @@ _wrong_words: ContextVar[_Wrong | None] = ContextVar("wrong_words", default=None
 def all_wrong_words() -> Iterator[None]:
     """Collect the unknown fields of all tables read inside into one error line.
 
-    They are said before any other error, which one of them may have caused.
+    They are reported before any other error, which one of them may have caused.
 
     Raises:
         ValueError: as :meth:`Fields.done` raises it for one.

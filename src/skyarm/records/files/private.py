@@ -24,7 +24,7 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name 
 def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
     """Make a private folder; an existing one is closed to others if it holds nothing else.
 
-    A folder with other files in it keeps its rights: it is used if nobody else may write there.
+    A folder with other files in it keeps its rights: it is used if no other user may write there.
 
     Args:
         folder: made if missing.

@@ -113,7 +113,7 @@ def own_failure(error: BaseException) -> str:
 
     A ValueError, an OSError or an exit is of the code that raises it: the library's refusals pass through code of
     someone's own too. Of an error that the library tells on in words of its own, the first one counts; but what a
-    record's own check says of a file's number stays the file's. A command of someone's own may exit as it likes.
+    record's own check says of a file's number stays the file's. A user's command may exit as it likes.
     """
     inner: BaseException | None = error
     while inner is not None:
