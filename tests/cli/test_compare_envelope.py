@@ -25,7 +25,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
         raise ValueError("nothing is flown here")
 
     monkeypatch.setattr("skyarm.cli.compare_command.fly_envelope", fly)
-    monkeypatch.setattr(Envelope, "planned", lambda _envelope: ([], {}))
+    monkeypatch.setattr(Envelope, "plan_cells", lambda _envelope: ([], {}))
     return found
 
 

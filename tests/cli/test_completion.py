@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from commanded import skyarm
-from skyarm.cli.arguments import completed
+from skyarm.cli.arguments import name_completion
 
 
 def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str]:
@@ -41,4 +41,4 @@ def test_files_of_the_folder_are_completed(monkeypatch, tmp_path):
     for name in ("mine.toml", "mine.urdf", "mine.txt"):
         (tmp_path / name).touch()
     assert answered("skyarm show mine", 2, monkeypatch) == {"mine.toml", "mine.urdf"}
-    assert "mine.txt" not in completed("vehicle", "scenario")("mine")
+    assert "mine.txt" not in name_completion("vehicle", "scenario")("mine")

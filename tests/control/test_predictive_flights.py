@@ -293,9 +293,9 @@ def test_frozen_sensors_lose_no_vehicle(seconds):
 @pytest.mark.thorough
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
 def test_wind_from_any_side_leaves_the_tip_where_it_was(angle):
-    from skyarm.studies.compare.suite import turned
+    from skyarm.studies.compare.suite import turn_wind
 
     base = skyarm.load_scenario("case3_wind", controller="nmpc", duration=15.0)
-    log = skyarm.run(dataclasses.replace(base, wind=turned(base.wind, math.radians(angle))))
+    log = skyarm.run(dataclasses.replace(base, wind=turn_wind(base.wind, math.radians(angle))))
     late = log.time > 10.0
     assert np.linalg.norm(log.tool - log.tool_reference, axis=1)[late].mean() < 0.0008

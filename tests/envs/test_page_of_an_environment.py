@@ -86,7 +86,7 @@ def test_a_page_is_on_loopback_and_asks_for_its_token() -> None:
         connection.close()
     found._drawn = -math.inf  # however little of the wall's time has passed
     env.step(np.zeros(env.action_space.shape, np.float32))
-    placed = found._episode.placed()
+    placed = found._episode.poses()
     np.testing.assert_allclose(placed.positions[0], [float(c[0]) for c in env.lanes.state.position], atol=1e-6)
     env.reset(seed=1)
     assert [each.time for each in found._episode.sights] == [0.0], "the same seed begins anew"

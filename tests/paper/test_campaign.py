@@ -19,7 +19,7 @@ from skyarm.paper.published import CASES
 from skyarm.paper.variations import (
     DAMPINGS,
     damped_first_joint,
-    delayed,
+    delay_commands,
     earlier_bag,
     reshaped_ramps,
     shifted_bag,
@@ -150,7 +150,7 @@ def test_damping_changes_the_truth_and_not_the_belief() -> None:
 
 
 def test_latency_is_three_physics_steps() -> None:
-    assert delayed(scenario(Flight("case1", "CT", "mujoco"))).delays.command == 0.003
+    assert delay_commands(scenario(Flight("case1", "CT", "mujoco"))).delays.command == 0.003
 
 
 def test_other_ramps_have_the_heights_and_times_of_the_linear_ones() -> None:
@@ -227,5 +227,5 @@ def test_a_late_reference_comes_later_and_not_earlier() -> None:
 
 
 def test_only_what_the_table_assumes_is_no_variation() -> None:
-    assumed = [(each.group, each.value) for each in variations() if each.assumed]
+    assumed = [(each.group, each.value) for each in variations() if each.is_assumption]
     assert assumed == [("joint_damping", "0.001"), ("ramp_shape", "linear")]

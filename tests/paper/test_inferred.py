@@ -11,7 +11,7 @@ import pytest
 
 from skyarm.paper import inference_tables as shown
 from skyarm.paper.campaign import Campaign
-from skyarm.paper.counted_cells import counts, in_group, inferred, published_cells, sentence, stated
+from skyarm.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
 from skyarm.paper.flights import Flight, results, scenario, settings
 from skyarm.paper.inferred_settings import (
     INFERRED,
@@ -40,12 +40,12 @@ pytestmark = pytest.mark.thorough
 @pytest.fixture(scope="module")
 def table(campaign: Campaign) -> dict[str, Any]:
     facts = settings(campaign.all_logs()) | shown.inferred_facts(shipped_evidence())
-    return results(campaign.measured(), facts, campaign.found[INFERRED])
+    return results(campaign.metrics_by_cell(), facts, campaign.found[INFERRED])
 
 
 @pytest.fixture(scope="module")
 def predicted(campaign: Campaign) -> dict[str, Any]:
-    found: dict[str, Any] = results(campaign.measured(), {}, campaign.found[PREDICTED])["experiments"]
+    found: dict[str, Any] = results(campaign.metrics_by_cell(), {}, campaign.found[PREDICTED])["experiments"]
     return found
 
 
@@ -111,14 +111,14 @@ def test_the_evidence_that_ships_is_of_this_study() -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 def test_the_inferred_column_is_as_near_as_it_must_be(table: dict[str, Any], plant: str) -> None:
     by_law = {
-        law: counts(table["experiments"], inferred(plant), lambda cell, law=law: cell.flight.endswith(law))
+        law: counts(table["experiments"], inferred_value(plant), lambda cell, law=law: cell.flight.endswith(law))
         for law in ("PD", "CT")
     }
     assert by_law["PD"]["cells"] == 52
     assert by_law["PD"]["within_25%"] >= 47
     assert by_law["CT"]["cells"] == 51
     assert by_law["CT"]["within_25%"] >= 37
-    before, after = (counts(table["experiments"], each(plant)) for each in (stated, inferred))
+    before, after = (counts(table["experiments"], each(plant)) for each in (stated_value, inferred_value))
     assert after["loss"] < 0.35 * before["loss"]
 
 
@@ -132,7 +132,7 @@ def test_no_cell_that_agrees_is_lost_but_those_that_are_named(table: dict[str, A
     for cell in published_cells():
         one = {
             which: counts(table["experiments"], column(plant), lambda c, cell=cell: c == cell)
-            for which, column in (("stated", stated), ("inferred", inferred))
+            for which, column in (("stated", stated_value), ("inferred", inferred_value))
         }
         if one["stated"]["within_10%"] and not one["inferred"]["within_25%"]:
             lost.add((cell.flight, cell.name))
@@ -141,19 +141,19 @@ def test_no_cell_that_agrees_is_lost_but_those_that_are_named(table: dict[str, A
 
 def test_the_search_s_single_precision_is_the_flights(table: dict[str, Any]) -> None:
     evidence = shipped_evidence()
-    live = counts(table["experiments"], inferred("rigid_body"))
+    live = counts(table["experiments"], inferred_value("rigid_body"))
     fit = evidence["stages"]["fit"]
     assert live["loss"] == pytest.approx(fit["loss"], rel=0.02)
     assert abs(live["within_25%"] - fit["within_25%"]) <= 1
     assert evidence["stages"]["ladder"]["rungs"][-1]["loss"] == fit["loss"]
-    assert counts(table["experiments"], stated("rigid_body"))["loss"] == pytest.approx(
+    assert counts(table["experiments"], stated_value("rigid_body"))["loss"] == pytest.approx(
         evidence["stages"]["stated"]["loss"], rel=0.02
     )
 
 
 def test_it_predicts_what_it_has_not_seen(table: dict[str, Any], predicted: dict[str, Any]) -> None:
     """Found on Cases 2 and 3 alone, the settings bring the gust nearer and leave the wind as it is."""
-    columns = (table["experiments"], stated("rigid_body")), (predicted, inferred("rigid_body"))
+    columns = (table["experiments"], stated_value("rigid_body")), (predicted, inferred_value("rigid_body"))
     gust = [counts(*each, in_group("gust"))["loss"] for each in columns]
     wind = [counts(*each, in_group("wind"))["loss"] for each in columns]
     assert gust[1] < 0.5 * gust[0]
@@ -172,7 +172,7 @@ def test_results_hold_the_column_and_what_it_depends_on(table: dict[str, Any]) -
 
 def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> None:
     words = sentence(table)
-    for column in (stated, inferred):
+    for column in (stated_value, inferred_value):
         first, second = (counts(table["experiments"], column(plant)) for plant in PLANTS)
         assert f"{first['within_25%']} lie within 25 %, {first['within_10%']} within 10 %" in words
         assert f"(on mujoco {second['within_25%']}, {second['within_10%']} and {second['within_5%']})" in words
@@ -187,7 +187,7 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
 def test_a_table_without_inferred_numbers_still_reads() -> None:
     bare = results({}, {})
     assert "No numeric cell" in sentence(bare)
-    assert counts(bare["experiments"], stated("mujoco")) == {}
+    assert counts(bare["experiments"], stated_value("mujoco")) == {}
 
 
 def test_the_section_says_what_stays_open(table: dict[str, Any], predicted: dict[str, Any]) -> None:

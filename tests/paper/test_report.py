@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
-from skyarm.paper.published import CLAIMS, TITLES, ordered, tally
+from skyarm.paper.published import CLAIMS, TITLES, count_ordered, tally
 from skyarm.paper.report_pages import MAIN, page_script, report_pages
 from skyarm.paper.report_tables import bound_cell, difference_cell, number_cell, typographic
 from skyarm.paper.variations import GROUPS, variations
@@ -485,8 +485,8 @@ def test_orderings_count_where_ct_lies_below_pd() -> None:
     results = {"case2": pair(0.1, 0.2), "case3": pair(0.2, 0.1), "case1": pair(0.3, 0.1)}
     results["case1"]["CT"]["ee_error_mean"] = {"mujoco": 0.1}
     results["case1"]["PD"]["ee_error_mean"] = {"mujoco": 0.2}
-    assert ordered(results, "mujoco") == (2, 3)
-    assert ordered(results, "rigid_body") == (0, 0)
+    assert count_ordered(results, "mujoco") == (2, 3)
+    assert count_ordered(results, "rigid_body") == (0, 0)
     # three claims are about pitch RMS of these cases, none of them met; the fourth is the ordering
     assert tally(results, "mujoco") == (0, 4)
 

@@ -341,7 +341,7 @@ def test_a_cell_of_a_comparison_is_of_the_code_that_flew(tmp_path: Path) -> None
     file = tmp_path / "push_cell.py"
     file.write_text(FORCE.format(top="GAIN = 1.0"))
     imported(file)
-    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).planned()[0][1]
+    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).plan_cells()[0][1]
     first = key(flights)
     assert key(flights) == first
     file.write_text(FORCE.format(top="GAIN = 2.0"))
@@ -376,7 +376,7 @@ def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[st
                 file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
                 load_plugin(file)
             manifest = prepare(small_study()).manifest
-            cell = OwnScenario(scenario="case1", laws=["paper_pd"]).planned()[0][0]
+            cell = OwnScenario(scenario="case1", laws=["paper_pd"]).plan_cells()[0][0]
             found.append((manifest.facts, key(cell), list(identities().items()), list(manifest.study["plugins"])))
     assert found[0] == found[1]
     assert len(found[0][2]) == len(found[0][3]) == 2

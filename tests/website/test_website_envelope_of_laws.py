@@ -28,7 +28,7 @@ def test_the_page_shows_what_flights_give(tmp_path):
 
     head, rows = shown()
     envelope = Envelope(laws=("paper_ct", FLAGSHIP, ROBUST), axes=FLOWN)
-    todo, refused = envelope.planned()
+    todo, refused = envelope.plan_cells()
     found = envelope.judge(todo, fly_all(todo, tmp_path), refused)
     for row in summary_rows(found["axes"], envelope.laws):
         written = rows[row[0]]

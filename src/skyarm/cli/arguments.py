@@ -22,7 +22,7 @@ SUFFIXES = {"vehicle": (".toml", ".urdf"), "scenario": (".toml", ".npz"), "study
 """Kind -> suffixes of files of the present folder that may be meant."""
 
 
-def shipped(kind: str) -> Iterable[str]:
+def shipped_names(kind: str) -> Iterable[str]:
     """Names of the library of a kind: vehicle, scenario, study or controller."""
     if kind == "vehicle":
         from skyarm.vehicle.vehicle_files import list_vehicles
@@ -41,13 +41,13 @@ def shipped(kind: str) -> Iterable[str]:
     return (*PRESETS, *LAWS)
 
 
-def completed(*kinds: str) -> Callable[[str], list[str]]:
+def name_completion(*kinds: str) -> Callable[[str], list[str]]:
     """The function that completes a name: those of the library and files of the present folder."""
 
     def complete(incomplete: str) -> list[str]:
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
         here = sorted(entry.name for entry in Path().iterdir() if entry.suffix in suffixes)
-        names = dict.fromkeys([*(name for kind in kinds for name in shipped(kind)), *here])
+        names = dict.fromkeys([*(name for kind in kinds for name in shipped_names(kind)), *here])
         return [name for name in names if name.startswith(incomplete)]
 
     return complete
@@ -62,13 +62,16 @@ Flying = Annotated[int, typer.Option("--workers", help="threads that fly; 0 take
 
 Scenario = Annotated[
     str,
-    typer.Argument(help="a scenario file (.toml) or the name of a shipped one", autocompletion=completed("scenario")),
+    typer.Argument(
+        help="a scenario file (.toml) or the name of a shipped one", autocompletion=name_completion("scenario")
+    ),
 ]
 
 Vehicle = Annotated[
     str,
     typer.Argument(
-        help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one", autocompletion=completed("vehicle")
+        help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one",
+        autocompletion=name_completion("vehicle"),
     ),
 ]
 
@@ -76,7 +79,7 @@ Controller = Annotated[
     str | None,
     typer.Option(
         help="a preset, a law, LAW_tuned or FILE.py:make, in place of the scenario's own",
-        autocompletion=completed("controller"),
+        autocompletion=name_completion("controller"),
     ),
 ]
 
@@ -151,13 +154,13 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
 
 
 def is_scenario(name: str) -> bool:
-    """Whether a name is that of a shipped scenario, of a log, or of a file that describes a scenario.
+    """True if a name is that of a shipped scenario, of a log, or of a file that describes a scenario.
 
     All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
     """
-    if name in shipped("vehicle"):
+    if name in shipped_names("vehicle"):
         return False
-    return name in shipped("scenario") or name.endswith(".npz") or kind_of_file(name) == "scenario"
+    return name in shipped_names("scenario") or name.endswith(".npz") or kind_of_file(name) == "scenario"
 
 
 def kind_of_file(name: str) -> str:
@@ -171,7 +174,7 @@ def kind_of_file(name: str) -> str:
 
 
 def require_not_another(name: str, wanted: str) -> None:
-    """Refuse the name of a shipped thing of another kind, or a vehicle's model where something else is wanted.
+    """Refuse the name of a shipped thing of another kind, or a vehicle's model in place of another input.
 
     Args:
         name: as it was given; of files other than models nothing is said here.
@@ -181,9 +184,9 @@ def require_not_another(name: str, wanted: str) -> None:
         ValueError: one line.
     """
     kinds = ("vehicle", "scenario", "study")
-    found = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped(kind)), "")
+    found = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped_names(kind)), "")
     if wanted != "vehicle" and Path(name).suffix in MODELS:
         found = "vehicle"
-    if found and found != wanted and name not in shipped(wanted):
+    if found and found != wanted and name not in shipped_names(wanted):
         read = f"'{READS[found]} {name}'"
         raise ValueError(f"{wanted} = {shown(name)}: must be a {wanted}, and this is a {found}, for {read}")

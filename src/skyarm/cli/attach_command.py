@@ -57,7 +57,7 @@ def attach(
     if found in [frame.name for frame in vehicle.frames]:
         document = {**document, "end_effector": found}
     elif found:
-        frame = {"name": _unused(f"{prefix}tip", vehicle), "link": found}
+        frame = {"name": _unique_name(f"{prefix}tip", vehicle), "link": found}
         document = {**document, "end_effector": frame["name"], "frames": [frame]}
     content = f"# {_word(arm)} on {_word(airframe)}, by skyarm attach; both stay as they are.\n{toml_text(document)}"
     vehicle = vehicle_of_text(content, written)
@@ -121,7 +121,7 @@ def _named_from(written: Path, name: str) -> str:
         return name
 
 
-def _unused(name: str, vehicle: Record) -> str:
+def _unique_name(name: str, vehicle: Record) -> str:
     """The name, with underscores until no frame has it."""
     while name in [frame.name for frame in vehicle.frames]:
         name += "_"

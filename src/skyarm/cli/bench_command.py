@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.arguments import Out, workers
-from skyarm.cli.output import aligned, bar, give, table_of, tell, waiting, write_json
+from skyarm.cli.output import aligned_lines, bar, give, table_of, tell, waiting, write_json
 from skyarm.records.files import must_be_one_of, output_file
 
 HEADLINE = (
@@ -100,14 +100,14 @@ def _evidence(out: str, threads: int) -> dict[str, Any]:
     with bar("inferring") as advance:
         evidence = infer(out, threads=threads, progress=advance)
     for table in evidence_tables(evidence):
-        tell(f"\n{table.caption}", *aligned([[name.removeprefix(">") for name in table.head], *table.rows]))
+        tell(f"\n{table.caption}", *aligned_lines([[name.removeprefix(">") for name in table.head], *table.rows]))
     return evidence
 
 
 def _headline(results: dict[str, Any]) -> Any:
     """A dozen numbers of the paper beside ours."""
     from skyarm.paper.flights import first_plant
-    from skyarm.paper.published import digits, percent, said
+    from skyarm.paper.published import digits, percent, published_number
     from skyarm.scenario.scenario_record import PLANTS
 
     columns = [f"{which}{each}" for which in ("", "inferred ") for each in PLANTS]
@@ -115,7 +115,7 @@ def _headline(results: dict[str, Any]) -> Any:
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
         ours = (digits(column.get(each)) for column in (cell, cell.get("inferred", {})) for each in PLANTS)
-        stated = said(case, controller, metric) or "-"
+        stated = published_number(case, controller, metric) or "-"
         rows.append((case, controller, metric, stated, *ours, percent(cell.get(plant), cell["paper"])))
     heads = ("case", "", "metric", "paper", *columns, "difference")
     return table_of(heads, rows, left=3, title="paper and ours (m, rad)")

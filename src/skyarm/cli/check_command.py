@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from skyarm.cli.arguments import completed, is_scenario
+from skyarm.cli.arguments import is_scenario, name_completion
 from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import give, heading, shown_number, tell, waiting
 from skyarm.records.files import output_file, printable, shown
@@ -29,7 +29,7 @@ def check(
         typer.Argument(
             metavar="VEHICLE|SCENARIO",
             help="a file (.toml, .urdf, .xml) or a shipped name",
-            autocompletion=completed("vehicle", "scenario"),
+            autocompletion=name_completion("vehicle", "scenario"),
         ),
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,

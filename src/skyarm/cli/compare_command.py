@@ -11,10 +11,10 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     chosen_names,
-    completed,
+    name_completion,
     require_left_out,
     require_within,
-    shipped,
+    shipped_names,
     split_names,
     workers,
 )
@@ -56,7 +56,7 @@ def compare(
         str,
         typer.Argument(
             help="paper-suite, envelope-suite, contact-suite, or a scenario (.toml or shipped)",
-            autocompletion=completed("scenario"),
+            autocompletion=name_completion("scenario"),
         ),
     ] = "paper-suite",
     out: Annotated[
@@ -66,14 +66,16 @@ def compare(
         str | None,
         typer.Option(
             help="names or FILE.py:make, with commas; all of the suite if left out",
-            autocompletion=completed("controller"),
+            autocompletion=name_completion("controller"),
         ),
     ] = None,
     conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
     axes: Annotated[str | None, typer.Option(help="of the envelope, with commas; all if left out")] = None,
     vehicle: Annotated[
         str | None,
-        typer.Option(help="of the envelope, with an arm; the paper's if left out", autocompletion=completed("vehicle")),
+        typer.Option(
+            help="of the envelope, with an arm; the paper's if left out", autocompletion=name_completion("vehicle")
+        ),
     ] = None,
     tasks: Annotated[str | None, typer.Option(help="of the contact suite, with commas; all if left out")] = None,
     worlds: Annotated[int | None, typer.Option(help="wrong worlds of each task in contact; 200 if left out")] = None,
@@ -135,7 +137,7 @@ def _require_effect(context: typer.Context, suite: str) -> None:
 
 def _scenario(name: str, laws: str | None, **flown: Any) -> OwnScenario:
     """Laws side by side on a scenario."""
-    if not name.endswith(".toml") and name not in shipped("scenario"):
+    if not name.endswith(".toml") and name not in shipped_names("scenario"):
         suites = ", ".join(OF_SUITES)
         raise ValueError(
             f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
@@ -144,14 +146,14 @@ def _scenario(name: str, laws: str | None, **flown: Any) -> OwnScenario:
 
 
 def _envelope(laws: str | None, axes: str | None, vehicle: str, **flown: Any) -> Envelope:
-    """How far every law is good, and where it is lost."""
+    """Run the envelope suite: the range of every law, and its limits."""
     require_different([] if laws is None else split_names("--laws", laws), "--laws")
     chosen = _laws(laws, LAWS if vehicle == PAPER else TUNED_LAWS)
     return Envelope(laws=chosen, axes=chosen_names("--axes", axes, AXES), vehicle=vehicle, **flown)
 
 
 def _contact(laws: str | None, tasks: str | None, worlds: int | None, quick: bool, **flown: Any) -> ContactSuite:
-    """How often every law does tasks in contact in wrong worlds."""
+    """Run the contact suite: success rates of every law in perturbed worlds."""
     if quick and worlds is not None:
         raise ValueError(f"--worlds: must be left out beside --quick, which flies {QUICK}")
     count = worlds or (QUICK if quick else WORLDS)
@@ -166,7 +168,7 @@ def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]])
         ValueError, OSError: one line.
     """
     folder = Path(out)
-    todo, _ = suite.planned()
+    todo, _ = suite.plan_cells()
     for flights in {each.entrant.name: each for each in todo if each.entrant.group == "own"}.values():
         scenario = flights.scenario()
         check_components(scenario)

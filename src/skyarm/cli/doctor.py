@@ -100,7 +100,7 @@ def examine() -> list[Part]:
     wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
     with ThreadPoolExecutor() as pool:
-        tried = pool.map(lambda name: _tried(name, *wanted[name]), wanted)
+        tried = pool.map(lambda name: _try_program(name, *wanted[name]), wanted)
         return [
             Part(name="Python", state=WORKS, found=python, needed=True),
             Part(name="skyarm", state=WORKS, found=__version__, needed=True),
@@ -122,7 +122,7 @@ def _libraries() -> list[Part]:
 
 
 def works(parts: list[Part]) -> bool:
-    """Whether all that flights need works."""
+    """True if all that flights need works."""
     return all(part.state == WORKS for part in parts if part.needed)
 
 
@@ -154,7 +154,7 @@ def _extras() -> list[Part]:
 
 
 def _cache() -> Part:
-    """Whether machine code is kept from run to run."""
+    """True if machine code is cached between runs."""
     reason, folder = unused_reason(), cache_folder()
     if reason:
         return Part(name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own")
@@ -163,7 +163,7 @@ def _cache() -> Part:
     return Part(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
 
 
-def _tried(name: str, program: str, remedy: str, needed: bool) -> Part:
+def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
     """Result of a program in a process of its own."""
     try:
         done = subprocess.run(

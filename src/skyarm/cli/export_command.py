@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped
+from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.margins_commands import give_margin, tell_margin
 from skyarm.cli.output import give, tell, waiting
@@ -240,12 +240,12 @@ def _tell_delay_margin(chosen: Controller, flown: Scenario | None, rate: float) 
 
 
 def _require_scenario(controller: str) -> None:
-    if controller in shipped("scenario"):
+    if controller in shipped_names("scenario"):
         return
     if Path(controller).suffix != ".toml":
         raise ValueError(
             f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}, "
-            f"or a scenario ({', '.join(shipped('scenario'))}) or a scenario's .toml file"
+            f"or a scenario ({', '.join(shipped_names('scenario'))}) or a scenario's .toml file"
         )
     if not Path(controller).is_file():
         raise ValueError(f"controller = {shown(controller)}: no such file; must be one of a scenario or of gains")

@@ -127,7 +127,7 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: A
 
 
 def _is_flown(name: str) -> bool:
-    """Whether a word names a scenario, which is flown, and no log."""
+    """True if a word names a scenario, which is flown, and no log."""
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 

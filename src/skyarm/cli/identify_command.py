@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import aligned, give, heading, plain, tell, waiting
+from skyarm.cli.output import aligned_lines, give, heading, plain, tell, waiting
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_format
@@ -39,21 +39,21 @@ def identify(
         raise ValueError(f"flight = {shown(flight)}: {reason}")
     written = None if out is None else output_file(out, "--out")
     log = _part(load_log(flight), begin, end)
-    believed, felt, stated = _believed(log, vehicle, gravity)
+    believed, felt, stated = _nominal_model(log, vehicle, gravity)
     with waiting(f"{Path(flight).name}: delays and lags"):
         found = loop_lags(log, believed, felt)
     lags = [*([found.rotors] if found.rotors else []), *found.joints]
     tables = lag_tables(found, measured=stated["measurement"] or 0.0)
     tell(
         heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
-        *aligned([HEADS, *map(_row, lags)]),
+        *aligned_lines([HEADS, *map(_row, lags)]),
         *_notes(found, lags, stated),
     )
     if tables:
         tell(f"\n{tables}")
     if written is not None and tables:
         write_atomically(written, tables.encode())
-    known = any(each.known for each in lags)
+    known = any(each.is_known for each in lags)
     give(
         plain(found),
         vehicle=believed.name,
@@ -87,7 +87,9 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
     return rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
 
 
-def _believed(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float, dict[str, float | None]]:
+def _nominal_model(
+    log: Log, vehicle: str | None, gravity: float | None
+) -> tuple[Vehicle, float, dict[str, float | None]]:
     """The vehicle that motion is compared with, gravity, and the delays that the log's scenario states, s."""
     record = log.info.get("scenario_record")
     delays = written_part(log.info, "agent", "delays") or {}
@@ -102,7 +104,7 @@ def _believed(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Veh
 
 
 def _row(lag: Lag) -> tuple[str, ...]:
-    if not lag.known:
+    if not lag.is_known:
         return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
     factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
     cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
@@ -115,11 +117,11 @@ def _cell(found: Estimated) -> str:
 
 
 def _notes(found: LoopLags, lags: list[Lag], stated: dict[str, float | None]) -> list[str]:
-    """What a reader must know of the numbers."""
+    """Notes that a reader needs with the numbers."""
     lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
-    lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.known]
+    lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.is_known]
     lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]
-    vague = [each.name for each in lags if each.known and not each.apart and each.together.low > 0.0]
+    vague = [each.name for each in lags if each.is_known and not each.apart and each.together.low > 0.0]
     if vague:
         who = ", ".join(vague)
         lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")

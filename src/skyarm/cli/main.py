@@ -43,7 +43,7 @@ def main() -> None:
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
             short = below_floor(installed_versions(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
-            code = _examined(short) if short and _asks_for("doctor") else say(short, WRONG_INPUT) if short else None
+            code = _examine(short) if short and _asks_for("doctor") else say(short, WRONG_INPUT) if short else None
             if code is None:
                 from skyarm.cli.commands import perform
 
@@ -60,11 +60,11 @@ def main() -> None:
 
 
 def _asks_for(command: str) -> bool:
-    """Whether the first word of the command line that is no option is this one."""
+    """True if the first word of the command line that is no option is this one."""
     return next((word for word in sys.argv[1:] if not word.startswith("-")), "") == command
 
 
-def _examined(short: str) -> int:
+def _examine(short: str) -> int:
     """``skyarm doctor`` beside a library that is too old: what it finds, or the line about that library."""
     from skyarm.cli.lines import WRONG_INPUT, say
 
@@ -87,7 +87,7 @@ def _send(number: signal.Signals) -> None:
 
 
 class Ended(BaseException):
-    """A signal asked this process to end. Not an Exception: nothing on the way takes it for its own."""
+    """A signal to end this process. Not an Exception: no handler on the way catches it."""
 
 
 @contextmanager
@@ -103,7 +103,7 @@ def endings() -> Iterator[list[signal.Signals]]:
         raise Ended
 
     def again(lost: Any) -> None:
-        """What is raised inside a destructor is dropped by Python: the signal is sent once more, a moment later."""
+        """Send the signal once more, a moment later: Python drops what is raised inside a destructor."""
         if lost.exc_type is not None and issubclass(lost.exc_type, Ended):
             timer = threading.Timer(MOMENT, _send, (came[-1],))
             timer.daemon = True

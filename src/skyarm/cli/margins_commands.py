@@ -10,7 +10,7 @@ import typer
 
 from skyarm.cli.arguments import Controller, Flying, Out, Scenario, require_not_another, require_within, workers
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting, write_json
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting, write_json
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
@@ -73,7 +73,7 @@ def margins(
     from skyarm.studies.stability.along import evidence
     from skyarm.studies.stability.frozen_scenario import without_adaptation
 
-    planned = _planned(scenario, controller, safety=safety)
+    planned = _prepare(scenario, controller, safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
     written = None if file is None else output_file(file, "--out")
     drawn = None if page is None else output_file(page, "--html")
@@ -81,13 +81,15 @@ def margins(
     with bar(planned.name) as advance:
         found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
     tell(heading(f"{found.controller} in {found.scenario}"))
-    tell(*aligned([("at", "max |z|", "slowest", "damping", "delay", *GAINS.values()), *map(_row, found.instants)]))
+    tell(
+        *aligned_lines([("at", "max |z|", "slowest", "damping", "delay", *GAINS.values()), *map(_row, found.instants)])
+    )
     tell(NOTE)
     if found.instants:
         least = min(each.swings for each in found.instants)
         tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
         tell(f"small swings grow in flight from {tolerated} ms of further dead time on")
-    tell("", *aligned(loop_rows(found, every=loops)), LOOP_NOTE)
+    tell("", *aligned_lines(loop_rows(found, every=loops)), LOOP_NOTE)
     if frozen is not planned:
         tell("the law's slow adaptation of load and friction is held")
     if found.left_out:
@@ -129,7 +131,7 @@ def basin(
 
     require_within("--seed", seed, 0)
     threads = workers(flying)
-    planned = _planned(scenario, controller, safety=safety)
+    planned = _prepare(scenario, controller, safety=safety)
     with taken_back(out):
         folder = require_writable(out)
         with waiting(f"{planned.name}: {flights} flights"):
@@ -180,8 +182,8 @@ def give_margin(found: HoverDelay | None) -> None:
     give(delay_margin_s=margin, delay_believed_s=believed, delay_margin_enough=enough)
 
 
-def _planned(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """A scenario with another controller on its own model and clocks, with the safety layer if asked for.
+def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
+    """A scenario with another controller on its own model and clocks, with the safety layer on request.
 
     Raises:
         ValueError: one line.
@@ -245,7 +247,7 @@ def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:
 
 
 def _smallest(found: Iterable[Any]) -> dict[str, Any]:
-    """Of each loop the margin with the smallest disk, by name."""
+    """The margin with the smallest disk of each loop, by name."""
     least: dict[str, Any] = {}
     for each in found:
         if each.name not in least or each.disk < least[each.name].disk:

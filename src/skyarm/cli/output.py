@@ -102,7 +102,7 @@ def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int
     return Group(*([heading(title)] if title else []), table)
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows as lines that never wrap or lose digits, however narrow the terminal: first column left, others right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
@@ -133,7 +133,7 @@ def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
 
 
 def is_document_wanted() -> bool:
-    """Whether what is given will be printed, for results that take a while to find."""
+    """True if the result will be printed as a document, for results that are slow to compute."""
     return _asked.get(_Asked()).as_json
 
 
@@ -163,7 +163,7 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
 
 
 def _words(parameter: inspect.Parameter) -> set[str]:
-    """Name of a parameter, and of the option that stands for it."""
+    """Name of a parameter, and of its option."""
     found = {parameter.name}
     for each in (*getattr(parameter.annotation, "__metadata__", ()), parameter.default):
         if hasattr(each, "param_decls"):
@@ -173,7 +173,7 @@ def _words(parameter: inspect.Parameter) -> set[str]:
 
 @contextmanager
 def _output(name: str, asked: _Asked) -> Iterator[None]:
-    """Run a command; its words go nowhere where a document or nothing is wanted."""
+    """Run a command; discard its text output in JSON and quiet mode."""
     before = _asked.set(asked)
     try:
         if not (asked.as_json or asked.quiet):

@@ -63,7 +63,7 @@ def plot(
     if not folders:
         target = picture_file(file, "--out")
         picture_style(style, dark=dark)
-        draw(_labelled(flights), target, kind=ALL if kind is None else kind, style=style, dark=dark, window=window)
+        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, style=style, dark=dark, window=window)
     elif not metric or not over:
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
@@ -77,8 +77,8 @@ def plot(
     tell(f"picture: {target}")
 
 
-def _labelled(names: Sequence[str]) -> dict[str, Log]:
-    """Logs by their labels: that of NAME=FILE, or one that tells the flights apart."""
+def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
+    """Logs by their labels: that of NAME=FILE, or one that distinguishes the flights."""
     given = []
     for name in names:
         label, equals, path = name.partition("=")

@@ -11,7 +11,7 @@ import typer
 
 from skyarm.cli.arguments import Controller
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED, say
-from skyarm.cli.output import aligned, bar, give, tell
+from skyarm.cli.output import aligned_lines, bar, give, tell
 from skyarm.cli.run_command import earlier_kept, log_files
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_scenario
@@ -106,7 +106,7 @@ def diff(
 
 
 def flown_again(log: Log, again: Log) -> bool:
-    """Whether a flight was flown again to the bit, as far as its log goes if that was cut off."""
+    """True if a replay matches its log bit by bit, up to the log's end if that was cut off."""
     count = log.time.size
     enough = again.time.size >= count if log.status == RUNNING else again.time.size == count
     if not enough or log.status not in (RUNNING, again.status):
@@ -174,7 +174,7 @@ def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance:
         (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}", COURSES[each.course])
         for each in found.columns[:MOST_COLUMNS]
     ]
-    lines += [line.rstrip() for line in aligned(rows)]
+    lines += [line.rstrip() for line in aligned_lines(rows)]
     if len(found.columns) > MOST_COLUMNS:
         lines.append(f"and {len(found.columns) - MOST_COLUMNS} quantities more, which --json lists")
     return lines
@@ -186,11 +186,11 @@ def _metric_lines(a: Log, b: Log, labels: tuple[str, str]) -> list[str]:
     ends = [f"{log.status} at {log.info['end_time']:g} s" for log in (a, b)]
     both = [name for name in SHORT if name in ours and name in theirs]
     rows = [(name, f"{ours[name]:.4g}", f"{theirs[name]:.4g}") for name in both]
-    return aligned([("", *labels), ("ended", *ends), *rows])
+    return aligned_lines([("", *labels), ("ended", *ends), *rows])
 
 
 def _scenario_lines(a: Log, b: Log) -> list[str]:
-    """Fields of the scenarios that differ; of two laws their names stand for all of their constants."""
+    """Fields of the scenarios that differ; two different laws are listed by name, without their constants."""
     found = _scenarios(a, b)
     if not found:
         return []

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from skyarm.cli.arguments import completed, require_left_out, require_not_another
+from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say, say_steps, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell, waiting
 from skyarm.log.formats import require_format, save_log
@@ -33,7 +33,8 @@ def run(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="a scenario file (.toml), a log, or the name of a shipped one", autocompletion=completed("scenario")
+            help="a scenario file (.toml), a log, or the name of a shipped one",
+            autocompletion=name_completion("scenario"),
         ),
     ],
     out: Annotated[str, typer.Option("--out", help="folder for the results, made if missing")] = "out/run",
@@ -42,7 +43,7 @@ def run(
         str | None,
         typer.Option(
             help="a preset, a law, LAW_tuned or FILE.py:make, in place of the file's",
-            autocompletion=completed("controller"),
+            autocompletion=name_completion("controller"),
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
@@ -142,8 +143,8 @@ def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
         OSError: one cannot be renamed.
     """
     there = [file for file in files if file.is_file() and not file.is_symlink()]
-    number = next(k for k in count(1) if not any(os.path.lexists(_numbered(file, k)) for file in files))
-    renamed = {file: file.rename(_numbered(file, number)) for file in there}
+    number = next(k for k in count(1) if not any(os.path.lexists(_numbered_file(file, k)) for file in files))
+    renamed = {file: file.rename(_numbered_file(file, number)) for file in there}
     try:
         yield list(renamed.values())
     except BaseException:
@@ -153,7 +154,7 @@ def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
         raise
 
 
-def _numbered(file: Path, number: int) -> Path:
+def _numbered_file(file: Path, number: int) -> Path:
     return file.with_name(f"{file.stem}_{number}{file.suffix}")
 
 
@@ -180,11 +181,11 @@ def facts(log: Log) -> dict[str, Any]:
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
     inside = steady.of(log)
 
-    def summed(error: Any) -> dict[str, float | None]:
+    def summary(error: Any) -> dict[str, float | None]:
         mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
         return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
 
-    errors = {what: summed(error) for what, error in error_norms(log).items()}
+    errors = {what: summary(error) for what, error in error_norms(log).items()}
     found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     found |= dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
@@ -204,7 +205,7 @@ def facts(log: Log) -> dict[str, Any]:
         }
         if not np.array_equal(log.tool, log.position):
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
-        found["governor"] = {what: summed(distance) for what, distance in distances.items()}
+        found["governor"] = {what: summary(distance) for what, distance in distances.items()}
     return found
 
 
@@ -238,7 +239,10 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
 def summary(log: Log, found: dict[str, Any]) -> list[Any]:
     """The facts as lines and a table."""
     title = f"{found['scenario']}: {log.status} at {found['end_time']:g} s"
-    lines: list[Any] = [heading(title + (f": {found['cause']}" if found["cause"] else "")), printable(_flown(log))]
+    lines: list[Any] = [
+        heading(title + (f": {found['cause']}" if found["cause"] else "")),
+        printable(_flight_words(log)),
+    ]
     if "steady_window_s" not in found:
         return lines
     start, stop = found["steady_window_s"]
@@ -274,7 +278,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _flown(log: Log) -> str:
+def _flight_words(log: Log) -> str:
     """Law, plant, integrator, seed and plugins of a flight in words."""
     info = log.info
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "

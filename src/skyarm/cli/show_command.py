@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from skyarm.cli.arguments import completed, require_left_out, require_not_another
+from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
     NOTHING,
@@ -43,7 +43,7 @@ def show(
         str | None,
         typer.Argument(
             help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one; the library if left out",
-            autocompletion=completed("vehicle"),
+            autocompletion=name_completion("vehicle"),
         ),
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
@@ -293,7 +293,7 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> list[tuple[str, str]]:
         if margin and torque > NOTHING:
             margin += f", margin {limit / torque:.3g}"
         rows.append((f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"))
-    return [*rows, ("static efforts", f"for a level base, over {_tried(vehicle.n, vehicle.n)}")]
+    return [*rows, ("static efforts", f"for a level base, over {_searched_joints(vehicle.n, vehicle.n)}")]
 
 
 def _hover_rows(hover: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -315,11 +315,11 @@ def _reach(vehicle: Vehicle, found: float | None) -> str:
     """Reach of an arm in words."""
     if found is None:
         return "none: the end effector is fixed to the base" if vehicle.end_effector else "unknown: no end effector"
-    least = "" if search_of(vehicle.n, 1).whole else f", the largest over {_tried(vehicle.n, 1)}"
+    least = "" if search_of(vehicle.n, 1).whole else f", the largest over {_searched_joints(vehicle.n, 1)}"
     return f"{shown_number(found, 4)} m{least}"
 
 
-def _tried(joints: int, quantities: int) -> str:
+def _searched_joints(joints: int, quantities: int) -> str:
     """Joint values over which a largest value was searched for, in words."""
     search = search_of(joints, quantities)
     return "all joint values" if search.whole else f"{search.samples} random joint values, then near the best"

@@ -10,7 +10,7 @@ import typer
 
 from skyarm.cli.arguments import (
     Flying,
-    completed,
+    name_completion,
     require_not_another,
     require_within,
     words_of,
@@ -26,7 +26,9 @@ DPI = 160
 def sweep(
     study: Annotated[
         str,
-        typer.Argument(help="a study file (.toml) or the name of a shipped one", autocompletion=completed("study")),
+        typer.Argument(
+            help="a study file (.toml) or the name of a shipped one", autocompletion=name_completion("study")
+        ),
     ],
     controller: Annotated[
         list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")

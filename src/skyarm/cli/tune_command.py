@@ -15,12 +15,12 @@ from skyarm.cli.arguments import (
     kind_of_file,
     require_left_out,
     require_within,
-    shipped,
+    shipped_names,
     words_of,
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned, bar, give, heading, plain, tell, waiting
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.records.files import read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
@@ -63,8 +63,8 @@ def tune(
     for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
         require_within(option, value, *bounds)
     threads, wanted = workers(flying), wanted_of(target, controller)
-    from skyarm.studies.tune.candidate_flights import shortened
-    from skyarm.studies.tune.excitation import excited
+    from skyarm.studies.tune.candidate_flights import shorten
+    from skyarm.studies.tune.excitation import tuning_flight
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.law_knobs import find_knobs
@@ -75,14 +75,14 @@ def tune(
     scenario = wanted.scenario
     say_suspicious(scenario)
     scenario.controller.require_compiled("skyarm tune")
-    flight, own = excited(scenario), excited(scenario, own_motion=True)
+    flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
     plan = Plan(
         flight=flight,
         check=own if wanted.has_motion else flight,
-        own=shortened(own) if wanted.has_motion else None,
-        aside=excited(scenario, unseen=True),
+        own=shorten(own) if wanted.has_motion else None,
+        aside=tuning_flight(scenario, unseen=True),
         knobs=find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)),
-        effort=Effort().scaled(candidates, plants),
+        effort=Effort().scale(candidates, plants),
         seed=seed,
         label=wanted.label,
     )
@@ -155,7 +155,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         words = words_of_law(controller or scenario.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
-        file = LIBRARY / f"{target}.toml" if target in shipped("scenario") else Path(target)
+        file = LIBRARY / f"{target}.toml" if target in shipped_names("scenario") else Path(target)
         document = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}  # nothing of a log
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in ("safety", "servos")}
@@ -173,11 +173,11 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
 
 
 def _is_vehicle(target: str) -> bool:
-    """Whether a name or file is that of a vehicle; a scenario's name comes first."""
-    if target in shipped("scenario"):
+    """True if a name or file is that of a vehicle; a scenario's name comes first."""
+    if target in shipped_names("scenario"):
         return False
     models = (".urdf", ".xacro", ".xml")
-    return target in shipped("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
+    return target in shipped_names("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
 
 
 def _tell_front(found: Any, seconds: float) -> None:
@@ -200,11 +200,11 @@ def _tell_front(found: Any, seconds: float) -> None:
     ]
     tell(
         heading(f"{plan.label} for {vehicle.name}, from calm to stiff"),
-        *aligned(rows),
+        *aligned_lines(rows),
         f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
         f"{seconds:.0f} s",
         f"on {ASIDE} plants and a path by which nothing was chosen:",
-        *aligned([("", error, "jitter", "lost", "meets all"), *aside]),
+        *aligned_lines([("", error, "jitter", "lost", "meets all"), *aside]),
     )
     if found.pick.margins.why_none:
         say(f"margins are not asked for: {found.pick.margins.why_none}")
@@ -221,7 +221,7 @@ def _margins(margins: Any) -> tuple[str, str, str]:
 
 
 def plain_tuning(found: Any) -> dict[str, Any]:
-    """What a tuning found, as plain data."""
+    """Result of a tuning, as plain data."""
     from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 
     return {

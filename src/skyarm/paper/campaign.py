@@ -53,7 +53,7 @@ class Campaign:
     sensitivity: Sensitivity = field(default_factory=dict)
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
-    def measured(self) -> dict[tuple[str, str, str], Metrics]:
+    def metrics_by_cell(self) -> dict[tuple[str, str, str], Metrics]:
         """Metrics by (case, controller, plant)."""
         return {
             (case, controller, plant): metrics(case, log)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.paper.inferred_settings import unstated_study
-from skyarm.paper.published import PAPER, known, rounding
+from skyarm.paper.published import PAPER, finite_or_none, rounding
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.identify.candidates import losses, tally
 from skyarm.studies.identify.study import Cell
@@ -36,13 +36,13 @@ def published_cells() -> tuple[Cell, ...]:
     )
 
 
-def stated(plant: str) -> Column:
-    """What a plant gives as the paper states everything."""
+def stated_value(plant: str) -> Column:
+    """A plant's value with the settings that the paper states."""
     return lambda cell: cell.get(plant)
 
 
-def inferred(plant: str) -> Column:
-    """What a plant gives with the inferred settings."""
+def inferred_value(plant: str) -> Column:
+    """A plant's value with the inferred settings."""
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 
@@ -51,7 +51,7 @@ def column_values(experiments: Mapping[str, Any], column: Column, cells: Sequenc
     found = []
     for cell in cells:
         case, _, law = cell.flight.rpartition(" ")
-        value = known(column(experiments.get(case, {}).get(law, {}).get(cell.name, {})))
+        value = finite_or_none(column(experiments.get(case, {}).get(law, {}).get(cell.name, {})))
         found.append(float("nan") if value is None else value)
     return np.array(found)
 
@@ -69,7 +69,7 @@ def counts(
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:
-    """Whether a cell belongs to a group of the study."""
+    """True if a cell belongs to a group of the study."""
     names = {(cell.flight, cell.name) for cell in unstated_study().among(group)}
     return lambda cell: (cell.flight, cell.name) in names
 
@@ -77,8 +77,8 @@ def in_group(group: str) -> Callable[[Cell], bool]:
 def sentence(results: Mapping[str, Any]) -> str:
     """The counts of all columns, in words."""
     experiments = results.get("experiments", {})
-    by_plant = {plant: counts(experiments, stated(plant)) for plant in PLANTS}
-    found = {plant: counts(experiments, inferred(plant)) for plant in PLANTS}
+    by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
+    found = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
     if not any(by_plant.values()):
         return "No numeric cell of the paper was flown."
     parts = [f"as stated {_several(by_plant)}"]

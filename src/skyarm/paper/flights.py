@@ -72,7 +72,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
 
     Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
     """
-    named = _named(case, log.joints.shape[1])
+    named = _metrics_by_name(case, log.joints.shape[1])
     twins = {suffix: {name: _twin(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)}
     wanted = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
     windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
@@ -84,7 +84,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     return {name: value if whole and math.isfinite(value) else None for name, value in found.items()}
 
 
-def _named(case: str, joints: int) -> dict[str, str]:
+def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
     """Name in the paper's table -> metric, in the order of the table."""
     efforts = (f"tau{i + 1}_rms" for i in range(joints))
     always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
@@ -142,7 +142,7 @@ def first_plant(results: Mapping[str, Any]) -> str:
 
 
 def settings(logs: Sequence[Log]) -> dict[str, Any]:
-    """What the results depend on: rates, windows, vehicles, seeds, versions, how episodes ended."""
+    """Dependencies of the results: rates, windows, vehicles, seeds, versions, how episodes ended."""
     info = logs[0].info
     same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}

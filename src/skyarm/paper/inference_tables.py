@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.paper.counted_cells import RULE, counts, in_group, inferred, stated
+from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
 from skyarm.view.pages import Table
 
@@ -23,7 +23,7 @@ def number(value: float) -> str:
 
 
 def settings_table(evidence: Mapping[str, Any]) -> Table:
-    """What was found: each free number with the range in which the loss grows by less than 1, and each choice."""
+    """Inferred settings: each free number with the range in which the loss grows by less than 1, and each choice."""
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
@@ -41,7 +41,7 @@ def settings_table(evidence: Mapping[str, Any]) -> Table:
 def ladder_table(evidence: Mapping[str, Any]) -> Table:
     """One setting after the other."""
     rows = [
-        (each["name"], str(each["numbers"]), str(each["choices"]), *_judged(each), *_laws(each))
+        (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
         for each in evidence["stages"]["ladder"]["rungs"]
     ]
     head = ("step", ">numbers", ">choices", *_JUDGED, ">PD: loss", ">PD within 25 %", ">CT: loss", ">CT within 25 %")
@@ -54,7 +54,7 @@ def choices_table(evidence: Mapping[str, Any]) -> Table:
     for name, stage in evidence["stages"].items():
         if name.startswith("choice "):
             rows += [
-                (stage["words"], option["words"], "taken" if option["taken"] else "", *_judged(option))
+                (stage["words"], option["words"], "taken" if option["taken"] else "", *_loss_cells(option))
                 for option in stage["options"]
             ]
     return _table("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
@@ -83,7 +83,7 @@ def rivals_table(evidence: Mapping[str, Any]) -> Table:
             values = ", ".join(number(value) for value in alone["numbers"].values())
             row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
         top = stage.get("on_top")
-        row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_judged(top)] if top else ["-"] * 5
+        row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_loss_cells(top)] if top else ["-"] * 5
         rows.append(row)
     head = ["alternative"]
     for group in study.rival_cells:
@@ -99,7 +99,11 @@ def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], p
     """
     study, rows = unstated_study(), []
     seen = next(each.seen for each in study.predictions if each.name == PREDICTION)
-    columns = ((results["experiments"], stated), (predicted, inferred), (results["experiments"], inferred))
+    columns = (
+        (results["experiments"], stated_value),
+        (predicted, inferred_value),
+        (results["experiments"], inferred_value),
+    )
     for group, words in GROUPS.items():
         name = seen if group == "seen" else group
         row = [words]
@@ -130,7 +134,7 @@ def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Ta
 _JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")
 
 
-def _judged(found: Mapping[str, Any]) -> list[str]:
+def _loss_cells(found: Mapping[str, Any]) -> list[str]:
     return [f"{found['loss']:.1f}", *(str(found[f"within_{share}%"]) for share in (5, 10, 25))]
 
 
@@ -144,7 +148,7 @@ def _share(found: Mapping[str, Any], within: str) -> str:
 
 
 def inferred_facts(evidence: Mapping[str, Any]) -> dict[str, Any]:
-    """What the inferred column depends on, for ``settings`` of the results."""
+    """Dependencies of the inferred column, for ``settings`` of the results."""
     study = unstated_study()
     settings = evidence["stages"]["fit"]["settings"]
     facts = {"numbers": len(study.free), "choices": len(study.family), "settings": settings}

@@ -41,13 +41,13 @@ def unstated_study() -> IdentificationStudy:
 
 
 def shipped_evidence() -> dict[str, Any]:
-    """What the search found that ships with the package (``skyarm reproduce --infer`` makes it anew)."""
+    """Shipped evidence of the search (``skyarm reproduce --infer`` makes it anew)."""
     found: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
     return found
 
 
 def is_of_this_study(evidence: Mapping[str, Any]) -> bool:
-    """Whether evidence was found with the study as it is now."""
+    """True if evidence was found with the study as it is now."""
     return bool(evidence.get("study_digest") == study_digest(unstated_study()))
 
 

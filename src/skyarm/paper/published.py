@@ -43,14 +43,14 @@ def rounding(case: str, controller: str, metric: str) -> float:
     return 0.5 * 10.0 ** -len(decimals)
 
 
-def printed(case: str, controller: str, metric: str) -> str:
+def printed_number(case: str, controller: str, metric: str) -> str:
     """The published number as printed; "" where there is none."""
     return PRINTED.get(case, {}).get(controller, {}).get(metric, "")
 
 
-def said(case: str, controller: str, metric: str) -> str:
-    """The published number as printed, or as the text says it; "" where there is none."""
-    return printed(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
+def published_number(case: str, controller: str, metric: str) -> str:
+    """The published number as printed, or as given in the text; "" where there is none."""
+    return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +90,10 @@ class Claim:
     def values(self, experiments: Experiments, plant: str) -> list[float]:
         """The numbers of a plant that are there."""
         every = [experiments.get(case, {}).get(law, {}).get(self.name, {}).get(plant) for case, law in self.cells]
-        return [value for value in map(known, every) if value is not None]
+        return [value for value in map(finite_or_none, every) if value is not None]
 
     def meets(self, experiments: Experiments, plant: str) -> bool | None:
-        """Whether a plant meets the claim; None if one of its numbers is missing."""
+        """True if a plant meets the claim; None if one of its numbers is missing."""
         found = self.values(experiments, plant)
         return None if len(found) < len(self.cells) else all(self.low <= value <= self.high for value in found)
 
@@ -107,10 +107,10 @@ ORDERED = (
 """Where CT must lie below PD."""
 
 
-def ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
+def count_ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
     """Count where CT lies below PD: (how often, of how many that were flown)."""
     pairs = [
-        [known(experiments.get(case, {}).get(law, {}).get(name, {}).get(plant)) for law in ("CT", "PD")]
+        [finite_or_none(experiments.get(case, {}).get(law, {}).get(name, {}).get(plant)) for law in ("CT", "PD")]
         for case, name in ORDERED
     ]
     flown = [(ct, pd) for ct, pd in pairs if ct is not None and pd is not None]
@@ -119,12 +119,12 @@ def ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
 
 def tally(experiments: Experiments, plant: str) -> tuple[int, int]:
     """Count claims met, the order of the laws among them: (met, judged)."""
-    count, total = ordered(experiments, plant)
+    count, total = count_ordered(experiments, plant)
     verdicts = [*(claim.meets(experiments, plant) for claim in CLAIMS), count == total if total else None]
     return sum(verdict is True for verdict in verdicts), sum(verdict is not None for verdict in verdicts)
 
 
-def known(value: Number) -> float | None:
+def finite_or_none(value: Number) -> float | None:
     """Return the value as a float; None if it is missing or not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
 
@@ -140,7 +140,7 @@ def relative(ours: Number, paper: Number) -> float | None:
     A magnitude that is too large is positive, for negative numbers too; another sign than the paper's is below -1.
     None where either is missing or the paper's is zero.
     """
-    a, b = known(ours), known(paper)
+    a, b = finite_or_none(ours), finite_or_none(paper)
     return None if a is None or not b else (a - b) / b
 
 
@@ -161,7 +161,7 @@ def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[st
     for case, controllers in experiments.items():
         for name, cell in controllers.get("CT", {}).items():
             other = controllers.get("PD", {}).get(name, {})
-            values = [known(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
+            values = [finite_or_none(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
             if None in values:
                 continue
             theirs, ours = (_order(abs(ct or 0.0), abs(pd or 0.0)) for ct, pd in (values[:2], values[2:]))

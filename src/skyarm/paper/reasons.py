@@ -1,4 +1,4 @@
-"""What a cell that differs from the paper may come from: said only where a measured variation supports it.
+"""Causes of a cell that differs from the paper, given only where a measured variation supports them.
 
 Reasons are alternatives: each variation was flown alone, and no two of them are claimed to be true at once.
 """
@@ -35,7 +35,7 @@ def agrees(paper: float, ours: float, rounding: float) -> bool:
 def reasons(results: Mapping[str, Any], sensitivity: Sensitivity) -> Reasons:
     """One line for every cell that has a published number and does not agree with it."""
     plant = first_plant(results)
-    flown = [each for each in variations() if not each.assumed]
+    flown = [each for each in variations() if not each.is_assumption]
     found: Reasons = {}
     for case, controllers in results["experiments"].items():
         for controller, cells in controllers.items():
@@ -43,8 +43,8 @@ def reasons(results: Mapping[str, Any], sensitivity: Sensitivity) -> Reasons:
             measured = {(each.group, each.value): _cells(each, case, controller, sensitivity) for each in flown}
             named = _nameable(flown, cells, plant, measured)
             for metric, cell in cells.items():
-                tried = _tried(flown, metric, measured)
-                line = _line(case, controller, metric, cell, plant, tried, _tried(named, metric, measured))
+                tried = _values_of(flown, metric, measured)
+                line = _line(case, controller, metric, cell, plant, tried, _values_of(named, metric, measured))
                 if line:
                     lines[metric] = line
     return found
@@ -58,20 +58,20 @@ def _cells(varied: Variation, case: str, controller: str, sensitivity: Sensitivi
     return sensitivity.get(varied.group, {}).get(varied.value, {}).get(case, {}).get(controller, {})
 
 
-def _tried(among: Sequence[Variation], metric: str, measured: Measured) -> Tried:
+def _values_of(among: Sequence[Variation], metric: str, measured: Measured) -> Tried:
     pairs = ((each, measured[each.group, each.value].get(metric)) for each in among)
     return [(each, value) for each, value in pairs if value is not None]
 
 
 def _nameable(flown: Sequence[Variation], cells: Mapping[str, Any], plant: str, measured: Measured) -> list[Variation]:
     """Variations that may be named for a flight: credible ones, and of the bag's alignments the best one only."""
-    compared = {each: _compared(cells, plant, measured[each.group, each.value]) for each in flown}
+    compared = {each: _comparison(cells, plant, measured[each.group, each.value]) for each in flown}
     aligned = [each for each in flown if each.group in ALIGNMENTS and compared[each]]
     best = max(aligned, key=lambda each: score(compared[each]), default=None)
     return [each for each in flown if (each.group not in ALIGNMENTS or each is best) and _credible(compared[each])]
 
 
-def _compared(cells: Mapping[str, Any], plant: str, varied: Mapping[str, float | None]) -> Compared:
+def _comparison(cells: Mapping[str, Any], plant: str, varied: Mapping[str, float | None]) -> Compared:
     """Cells that all three numbers have; the paper's rule for settling is unknown, so settling times stay out."""
     found = []
     for metric, cell in cells.items():
@@ -119,7 +119,7 @@ def _line(
         return "our flight ended before the window"
     slack = rounding(case, controller, metric)
     if not agrees(paper, ours, slack):
-        return _supported(paper, ours, slack, tried, named)
+        return _support(paper, ours, slack, tried, named)
     return "" if agrees(paper, ours, 0.0) else "equal within the published rounding"
 
 
@@ -133,7 +133,7 @@ def _settling(metric: str, paper: float, ours: float | None) -> str:
     return "the paper's rule is not published; its 10 s is where the steady window begins"
 
 
-def _supported(paper: float, ours: float, slack: float, tried: Tried, named: Tried) -> str:
+def _support(paper: float, ours: float, slack: float, tried: Tried, named: Tried) -> str:
     """The variation that comes nearest, if the cell agrees with it or a good part of the difference goes."""
     if not tried:
         return "no variation was flown"

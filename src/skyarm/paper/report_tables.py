@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.paper.counted_cells import RULE, counts, inferred, sentence, stated
+from skyarm.paper.counted_cells import RULE, counts, inferred_value, sentence, stated_value
 from skyarm.paper.flights import first_plant
 from skyarm.paper.published import (
     CLAIMS,
@@ -14,21 +14,21 @@ from skyarm.paper.published import (
     TITLES,
     Experiments,
     Number,
+    count_ordered,
     digits,
-    known,
+    finite_or_none,
     metric,
-    ordered,
     percent,
-    printed,
+    printed_number,
+    published_number,
     relative,
     reversed_orders,
-    said,
 )
 from skyarm.paper.reasons import HEADING, Reasons
 from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.view.pages import Mark, details, grouped, markdown, table
+from skyarm.view.pages import Mark, details, grouped_table, markdown, table
 
 Cells = Mapping[str, Mapping[str, Any]]
 Cell = str | Mark
@@ -67,13 +67,13 @@ def typographic(written: str) -> str:
 
 def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Mark:
     """A number as written, or rounded for reading; whole for machines. A dash if it is missing or not finite."""
-    finite = known(value)
+    finite = finite_or_none(value)
     if finite is None:
         return Mark(text=DASH, grade="none")
     return Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
 
 
-def _graded(text: str, grade: str, words: str = "") -> Mark:
+def _mark(text: str, grade: str, words: str = "") -> Mark:
     symbol, usual = SIGNS[grade]
     return Mark(text=text, grade=grade, sign=symbol, words=words or usual)
 
@@ -84,22 +84,22 @@ def difference_cell(ours: Number, paper: Number) -> Mark:
     if size is None:
         return Mark(text=DASH, grade="none")
     grade = "near" if abs(size) <= NEAR else "fair" if abs(size) <= FAIR else "far"
-    return _graded(typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}"), grade)
+    return _mark(typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}"), grade)
 
 
 def bound_cell(ours: Number, paper: Number) -> Mark:
     """The verdict on a number of which the paper states an upper bound only."""
-    value, bound = known(ours), known(paper)
+    value, bound = finite_or_none(ours), finite_or_none(paper)
     if value is None or bound is None:
         return Mark(text=DASH, grade="none")
-    return _graded("below", "near", "met") if value <= bound else _graded("above", "far", "not met")
+    return _mark("below", "near", "met") if value <= bound else _mark("above", "far", "not met")
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
     """The published number with the digits it was printed with."""
-    if paper is None and said(case, controller, name):
-        return typographic(said(case, controller, name))
-    written = printed(case, controller, name)
+    if paper is None and published_number(case, controller, name):
+        return typographic(published_number(case, controller, name))
+    written = printed_number(case, controller, name)
     return number_cell(paper, written=written if written and float(written) == paper else "")
 
 
@@ -112,7 +112,7 @@ def headline_table(experiments: Experiments) -> str:
     """Verdicts on the headline numbers."""
     rows = []
     for claim in CLAIMS:
-        paper = dict.fromkeys(filter(None, (printed(*cell, claim.name) for cell in claim.cells)))
+        paper = dict.fromkeys(filter(None, (printed_number(*cell, claim.name) for cell in claim.cells)))
         row: list[Cell] = [
             claim.title,
             metric(claim.name).unit,
@@ -124,7 +124,7 @@ def headline_table(experiments: Experiments) -> str:
         rows.append(row)
     row = ["CT below PD in every mean error of base and tip, and in Cases 2 and 3 in pitch", "", DASH, "all"]
     for plant in PLANTS:
-        count, total = ordered(experiments, plant)
+        count, total = count_ordered(experiments, plant)
         row += [f"{count} of {total}" if total else DASH, VERDICTS[count == total if total else None]]
     head = ["Claim", "Unit", ">Paper", ">Accepted", *(each for plant in PLANTS for each in (f">{plant}", "Verdict"))]
     caption = (
@@ -156,7 +156,7 @@ def near_counts(laws: Mapping[str, Cells], plant: str) -> tuple[int, int, int]:
 
 
 def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
-    """How many of the paper's numbers each plant comes near; each case leads to its page, which ``files`` names."""
+    """Number of the paper's values that each plant comes near; each case leads to its page, which ``files`` names."""
     rows = []
     for case, laws in experiments.items():
         found = [near_counts(laws, plant) for plant in PLANTS]
@@ -172,8 +172,8 @@ def counts_table(results: Mapping[str, Any]) -> str:
     experiments, facts = results.get("experiments", {}), results.get("settings", {}).get("inferred", {})
     rows = []
     for title, column_of, free in (
-        ("as stated", stated, "0 numbers, 0 choices"),
-        ("inferred", inferred, f"{facts.get('numbers', '-')} numbers, {facts.get('choices', '-')} choices"),
+        ("as stated", stated_value, "0 numbers, 0 choices"),
+        ("inferred", inferred_value, f"{facts.get('numbers', '-')} numbers, {facts.get('choices', '-')} choices"),
     ):
         for plant in PLANTS:
             for law in ("PD", "CT", ""):
@@ -221,10 +221,10 @@ def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mappi
         return found
 
     title = title_of(case)
-    page = grouped(head, groups(twins=False), f"{title}: errors against the held 50 Hz reference", "wide")
+    page = grouped_table(head, groups(twins=False), f"{title}: errors against the held 50 Hz reference", "wide")
     twins = groups(twins=True)
     if any(rows for _, rows in twins):
-        inner = grouped(head, twins, f"{title}: errors against the continuous reference", "wide")
+        inner = grouped_table(head, twins, f"{title}: errors against the continuous reference", "wide")
         page += details("The same against the continuous reference", inner)
     return page
 
@@ -247,7 +247,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Mapping[str, Any], 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
     """A folded table for each assumption varied on a plant."""
     parts = []
-    assumed = {(each.group, each.value) for each in variations() if each.assumed}
+    assumed = {(each.group, each.value) for each in variations() if each.is_assumption}
     for group, variants in sensitivity.items():
         if not variants:
             continue
@@ -261,7 +261,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
             )
             for (case, controller), names in _cells_of(variants).items()
         ]
-        parts.append(details(title, grouped(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants")))
+        parts.append(details(title, grouped_table(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants")))
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 
@@ -320,7 +320,7 @@ def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
 
 
 def _row(case: str, controller: str, name: str, cell: Mapping[str, Any], plant: str, why: str) -> list[str]:
-    paper, found = said(case, controller, name) or "-", cell.get("inferred", {})
+    paper, found = published_number(case, controller, name) or "-", cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, found) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, found)]
     return [
@@ -358,7 +358,7 @@ def short_markdown(results: Mapping[str, Any]) -> str:
         row = [words, metric(name).unit]
         for controller in ("CT", "PD"):
             cell = results["experiments"][case][controller][name]
-            row.append(said(case, controller, name) or "-")
+            row.append(published_number(case, controller, name) or "-")
             row += [" / ".join(digits(each.get(plant)) for plant in PLANTS) for each in (cell, cell["inferred"])]
         rows.append(row)
     head = ["", "unit", *(f"{law} {what}" for law in ("CT", "PD") for what in ("paper", "as stated", "inferred"))]

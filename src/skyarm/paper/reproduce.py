@@ -87,8 +87,8 @@ def reproduce(
     campaign = run_campaign(plants, workers=workers, progress=progress, **chosen)
     evidence = evidence or shipped_evidence()
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
-    table = results(campaign.measured(), facts, campaign.found.get(INFERRED))
-    predicted = results(campaign.measured(), facts, campaign.found.get(PREDICTED))["experiments"]
+    table = results(campaign.metrics_by_cell(), facts, campaign.found.get(INFERRED))
+    predicted = results(campaign.metrics_by_cell(), facts, campaign.found.get(PREDICTED))["experiments"]
     why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")
     _write_data(folder, table, why, campaign)

@@ -1,4 +1,4 @@
-"""What the unpublished assumptions are worth: each is varied alone, and the whole table is measured again.
+"""Sensitivity to unpublished assumptions: each is varied alone, and the whole table is measured again.
 
 The variations are the evidence behind the reasons in the report; none of them enters the table itself.
 """
@@ -69,7 +69,7 @@ class Variation:
     measure: Callable[[str, Log], Metrics] = metrics
 
     @property
-    def assumed(self) -> bool:
+    def is_assumption(self) -> bool:
         """True for what the table itself assumes: flown and measured as it is."""
         return self.change is None and self.measure is metrics
 
@@ -95,7 +95,7 @@ def damped_first_joint(planned: Scenario) -> Scenario:
     return planned.with_words(plant=dataclasses.replace(planned.plant, vehicle=vehicle))
 
 
-def delayed(planned: Scenario) -> Scenario:
+def delay_commands(planned: Scenario) -> Scenario:
     """Every command 3 ms late."""
     return planned.with_words(delays=Delays(command=LATENCY))
 
@@ -115,7 +115,7 @@ def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
     return metrics(case, dataclasses.replace(log, time=log.time + seconds))
 
 
-def _damped(damping: float) -> Variation:
+def _damping_variation(damping: float) -> Variation:
     return Variation(
         group="joint_damping",
         value=f"{damping:g}",
@@ -124,7 +124,7 @@ def _damped(damping: float) -> Variation:
     )
 
 
-def _shifted(shift: float) -> Variation:
+def _shift_variation(shift: float) -> Variation:
     return Variation(
         group="time_shift",
         value=f"{shift:g}",
@@ -155,10 +155,13 @@ def variations() -> list[Variation]:
         change=damped_first_joint,
     )
     late = Variation(
-        group="command_latency", value=f"{LATENCY:g}", label=f"commands {1e3 * LATENCY:g} ms late", change=delayed
+        group="command_latency",
+        value=f"{LATENCY:g}",
+        label=f"commands {1e3 * LATENCY:g} ms late",
+        change=delay_commands,
     )
-    damped = [_damped(damping) for damping in DAMPINGS]
-    bags = [*(_shifted(shift) for shift in TIME_SHIFTS), *(_begun(seconds) for seconds in BAG_STARTS)]
+    damped = [_damping_variation(damping) for damping in DAMPINGS]
+    bags = [*(_shift_variation(shift) for shift in TIME_SHIFTS), *(_begun(seconds) for seconds in BAG_STARTS)]
     return [*damped, first, *ramps, late, *bags]
 
 

@@ -24,7 +24,7 @@ from skyarm.studies.assess.arm_poses import arm_poses
 from skyarm.studies.assess.endurance import aloft_for, speed_share
 from skyarm.studies.assess.endurance import time_aloft as assessed_time
 from skyarm.studies.assess.joints import joint_torques, servo_stiffness
-from skyarm.studies.assess.layout import crowded, disc_radius, rotor_layout
+from skyarm.studies.assess.layout import crowded_pair, disc_radius, rotor_layout
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.thrust_table import ThrustTable
 
@@ -150,11 +150,11 @@ def test_a_rotor_that_points_down_and_one_in_another_ones_place_are_named():
     found = rotor_layout(dataclasses.replace(arm(), rotors=(down, *rotors[1:])), 9.81)
     assert next(each for each in found if each.level == "fault").field == f"rotors[{down.name}].axis"
     hexa = skyarm.load_vehicle("hexarotor_arm6")
-    assert crowded(hexa) is None
+    assert crowded_pair(hexa) is None
     p = hexa.rotors[1].position
     near = dataclasses.replace(hexa.rotors[0], position=Vec3(0.8 * p.x, 0.8 * p.y, p.z))
     wrong = dataclasses.replace(hexa, rotors=(near, *hexa.rotors[1:]))
-    assert crowded(wrong) == (0, 1)
+    assert crowded_pair(wrong) == (0, 1)
     assert disc_radius(wrong) == pytest.approx(disc_radius(hexa), rel=0.3)
     faults = [each.field for each in rotor_layout(wrong, 9.81) if each.level == "fault"]
     assert f"rotors[{near.name}].position, rotors[{hexa.rotors[1].name}].position" in faults

@@ -107,7 +107,7 @@ def test_no_pose_has_less_angular_acceleration_than_the_one_found(name):
     vehicle = skyarm.load_vehicle(name)
     poses, allocation = arm_poses(vehicle, 256), Allocation.of(make_mixer(vehicle))
     joints = arm_poses(vehicle, 2000, seed=5).joints
-    squared, inertia = allocation.squared(hover_efforts(vehicle, 9.81, joints)), locked_inertia(vehicle, joints)
+    squared, inertia = allocation.squared_speeds(hover_efforts(vehicle, 9.81, joints)), locked_inertia(vehicle, joints)
     for axis, found in enumerate(torque_authority(vehicle, allocation, poses, 9.81)):
         room = np.minimum(*(allocation.room(squared, sign * np.eye(4)[axis]) for sign in (1.0, -1.0)))
         assert found.value <= 1.001 * (room / inertia[:, axis, axis]).min()

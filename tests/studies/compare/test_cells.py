@@ -20,7 +20,7 @@ from skyarm.studies.compare.comparison_report import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
-from skyarm.studies.compare.summary import SUCCESS_METRIC, paired, pairs, summary
+from skyarm.studies.compare.summary import SUCCESS_METRIC, paired_difference, pairs, summary
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
 
@@ -180,7 +180,7 @@ def test_a_cell_in_which_nobody_flew_to_the_end_has_no_means():
 def test_pairs_are_episodes_that_both_flew():
     a = made([1.0, 2.0, 3.0], ["completed", "completed", "ground"])
     b = made([2.0, 4.0, 0.0], ["completed", "completed", "completed"])
-    found = paired(a, b, SUCCESS_METRIC)
+    found = paired_difference(a, b, SUCCESS_METRIC)
     assert (found["mean"], found["first_smaller"]) == (-1.5, 1.0)
 
 

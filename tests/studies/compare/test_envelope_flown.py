@@ -14,7 +14,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare import run_suite
 from skyarm.studies.compare.cells import fly, key
 from skyarm.studies.compare.envelope import Envelope, axis_flights, fly_envelope, with_laws_of
-from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widened
+from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widen
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 
@@ -77,7 +77,7 @@ def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
 
 def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypatch):
     found, folder, _ = flown
-    todo, _ = QUICK.planned()
+    todo, _ = QUICK.plan_cells()
     again = []
     honest = run_suite.fly
     monkeypatch.setattr(run_suite, "fly", lambda each, threads: again.append(each.label) or honest(each))
@@ -112,11 +112,11 @@ def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_t
     (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
     scenario = cell.scenario()
     values = cell.values(scenario)
-    half, once = draw(scenario, widened(Spread(), 0.5), PLANTS, seed=0), draw(scenario, Spread(), PLANTS, seed=0)
+    half, once = draw(scenario, widen(Spread(), 0.5), PLANTS, seed=0), draw(scenario, Spread(), PLANTS, seed=0)
     mass, delay = "plant.vehicle.links.1.body.mass", "delays.command"
     for path in values:
         assert np.array_equal(values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])), path
-    assert widened(Spread(), 0.5).thrust == (-0.05, 0.025)
+    assert widen(Spread(), 0.5).thrust == (-0.05, 0.025)
     nominal = scenario.plant.vehicle.links[1].body.mass
     assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
     few = dataclasses.replace(cell, points=(2.0,))
@@ -152,14 +152,14 @@ def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):
 
 def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
     asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle",), vehicle="crazyflie_arm1", quick=True)
-    todo, refused = asked.planned()
+    todo, refused = asked.plan_cells()
     assert {each.entrant.name for each in todo} == {"centroidal_tip"}
     assert "2 values, must be 1" in refused["paper_ct"]
 
 
 def test_joints_with_servos_do_not_fly_the_lag_of_torques():
     asked = Envelope(vehicle="quadrotor_roll_arm2", quick=True)
-    assert set(AXES) - set(asked.flown) == {"joint_lag"}
+    assert set(AXES) - set(asked.flyable_axes) == {"joint_lag"}
 
 
 @pytest.mark.thorough
@@ -173,7 +173,7 @@ def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
 def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
     envelope = Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True)
     found = fly_envelope(envelope, tmp_path, threads=2)
-    assert list(found["axes"]) == list(envelope.flown)
+    assert list(found["axes"]) == list(envelope.flyable_axes)
     for name in ("circle", "vertical", "swing", "payload", "noise"):
         easiest, hardest = found["axes"][name]["laws"]["centroidal_tip"]
         assert not easiest["lost"], name

@@ -20,7 +20,7 @@ OWN = Path(__file__).parents[3] / "examples" / "own_law.py"
 
 
 def flights(laws=LAWS, scenario="case3"):
-    return OwnScenario(scenario=scenario, laws=laws, seeds=1).planned()[0]
+    return OwnScenario(scenario=scenario, laws=laws, seeds=1).plan_cells()[0]
 
 
 def test_the_own_law_is_the_first_row_whoever_is_named() -> None:

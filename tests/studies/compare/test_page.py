@@ -20,7 +20,7 @@ from skyarm.studies.compare.comparison_report import (
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.compare.summary import SUCCESS_METRIC, table
-from skyarm.view.pages import grouped
+from skyarm.view.pages import grouped_table
 
 EVERY = conditions(plants=4, seeds=2)
 METRICS = ("position_error_mean_continuous", "ee_error_mean_continuous", "rotor_jitter")
@@ -100,7 +100,7 @@ def test_the_page_holds_every_condition_and_both_ablations():
 
 
 def test_columns_of_numbers_are_set_to_the_right_and_text_is_escaped():
-    text = grouped(["law", ">tip", "what"], [("a & b", [["<x>", "1", "words"]])], "c < d")
+    text = grouped_table(["law", ">tip", "what"], [("a & b", [["<x>", "1", "words"]])], "c < d")
     assert "<caption>c &lt; d</caption>" in text
     assert '<th scope="rowgroup" colspan="3">a &amp; b</th>' in text
     assert '<th scope="row">&lt;x&gt;</th><td class="num">1</td><td>words</td>' in text

@@ -15,8 +15,8 @@ from skyarm.compile import leaves
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.entrants import ENTRANTS
-from skyarm.studies.compare.suite import CASES, turned
-from skyarm.studies.compare.summary import SUCCESS_METRIC, paired, successes
+from skyarm.studies.compare.suite import CASES, turn_wind
+from skyarm.studies.compare.summary import SUCCESS_METRIC, paired_difference, successes
 from skyarm.world import ForceWind, Gust
 
 MODEL = CASES["case3"].build().controller.par.model
@@ -101,11 +101,11 @@ def test_a_turned_wind_is_scipys_rotation_about_the_vertical(angle):
     wind = ForceWind(
         force_W=Vec3(2.0, -3.0, 5.0), point_B=Vec3(0.1, 0.2, 0.3), air_velocity_W=Vec3(-1.0, 4.0, 7.0), gust=gust
     )
-    found, about_z = turned(wind, angle), Rotation.from_euler("z", angle)
+    found, about_z = turn_wind(wind, angle), Rotation.from_euler("z", angle)
     np.testing.assert_allclose(list(found.force_W), about_z.apply([2.0, -3.0, 5.0]), rtol=0, atol=1e-14)
     np.testing.assert_allclose(list(found.air_velocity_W), about_z.apply([-1.0, 4.0, 7.0]), rtol=0, atol=1e-14)
     assert (found.gust, found.point_B) == (gust, wind.point_B)
-    assert turned(wind, 0.0) == wind
+    assert turn_wind(wind, 0.0) == wind
 
 
 def cell(values, ended=()):
@@ -116,10 +116,10 @@ def cell(values, ended=()):
 def test_of_equal_flights_neither_is_the_smaller():
     """Two of four are smaller; a tie is none, and an episode that one of both did not end is not counted."""
     first, second = cell([1.0, 2.0, 3.0, 4.0, 0.0], ended=(4,)), cell([1.0, 2.5, 3.0, 4.5, 9.0])
-    assert paired(first, second, SUCCESS_METRIC)["first_smaller"] == 0.5
-    assert paired(second, first, SUCCESS_METRIC)["first_smaller"] == 0.0
-    assert paired(first, first, SUCCESS_METRIC)["first_smaller"] == 0.0
-    assert paired(first, second, SUCCESS_METRIC)["mean"] == -0.25
+    assert paired_difference(first, second, SUCCESS_METRIC)["first_smaller"] == 0.5
+    assert paired_difference(second, first, SUCCESS_METRIC)["first_smaller"] == 0.0
+    assert paired_difference(first, first, SUCCESS_METRIC)["first_smaller"] == 0.0
+    assert paired_difference(first, second, SUCCESS_METRIC)["mean"] == -0.25
 
 
 def test_a_success_ends_its_flight_below_twenty_millimetres():

@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
 from skyarm.scenario.scenario_record import first_state
-from skyarm.studies.identify.lagged_inputs import Followed, Needed, needed, to_base, wrench_of_pushes
+from skyarm.studies.identify.lagged_inputs import Followed, Needed, model_forces, to_base, wrench_of_pushes
 from skyarm.studies.identify.loop_lags import (
     Estimated,
     LoopLags,
@@ -20,7 +20,7 @@ from skyarm.studies.identify.loop_lags import (
     loop_lags,
     rotor_lag,
 )
-from skyarm.studies.tune.excitation import excited, of_vehicle
+from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -33,7 +33,7 @@ DELAY, SLOWER, DRIVE = 0.012, 1.5, 0.02
 @pytest.fixture(scope="module")
 def flown():
     """Two noisy seconds of a vehicle whose commands are late and whose motors and drives are slow."""
-    base = excited(of_vehicle(VEHICLE, "paper_ct"))
+    base = tuning_flight(of_vehicle(VEHICLE, "paper_ct"))
     plant = dataclasses.replace(base.plant, vehicle=with_slower_motors(VEHICLE, SLOWER))
     delays = skyarm.Delays(measurement=PERIOD, command=DELAY)
     return skyarm.run(
@@ -53,7 +53,7 @@ def near(estimated: Estimated, truth: float, within: float) -> bool:
 def test_what_was_planted_in_a_flight_is_found(found):
     """1.5 ms of the delay's 12, 8 % of the time constants: three times what 20 flights were off (docs)."""
     rotors, believed = found.rotors, VEHICLE.rotors[0]
-    assert rotors.known
+    assert rotors.is_known
     assert near(rotors.delay, DELAY, 0.0015)
     assert rotors.factor == pytest.approx((SLOWER, SLOWER), rel=0.08)
     assert near(rotors.up, SLOWER * believed.time_constant_up, 0.0015)
@@ -64,7 +64,7 @@ def test_what_was_planted_in_a_flight_is_found(found):
     # no interval is narrower than what sampling leaves
     assert all(each.high - each.value > 0.1 * PERIOD for each in (rotors.together, rotors.delay, rotors.up))
     for joint in found.joints:
-        assert joint.known
+        assert joint.is_known
         assert near(joint.together, DELAY + DRIVE, 0.0015)
 
 
@@ -95,13 +95,13 @@ def test_the_lines_to_paste_fly_the_scenario_that_was_found(found):
 
 def test_a_log_that_cannot_tell_says_so(flown, found):
     still = dataclasses.replace(flown, rotor_commands=np.full_like(flown.rotor_commands, 500.0))
-    motion = needed(VEHICLE, flown, 9.81)
+    motion = model_forces(VEHICLE, flown, 9.81)
     assert rotor_lag(VEHICLE, still, motion).reason == "the commands hardly change"
     # commands of another flight: nothing of the motion follows them
     rng = np.random.default_rng(3)
     other = 500.0 + 20.0 * rng.standard_normal(flown.rotor_commands.shape)
     strange = rotor_lag(VEHICLE, dataclasses.replace(flown, rotor_commands=other), motion)
-    assert not strange.known
+    assert not strange.is_known
     assert strange.explained < 0.5
     nothing = LoopLags(period=PERIOD, seconds=2.0, rotors=strange, joints=(), left_out={})
     assert lag_tables(nothing) == ""
@@ -131,7 +131,7 @@ def test_a_planted_delay_is_that_of_a_cross_correlation():
     log = type("Log", (), {"efforts": torque, "time": time})()
     motion = Needed(PERIOD, np.zeros((400, 6)), noisy, rng.standard_normal((400, 1)))
     found = joint_lag("elbow", log, motion, 0)
-    assert found.known
+    assert found.is_known
     assert near(found.together, late, 0.001)
     assert found.together.low <= late <= found.together.high
 

@@ -14,7 +14,7 @@ from skyarm.log.flight_log import rows_of
 from skyarm.log.sensor_data import fields_of
 from skyarm.simulate.assemble_log import assemble
 from skyarm.studies.identify.loop_lags import loop_lags
-from skyarm.studies.tune.excitation import excited, of_vehicle
+from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -37,7 +37,7 @@ def as_measured(scenario):
 @pytest.mark.parametrize(("late", "slower", "drive"), [(0.005, 0.5, 0.01), (0.01, 2.0, 0.02), (0.02, 1.0, 0.0)])
 def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
     believed = skyarm.load_vehicle(vehicle)
-    base = excited(of_vehicle(believed, "centroidal_tip"))
+    base = tuning_flight(of_vehicle(believed, "centroidal_tip"))
     scenario = dataclasses.replace(
         base,
         duration=5.0,
@@ -49,7 +49,7 @@ def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
     log = as_measured(scenario)
     assert log.time[-1] > 2.0  # the hexarotor with all of it is lost after 2.2 s, and has told by then
     found = loop_lags(log, believed).rotors
-    assert found.known
+    assert found.is_known
     assert abs(found.delay.value - late) < 0.0035
     assert found.delay.low <= late <= found.delay.high
     assert found.factor == pytest.approx((slower, slower), rel=0.12)

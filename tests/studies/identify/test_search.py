@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.search import compass, decoded, differential_evolution, encoded
+from skyarm.studies.identify.search import compass, decode, differential_evolution, encode
 from skyarm.studies.identify.study import Parameter
 
 
@@ -65,14 +65,14 @@ def parameter(low, high, step, scale="linear"):
 
 
 def test_values_are_whole_steps_from_the_low_end_as_decimals():
-    values = decoded([parameter(0.0, 0.1, 0.001)], np.linspace(0.0, 1.0, 1001)[:, None])["p"]
+    values = decode([parameter(0.0, 0.1, 0.001)], np.linspace(0.0, 1.0, 1001)[:, None])["p"]
     assert set(values.tolist()) == {round(0.001 * k, 5) for k in range(101)}
     assert 0.06 in values.tolist()
-    assert decoded([parameter(4.0, 9.0, 0.05)], np.array([[0.39]]))["p"].tolist() == [5.95]
+    assert decode([parameter(4.0, 9.0, 0.05)], np.array([[0.39]]))["p"].tolist() == [5.95]
 
 
 def test_a_log_scale_has_its_middle_at_the_geometric_mean():
-    values = decoded([parameter(0.2, 5.0, 0.01, "log")], np.array([[0.0], [0.5], [1.0], [-3.0], [7.0]]))["p"]
+    values = decode([parameter(0.2, 5.0, 0.01, "log")], np.array([[0.0], [0.5], [1.0], [-3.0], [7.0]]))["p"]
     assert values.tolist() == pytest.approx([0.2, 1.0, 5.0, 0.2, 5.0])
 
 
@@ -80,7 +80,7 @@ def test_a_log_scale_has_its_middle_at_the_geometric_mean():
 def test_a_value_comes_back_from_its_point(scale):
     one = parameter(0.5, 4.0, 0.25, scale)
     for value in (0.5, 0.75, 2.25, 4.0):
-        assert decoded([one], encoded([one], [value])[None, :])["p"].tolist() == [value]
+        assert decode([one], encode([one], [value])[None, :])["p"].tolist() == [value]
 
 
 def trials_of(cost, **options):
@@ -149,7 +149,7 @@ def test_the_compass_halves_its_steps_from_an_eighth_to_a_512th():
 def test_no_value_leaves_its_range_however_coarse_the_step(scale):
     points = np.linspace(0.0, 1.0, 201)[:, None]
     for low, high, step in ((0.0004, 0.26, 0.1), (0.12345, 1.0, 0.5), (5e-05, 0.005, 1e-05)):
-        values = decoded([parameter(low, high, step, scale)], points)["p"]
+        values = decode([parameter(low, high, step, scale)], points)["p"]
         assert (values.min(), values.max()) == (low, high)
 
 

@@ -12,7 +12,7 @@ from hand_made import double_integrator
 from scipy import linalg, optimize
 
 from skyarm.studies.stability import OpenLoop, margins
-from skyarm.studies.stability.closed_loop import closed, gains
+from skyarm.studies.stability.closed_loop import close_loop, gains
 from skyarm.studies.stability.disk_margins import upper_bound
 from skyarm.studies.stability.loop_channels import numbered_channels
 
@@ -105,7 +105,7 @@ def coupled(seed=3, channels=3):
 
 def radius_under(loop, channels, factors):
     """Spectral radius with a complex factor on each of some channels, all of one port."""
-    found = closed(loop)
+    found = close_loop(loop)
     A = found.matrix(gains(loop)).astype(complex)
     commands = channels[0].port == "commands"
     B = found.enters if commands else found.shown + found.enters @ found.answered
@@ -200,7 +200,7 @@ def test_the_delay_of_one_rotor_is_where_eigenvalues_leave_the_circle():
     step = loop.period / len(loop.lates)
     steps = np.arange(0.0, foretold + 10.0 * step, step)
     radii = [
-        np.abs(np.linalg.eigvals(closed(dataclasses.replace(loop, rotors_delay=d)).matrix(np.ones(3)))).max()
+        np.abs(np.linalg.eigvals(close_loop(dataclasses.replace(loop, rotors_delay=d)).matrix(np.ones(3)))).max()
         for d in steps
     ]
     first = int(np.argmax(np.array(radii) > 1.0))

@@ -36,7 +36,7 @@ def test_a_flight_with_servos_grows_at_the_rate_of_its_largest_eigenvalue(servos
     batch = skyarm.Batch(flight, tilted, metrics=(), log_every=1, effort=0)
     outcome = batch.fly(dict.fromkeys(tilted, np.array([0.0, 1e-4])))
     (frozen,) = frozen_instants(hovering(nominal(servos)), 1)
-    found = radius(frozen.opened("between"))
+    found = radius(frozen.open_loop("between"))
     assert found > 1.0
     # two slow swings beat: windows of 7 s hold both
     grown = math.log(size(outcome.log, 12.0, 19.0)[1] / size(outcome.log, 5.0, 12.0)[1])

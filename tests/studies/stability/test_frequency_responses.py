@@ -13,7 +13,7 @@ import skyarm
 from skyarm.algebra import ZERO3, Quaternion
 from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.studies.stability import margins
-from skyarm.studies.stability.closed_loop import closed, spectral_radius
+from skyarm.studies.stability.closed_loop import close_loop, spectral_radius
 from skyarm.studies.stability.disk_margins import Response, frequency_grid
 from skyarm.studies.stability.loop_channels import vehicle_channels
 
@@ -39,7 +39,7 @@ def test_the_grid_sees_a_faint_resonance():
 @pytest.mark.parametrize("seed", [3, 4, 9])
 def test_gains_at_the_edge_are_where_eigenvalues_leave_the_circle(seed):
     loop = coupled(seed)
-    found, as_it_is = margins(loop, measured=False), closed(loop)
+    found, as_it_is = margins(loop, measured=False), close_loop(loop)
     if found.radius > 1.0:
         assert found.rotor_gain == found.one_joint == (1.0, 1.0)
         return

@@ -175,7 +175,7 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     begun = open_point(moving)
     sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
     # where ours is taken: at the measurement and the command that the period itself makes
-    base = found._completed(moving, begun, sizes, values_row, (0.0,))
+    base = found._complete(moving, begun, sizes, values_row, (0.0,))
     values = [base.tolist(), [0.002, 0.0], values_row]
     symbols = [casadi.SX.sym(f"a{i}", len(v)) for i, v in enumerate(values)]
     exact = casadi.Function("J", symbols, [casadi.jacobian(function(*symbols), symbols[0])])

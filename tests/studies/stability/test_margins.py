@@ -12,7 +12,7 @@ from hand_made import KD, KP, T, double_integrator
 from scipy import linalg, optimize
 
 from skyarm.studies.stability import margins
-from skyarm.studies.stability.closed_loop import closed, closed_loop, radius
+from skyarm.studies.stability.closed_loop import close_loop, closed_loop, radius
 
 
 def sampled(delay):
@@ -158,6 +158,6 @@ def test_a_loop_is_closed_once_for_all_gains(monkeypatch):
     """Loops of six joints have hundreds of gains to try: what a gain does not change is put together once."""
     module = sys.modules["skyarm.studies.stability.margins"]
     counted = []
-    monkeypatch.setattr(module, "closed", lambda *arguments: counted.append(arguments) or closed(*arguments))
+    monkeypatch.setattr(module, "close_loop", lambda *arguments: counted.append(arguments) or close_loop(*arguments))
     margins(double_integrator())
     assert len(counted) == 1

@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from skyarm.studies.sweep.stats import SHARES, _paired
+from skyarm.studies.sweep.stats import SHARES, _difference_statistics
 from skyarm.studies.sweep.store import Manifest
 from skyarm.studies.sweep.study_page import Pictures, page
 
@@ -108,7 +108,7 @@ def test_figures_name_their_metric_with_its_unit_and_all_but_the_first_are_folde
 def test_ties_are_shared_between_both_controllers():
     """Of ten differences three are below zero and four are zero: two of these count for each side."""
     difference = np.array([-1.0, -2.0, -3.0, 0.0, 0.0, -0.0, 0.0, 1.0, 2.0, 3.0])
-    assert _paired(difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _paired(-difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _paired(np.zeros(4), 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _paired(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0, 0.95)["first_smaller"] == pytest.approx(0.4)
+    assert _difference_statistics(difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(-difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.zeros(4), 0, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0, 0.95)["first_smaller"] == pytest.approx(0.4)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.studies.tune.candidate_flights import Scores
-from skyarm.studies.tune.front import LoopMargins, Point, Required, finalists, front_of, pick, undominated
+from skyarm.studies.tune.front import LoopMargins, Point, Required, finalists, front_of, pareto_front, pick
 
 REQUIRED = Required(delay=0.010, gain=1.5)
 WIDE = LoopMargins(delay=0.02, rotors=(0.4, 3.0), joints=(0.0, math.inf))
@@ -30,7 +30,7 @@ def point(error, jitter, margins=WIDE, lost=0.0, saturated=0.0):
 
 def test_the_front_goes_from_calm_to_stiff_without_points_that_another_beats():
     points = [point(3.0, 1.0), point(1.0, 5.0), point(2.0, 2.0), point(2.5, 3.0), point(0.5, 9.0, lost=0.1)]
-    assert [(each.error, each.jitter) for each in undominated(points)] == [(3.0, 1.0), (2.0, 2.0), (1.0, 5.0)]
+    assert [(each.error, each.jitter) for each in pareto_front(points)] == [(3.0, 1.0), (2.0, 2.0), (1.0, 5.0)]
 
 
 def test_the_best_of_the_gains_known_before_stays_where_none_found_is_better():

@@ -131,8 +131,8 @@ def test_margins_are_looked_at_only_where_they_change_who_leads():
 def test_an_effort_flies_about_as_many_candidates_as_are_requested():
     each_round = Effort().population * len(WEIGHTS)
     for candidates in (200, 500, 1400, 5000):
-        found = Effort().scaled(candidates, 6)
+        found = Effort().scale(candidates, 6)
         assert abs(found.candidates - candidates) <= each_round / 2
         assert (found.plants, found.first_plants, found.population) == (6, 6, Effort().population)
-    assert Effort().scaled(Effort().candidates, Effort().plants) == Effort()
-    assert Effort().scaled(10, 24).rounds == 2, "the second round is the first that learns of another"
+    assert Effort().scale(Effort().candidates, Effort().plants) == Effort()
+    assert Effort().scale(10, 24).rounds == 2, "the second round is the first that learns of another"

@@ -13,9 +13,9 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.compare.perturbed_plants import thrust_margin
 from skyarm.studies.stability.along import evidence
-from skyarm.studies.tune.excitation import excited
+from skyarm.studies.tune.excitation import tuning_flight
 from skyarm.studies.tune.explain import differences, explain, words
-from skyarm.studies.tune.hover_margins import HoverMargins, calm, required, with_gains
+from skyarm.studies.tune.hover_margins import HoverMargins, calm, required_margins, with_gains
 from skyarm.studies.tune.law_knobs import find_knobs
 
 CASE = load_scenario("case3")
@@ -24,7 +24,7 @@ KNOBS = find_knobs(CASE.controller, CASE.controller.name)
 
 @pytest.fixture(scope="module")
 def tests_of_margins():
-    flight = excited(CASE)
+    flight = tuning_flight(CASE)
     made = HoverMargins(flight, KNOBS)
     yield flight, made
     made.close()
@@ -33,7 +33,7 @@ def tests_of_margins():
 def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
     flight, made = tests_of_margins
     logs = np.array([[0.4, 0.1, 0.5, 0.3, -0.2, -0.1]])
-    (found,) = made.measured(logs)
+    (found,) = made.measure(logs)
     other = dataclasses.replace(calm(flight), controller=with_gains(flight.controller, KNOBS, logs[0]))
     hover = evidence(other, 0).instants[0]
     assert found.delay == pytest.approx(hover.delay, rel=1e-6)
@@ -43,10 +43,10 @@ def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
 
 def test_a_test_costs_where_a_margin_is_short_and_nothing_elsewhere(tests_of_margins):
     flight, made = tests_of_margins
-    wanted = required(flight)
+    wanted = required_margins(flight)
     logs = np.random.default_rng(2).uniform(-1.2, 1.2, (12, len(KNOBS)))
     logs[0] = 0.0
-    found, costs = made.measured(logs), made.costs(logs)
+    found, costs = made.measure(logs), made.costs(logs)
     for margins, cost in zip(found, costs, strict=True):
         short = margins.shortness(wanted)
         # the tests ask for 4 % more, in whole steps of 1 ms

@@ -11,17 +11,17 @@ import pytest
 from skyarm.records.identity import identity
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.tune.excitation import excited
+from skyarm.studies.tune.excitation import tuning_flight
 from skyarm.studies.tune.gain_search import scatter
 from skyarm.studies.tune.hover_margins import with_gains
-from skyarm.studies.tune.law_knobs import GIVEN, centred, find_knobs
+from skyarm.studies.tune.law_knobs import GIVEN, find_knobs, with_catalogue_gains
 
 LABEL = "centroidal_tip"
-FLIGHT = excited(load_scenario("case3", controller=LABEL))
+FLIGHT = tuning_flight(load_scenario("case3", controller=LABEL))
 
 
 def about(flight, label=LABEL):
-    return centred(flight, find_knobs(flight.controller, flight.controller.name), label)
+    return with_catalogue_gains(flight, find_knobs(flight.controller, flight.controller.name), label)
 
 
 def detuned(factor):

@@ -20,9 +20,9 @@ from skyarm.studies.tune.excitation import (
     STEPPED,
     draw_motions,
     draw_plants,
-    excited,
     motion,
     of_vehicle,
+    tuning_flight,
     unseen_motion,
     with_lost,
 )
@@ -33,7 +33,7 @@ FORCE = "environment.forces.0.force_W"
 
 
 def test_the_papers_vehicle_meets_the_readmes_plants():
-    flight = excited(load_scenario("case3"))
+    flight = tuning_flight(load_scenario("case3"))
     mine = draw_plants(flight, 16, seed=5)
     usual = draw(load_scenario("case3_wind"), Spread(), 16, seed=5)
     assert mine.eased == 1.0
@@ -46,7 +46,7 @@ def test_the_papers_vehicle_meets_the_readmes_plants():
 
 @pytest.mark.parametrize("name", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2", "hummingbird"])
 def test_any_vehicle_gets_plants_that_can_be_made_and_hover(name):
-    flight = excited(of_vehicle(load_vehicle(name)))
+    flight = tuning_flight(of_vehicle(load_vehicle(name)))
     plants = draw_plants(flight, 12, seed=1)
     vehicle, weight = flight.plant.vehicle, float(flight.plant.vehicle.mass) * 9.81
     assert ("plant.payload.mass" in plants.values) == bool(vehicle.end_effector)
@@ -92,7 +92,7 @@ def test_the_flight_moves_everything_from_rest_within_the_joints_limits(made):
 
 def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     case = load_scenario("case3_wind")
-    flight, own = excited(case), excited(case, own_motion=True)
+    flight, own = tuning_flight(case), tuning_flight(case, own_motion=True)
     assert case.noise == PERFECT_SENSORS != flight.noise
     assert (flight.plant, flight.rates, flight.wind, flight.controller) == (
         case.plant,
@@ -102,15 +102,15 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     )
     assert flight.duration == DURATION
     assert (own.reference, own.duration) == (case.reference, case.duration)
-    aside = excited(case, unseen=True)
+    aside = tuning_flight(case, unseen=True)
     assert aside.reference == unseen_motion(case.plant.vehicle) != flight.reference
     # once the gust of one second is over
     assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
     noisy = dataclasses.replace(case, noise=dataclasses.replace(case.noise, position=0.01))
-    assert excited(noisy).noise == noisy.noise
+    assert tuning_flight(noisy).noise == noisy.noise
     walled = dataclasses.replace(case, world=Contact(surfaces=(Surface(name="wall"),)))
-    assert excited(walled) == flight
-    assert excited(walled, own_motion=True) == own
+    assert tuning_flight(walled) == flight
+    assert tuning_flight(walled, own_motion=True) == own
     gust = flight.forces[-1].gusts[0]
     weight = case.plant.vehicle.mass * case.plant.gravity
     assert gust.peak.norm() == pytest.approx(0.15 * weight, rel=0.01)
@@ -119,7 +119,7 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
 
 @pytest.mark.thorough
 def test_joints_with_servos_are_charged_no_effort():
-    flight = excited(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
+    flight = tuning_flight(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
     flight = dataclasses.replace(flight, duration=1.0)
     flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0))
     flown = flights.fly(np.zeros((1, 0)))
@@ -129,7 +129,7 @@ def test_joints_with_servos_are_charged_no_effort():
 
 
 def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
-    flight = excited(of_vehicle(load_vehicle("octo_coaxial_two_arms")))
+    flight = tuning_flight(of_vehicle(load_vehicle("octo_coaxial_two_arms")))
     plants = draw_plants(flight, 12, seed=3, mixed=True)
     assert plants.kinds.tolist() == [k % len(KINDS) for k in range(12)]
     assert draw_plants(flight, 12, seed=3).kinds.tolist() == [0] * 12
@@ -181,7 +181,7 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_ha
 
 
 def test_half_of_the_plants_are_ones_that_candidates_lost_and_the_telling_ones_come_first():
-    flight = excited(of_vehicle(load_vehicle("crazyflie_arm1")))
+    flight = tuning_flight(of_vehicle(load_vehicle("crazyflie_arm1")))
     pool = draw_plants(flight, 24, seed=2, mixed=True)
     lost = np.zeros((3, 24), dtype=bool)
     lost[:, 10] = True  # by all: perhaps nothing flies it

@@ -12,8 +12,8 @@ from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune import candidate_flights, tuning
-from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shortened, with_own
-from skyarm.studies.tune.excitation import KINDS, draw_plants, eased, excited, of_vehicle
+from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shorten, with_own
+from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.law_knobs import find_knobs
 from skyarm.studies.tune.tuning import FURTHER, POOL, Archive, Plan, Tuner
@@ -24,10 +24,10 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 def short():
     """A second of drawn motion with a gust's window, and one of an own motion, of a vehicle without an arm."""
     scenario = of_vehicle(load_vehicle("hummingbird"), "decoupled_pd")
-    path = dataclasses.replace(scenario.reference, x=eased(8.0, 1.0), z=Constant(5.0))
-    own = excited(dataclasses.replace(scenario, reference=path, duration=1.0), own_motion=True)
+    path = dataclasses.replace(scenario.reference, x=sine_from_rest(8.0, 1.0), z=Constant(5.0))
+    own = tuning_flight(dataclasses.replace(scenario, reference=path, duration=1.0), own_motion=True)
     windows = Windows(steady=Window(0.2, 0.5), gust=Window(0.5, 1.0))
-    return dataclasses.replace(excited(scenario), duration=1.0, windows=windows), shortened(own)
+    return dataclasses.replace(tuning_flight(scenario), duration=1.0, windows=windows), shorten(own)
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,8 @@ def short():
 )
 def test_a_search_flies_the_own_motion_until_enough_of_it_was_looked_at(duration, steady, flown, window):
     windows = Windows(steady=steady and Window(*steady), transient=Window(0.0, 6.0))
-    case = excited(load_scenario("case3"), own_motion=True)
-    found = shortened(dataclasses.replace(case, duration=duration, windows=windows))
+    case = tuning_flight(load_scenario("case3"), own_motion=True)
+    found = shorten(dataclasses.replace(case, duration=duration, windows=windows))
     assert (found.duration, found.windows.steady) == (flown, Window(*window))
     assert found.reference == case.reference
 
@@ -69,13 +69,13 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     plants, logs = with_own(drawn), np.array([[0.0] * len(knobs), [0.3] * len(knobs)])
     flights = CandidateFlights(flight, knobs, plants, own=own, seed=4, gust=True)
     lanes = []
-    real = CandidateFlights._flown
-    monkeypatch.setattr(CandidateFlights, "_flown", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
+    real = CandidateFlights._fly
+    monkeypatch.setattr(CandidateFlights, "_fly", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
     found, first = flights.fly(logs), flights.fly(logs, 7)
     # more lanes than there are plants would be more flights
     assert [each.error.shape for each in lanes] == [(2, 9), (2, 3), (2, 6), (2, 1)]
-    alone = real(flights, logs, drawn.taken(np.flatnonzero(plants.kinds != OWN)))
-    mine = candidate_flights._without_motions(drawn.taken(np.array([3, 7, 11])))
+    alone = real(flights, logs, drawn.select(np.flatnonzero(plants.kinds != OWN)))
+    mine = candidate_flights._without_motions(drawn.select(np.array([3, 7, 11])))
     for name, table in parts(real(flights._own, logs, mine)).items():
         np.testing.assert_array_equal(getattr(found, name)[..., [3, 7, 11]], table if name != "kinds" else OWN)
     for name, table in parts(found).items():
@@ -88,7 +88,7 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     # an own motion of 8 m at 1 Hz that no drawn one comes near
     assert found.base[:, plants.kinds == OWN].min() > 2.0 * found.base[:, plants.kinds != OWN].max()
     # no plant may be left of a kind
-    np.testing.assert_array_equal(flights.fly(logs, others=plants.taken(np.arange(3))).error, found.error[:, :3])
+    np.testing.assert_array_equal(flights.fly(logs, others=plants.select(np.arange(3))).error, found.error[:, :3])
     flights.close()
 
 
@@ -127,7 +127,7 @@ def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_f
     monkeypatch.setattr(tuning, "CandidateFlights", Told)
     monkeypatch.setattr(tuning, "HoverMargins", NoMargins)
     Told.flown.clear()
-    knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scaled(64, 8)
+    knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scale(64, 8)
     plan = Plan(
         flight=flight, check=own, aside=flight, own=own, knobs=knobs, effort=effort, seed=0, label="decoupled_pd"
     )

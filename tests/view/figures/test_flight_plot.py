@@ -236,7 +236,7 @@ def test_the_window_sets_both_axes() -> None:
 
 def test_words_longer_than_a_panel_is_high_take_two_lines() -> None:
     for words in ("Tip x", "wrist_pitch torque", "a joint of this length"):
-        figure, axes = PAPER.stacked(3)
+        figure, axes = PAPER.stacked_panels(3)
         for ax in axes:
             PAPER.name_axis(ax, words, "N m")
         require_words_apart(figure)

@@ -39,7 +39,7 @@ def test_a_column_is_set_to_the_right_if_its_name_says_so_and_its_cells_with_it(
 
 
 def test_rows_in_groups_have_a_heading_as_wide_as_the_table():
-    found = parsed(plain.grouped(["law", ">x"], [("fast", [["a", "1"]]), ("", [["b", "2"]])], caption="a & b"))
+    found = parsed(plain.grouped_table(["law", ">x"], [("fast", [["a", "1"]]), ("", [["b", "2"]])], caption="a & b"))
     assert found.find(".//caption").text == "a & b"
     first, second = found.findall(".//tbody")
     assert (first[0].get("class"), first[0][0].get("colspan"), first[0][0].text) == ("group", "2", "fast")

@@ -215,11 +215,11 @@ def test_a_lost_vehicle_is_shown_as_lost_until_a_reset(fleet: Fleet) -> None:
 def test_plots_keep_what_was_seen(fleet: Fleet) -> None:
     fleet.go(400)
     flight = fleet.flights[0]
-    assert [seen.tick for seen in flight.seen(1.0)] == list(range(200, 401, 10))
+    assert [seen.tick for seen in flight.recent(1.0)] == list(range(200, 401, 10))
     fleet.go(300)
-    assert flight.seen(0.5)[-1].tick == flight.last.tick == 300
+    assert flight.recent(0.5)[-1].tick == flight.last.tick == 300
     log = flight.session.log
-    seen = flight.seen(1.0)[5]
+    seen = flight.recent(1.0)[5]
     wanted = np.linalg.norm(log.tool[seen.tick] - log.tool_reference[seen.tick])
     assert seen.error == pytest.approx(wanted, abs=1e-12)
 

@@ -100,10 +100,10 @@ def test_what_a_plugin_adds_has_a_slider(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_value_is_clipped_to_its_slider_and_must_be_a_number() -> None:
     knob = knobs("case1")["plant.payload.mass"]
-    assert (knob.clipped(-1), knob.clipped(99.0), knob.clipped(0.1)) == (0.0, knob.high, 0.1)
+    assert (knob.clip(-1), knob.clip(99.0), knob.clip(0.1)) == (0.0, knob.high, 0.1)
     for wrong in (float("nan"), float("inf"), "1", None, True, [1.0]):
         with pytest.raises(ValueError, match=r"plant\.payload\.mass = "):
-            knob.clipped(wrong)
+            knob.clip(wrong)
 
 
 @pytest.mark.parametrize("law", law_names()[::3])

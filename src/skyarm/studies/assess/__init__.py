@@ -1,1 +1,1 @@
-"""Whether a vehicle can fly, and why not: one file per question, each answer a finding."""
+"""Checks of a vehicle's ability to fly: one file per question, each answer a finding."""

@@ -29,7 +29,7 @@ def columns(joints: Array) -> tuple[Array, ...]:
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array, accelerations: Array | None = None) -> Array:
-    """What a level vehicle at rest needs, (4 + n, lanes): torque and force on the base, then the joints' efforts.
+    """Efforts of a level vehicle at rest, (4 + n, lanes): torque and force on the base, then the joints' efforts.
 
     Args:
         vehicle: the rigid bodies.
@@ -61,12 +61,12 @@ class Allocation:
         """From a mixer with concrete numbers."""
         return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
 
-    def squared(self, efforts: Array) -> Array:
+    def squared_speeds(self, efforts: Array) -> Array:
         """Squared rotor speeds (rotors, lanes) of wrenches (4 ..., lanes), before any limit."""
         return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
 
     def room(self, squared: Array, direction: Array) -> Array:
-        """How far one may go from squared speeds (rotors, lanes) along a wrench (4,) within all limits, (lanes,).
+        """Largest step from squared speeds (rotors, lanes) along a wrench (4,) within all limits, (lanes,).
 
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """

@@ -101,7 +101,7 @@ QUESTION = "delay margin"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
-    """Dead time that the loop bears in hover beyond its own, beside the delay that is believed."""
+    """Delay margin in hover, in addition to the nominal delay of the loop."""
     found = hover_delay_if_known(scenario)
     if isinstance(found, str):
         return [Finding(QUESTION, NOTE, f"not known: {found}")]
@@ -109,7 +109,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     if not found.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
         return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
-    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.needed, unit)
+    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.least_margin, unit)
     if found.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
@@ -155,7 +155,7 @@ def _finding(line: str, question: str, level: str) -> Finding:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What was found about a vehicle, or about a scenario and the vehicle that flies it.
+    """Findings about a vehicle, or about a scenario and the vehicle that flies it.
 
     Attributes:
         name: of what was asked about. vehicle: the one that flies. gravity: m/s^2. payload: kg at the tip.
@@ -172,7 +172,7 @@ class Assessment:
 
     @property
     def flies(self) -> bool:
-        """Whether no fault was found."""
+        """True if no fault was found."""
         return worst_level(self.findings) != FAULT
 
     def alarms(self) -> list[Finding]:

@@ -83,7 +83,7 @@ def speed_share(vehicle: Vehicle, gravity: float) -> float:
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:
-    """Whether the rotors hold the vehicle level on the voltage of their highest speed; other findings say why not."""
+    """True if the rotors hold the vehicle level at the voltage of their highest speed; else other findings say why."""
     try:
         trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     except AllocationError:

@@ -75,7 +75,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
     """The parts of a scenario's flight, in order."""
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
     scenario = dataclasses.replace(scenario, changes=of_the_world)
-    loads = [*_payloads(scenario), *_gripped(scenario)]
+    loads = [*_payloads(scenario), *_gripped_objects(scenario)]
     changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
     edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}
     cuts = [0.0, *sorted(t for t in edges if 0.0 < t < scenario.duration), scenario.duration]
@@ -121,7 +121,7 @@ def _first(times: Array, found: Array) -> float:
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
 
 
-def _gripped(scenario: Scenario) -> list[Load]:
+def _gripped_objects(scenario: Scenario) -> list[Load]:
     """Free objects that grippers with a command take hold of along the reference, from closing to opening."""
     contact = scenario.world
     if contact is None or not contact.objects:
@@ -197,7 +197,7 @@ class Pressing(Force):
     trajectory: Trajectory
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """Along the believed normal, while a force is wanted."""
+        """Contact wrenches along the nominal normal, while a force is commanded."""
         force, _, *normal = self.trajectory.at(t).push[:5]
         point, body = motion.frame(None)
         return (Wrench(force_W=Vec3(*(c * force for c in normal)), point=point, body=body),)
@@ -253,7 +253,7 @@ def disturbance_of(part: FlightPart, time: Array) -> DisturbanceAt | None:
 
 
 def _quaternion(R: Array) -> Quaternion:
-    """Of rotations (3, 3, K) with less than half a turn of tilt: the tilt by the shortest way, after the heading."""
+    """Quaternions of rotations (3, 3, K) with less than half a turn of tilt: shortest tilt, after the heading."""
     x, y, z = R[:, 2]
     w = np.sqrt(np.maximum(0.5 * (1.0 + z), 1e-12))
     tilt = Quaternion(w, -0.5 * y / w, 0.5 * x / w, 0.0)

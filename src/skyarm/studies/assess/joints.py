@@ -91,7 +91,7 @@ def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
 
 
 def _bent(joint: Joint, servo: Servo, static: float, held: str, pose: Array) -> list[Finding]:
-    """A warning where a position servo without an integral gives way under the weight that it holds."""
+    """A warning where a position servo without an integral yields under the weight that it holds."""
     if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
         return []
     bent, (length, effort) = static / float(servo.stiffness), UNITS[joint.kind]
@@ -121,10 +121,10 @@ def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
         unit = np.zeros(vehicle.n)
         unit[i] = SWEEP[link.joint.kind] * PEAK_ACCELERATION / SECONDS**2
 
-        def changed(q: Array, a: Array = unit) -> Array:
+        def efforts(q: Array, a: Array = unit) -> Array:
             return hover_efforts(vehicle, gravity, q, a)[WRENCH:]
 
-        total += np.abs(in_parts(changed, joints) - still)
+        total += np.abs(in_parts(efforts, joints) - still)
     rates = [SWEEP[link.joint.kind] * PEAK_RATE / SECONDS for link in vehicle.links]
     friction = [
         float(k.joint.damping) * rate + float(k.joint.coulomb) for k, rate in zip(vehicle.links, rates, strict=True)
@@ -201,7 +201,7 @@ def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
 
 
 def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
-    """Fastest rate that the reference asks of each servo against its own limit and the motor's speed without load.
+    """Fastest reference rate of each servo against its own limit and the motor's speed without load.
 
     Args:
         scenario: whose reference is followed exactly.
@@ -275,7 +275,7 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
 
 
 def _blades(vehicle: Vehicle, tips: Array) -> list[Finding]:
-    """Whether the tip can come into a rotor's disc."""
+    """True if the tip can come into a rotor's disc."""
     radius = 0.8 * disc_radius(vehicle)
     for rotor in vehicle.rotors:
         away = tips - np.array([float(c) for c in rotor.position])
@@ -320,7 +320,7 @@ def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
 
 
 def _same(a: Array, b: Array) -> bool:
-    """Whether two columns (lanes, 6) of Jacobians are parallel everywhere and not zero."""
+    """True if two columns (lanes, 6) of Jacobians are parallel everywhere and not zero."""
     scales = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
     return bool(np.all(scales > STILL) and np.all(np.abs(np.sum(a * b, axis=1)) > (1.0 - 1e-12) * scales))
 

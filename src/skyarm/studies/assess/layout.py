@@ -25,7 +25,7 @@ LIGHTEST = 0.2
 
 
 def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
-    """How far the centre of mass comes to the edge of the rotors' polygon, over all arm poses."""
+    """Smallest distance of the centre of mass from the edge of the rotors' polygon, over all arm poses."""
     hubs = rotor_polygon(vehicle)
     if len(hubs) < 3:
         return []
@@ -96,17 +96,17 @@ CROWDED = 0.5
 def disc_radius(vehicle: Vehicle) -> float:
     """Half the least distance of two rotors at one height that are not above each other: the largest disc that fits, m.
 
-    Of two that crowd (:func:`crowded`) the distance does not count.
+    Of two that crowd (:func:`crowded_pair`) the distance does not count.
     """
     apart = _beside(vehicle)
-    pair = crowded(vehicle)
+    pair = crowded_pair(vehicle)
     if pair is not None:
         apart[pair] = apart[pair[::-1]] = np.inf
     least = float(apart.min(initial=np.inf))
     return 0.5 * least if least < np.inf else 0.1
 
 
-def crowded(vehicle: Vehicle) -> tuple[int, int] | None:
+def crowded_pair(vehicle: Vehicle) -> tuple[int, int] | None:
     """Indices of the two rotors that stand much nearer to each other than all others to their neighbours, if two do."""
     apart = _beside(vehicle)
     if len(apart) < 4:
@@ -156,7 +156,7 @@ def _inside(hubs: Array, x: Array, y: Array) -> Array:
 
 
 def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
-    """Whose centre of mass is to blame for one beside the rotors' middle in a pose (n,): the base's or the links'.
+    """Section that causes a centre of mass off the rotors' middle in a pose (n,): the base or the links.
 
     It is the base's where its share of the whole moment is more than half.
     """
@@ -212,8 +212,8 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
 
 
 def _places(vehicle: Vehicle) -> list[Finding]:
-    """Two rotors that stand in each other's disc while the others keep their distance."""
-    pair = crowded(vehicle)
+    """Two rotors whose discs overlap while the others keep their distance."""
+    pair = crowded_pair(vehicle)
     if pair is None:
         return []
     a, b = (vehicle.rotors[i] for i in pair)
@@ -257,12 +257,14 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
 
 
 def _directions(vehicle: Vehicle, gravity: float) -> Finding:
-    """Whether the hover would be more even with one rotor turning the other way."""
+    """Finding if the hover would be more even with one rotor turning the other way."""
     own = _spread(vehicle, gravity)
     question = "senses of rotation"
     tried = []
     if not own < UNEVEN:
-        tried = [(_spread(_flipped(vehicle, i), gravity), rotor.name) for i, rotor in enumerate(vehicle.rotors)]
+        tried = [
+            (_spread(_with_rotor_flipped(vehicle, i), gravity), rotor.name) for i, rotor in enumerate(vehicle.rotors)
+        ]
     best = min(tried, default=(math.inf, ""))
     if best[0] < EVENER * own or (math.isinf(own) and best[0] < UNEVEN):
         # those that explain it as well are as likely
@@ -278,7 +280,7 @@ def _directions(vehicle: Vehicle, gravity: float) -> Finding:
     return Finding(question, level, text, field, f"check {field}", own, UNEVEN)
 
 
-def _flipped(vehicle: Vehicle, at: int) -> Vehicle:
+def _with_rotor_flipped(vehicle: Vehicle, at: int) -> Vehicle:
     rotors = list(vehicle.rotors)
     rotors[at] = dataclasses.replace(rotors[at], direction=-rotors[at].direction)
     return dataclasses.replace(vehicle, rotors=tuple(rotors))
@@ -292,5 +294,5 @@ def _spread(vehicle: Vehicle, gravity: float) -> float:
         return math.inf
     efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
     efforts[:3] = 0.0
-    thrusts = allocation.squared(efforts)[:, 0] * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]
+    thrusts = allocation.squared_speeds(efforts)[:, 0] * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]
     return float(np.std(thrusts) / abs(np.mean(thrusts)))

@@ -1,4 +1,4 @@
-"""Limits of a wanted contact: a law that presses, joint and yaw torques, servos and the tip's mass."""
+"""Limits of a commanded contact: a law that presses, joint and yaw torques, servos and the tip's mass."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ second under noise less than 90 % of the time went by within 30 % of it."""
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
-    """The wanted contact against joints and rotors, of a level base where the reference has it; none without one.
+    """The commanded contact against joints and rotors, of a level base on its reference; none without one.
 
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
@@ -93,7 +93,7 @@ def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque that the rotors have left in level hover, the smaller of both senses, N m."""
     vehicle = scenario.plant.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
-    hover = allocation.squared(hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints])))
+    hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
 
 

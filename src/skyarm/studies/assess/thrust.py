@@ -41,7 +41,7 @@ def thrust_margin(
     """
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
         busiest = np.max(squared / allocation.highest[:, None], axis=0)
         idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
         return np.stack([-busiest, idlest])
@@ -94,7 +94,7 @@ def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, 
     directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
         inertias = locked_inertia(vehicle, joints)
         return np.stack([allocation.room(squared, d) / inertias[:, i // 2, i // 2] for i, d in enumerate(directions)])
 
@@ -131,7 +131,7 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
 
 def roll_pitch_boundary(vehicle: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
     """Corners (RAYS, 2) of the roll and pitch torques that can be added to hover in a pose, N m."""
-    squared = allocation.squared(hover_efforts(vehicle, gravity, joints[None]))
+    squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints[None]))
     angles = 2.0 * math.pi * np.arange(RAYS) / RAYS
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     far = [allocation.room(squared, np.array([*ray, 0.0, 0.0]))[0] for ray in rays]
@@ -151,7 +151,7 @@ def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Fi
     allocation, across = Allocation.of(mixer), np.array(mixer.across, dtype=float)
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
         still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
         com = center_of_mass(vehicle, still, level, joints)
         # a force through the centre of mass turns about the base's origin by com x force
@@ -211,10 +211,10 @@ def largest_payload(
 
 
 def _largest_by_part(vehicle: Vehicle, loaded: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
-    """Largest payload (parts, lanes) that each rotor and joint allows, kg; negative where it bears not even itself."""
+    """Largest payload (parts, lanes) that each rotor and joint allows, kg; negative where it cannot hold itself."""
     bare = hover_efforts(vehicle, gravity, joints)
     per_kilogram = hover_efforts(loaded, gravity, joints) - bare
-    squared, more = allocation.squared(bare), allocation.inverse @ per_kilogram[:WRENCH]
+    squared, more = allocation.squared_speeds(bare), allocation.inverse @ per_kilogram[:WRENCH]
     with np.errstate(divide="ignore", invalid="ignore"):
         top = allocation.highest[:, None] / ENOUGH
         rotors = np.where(more > 0.0, (top - squared) / more, np.where(more < 0.0, -squared / more, np.inf))

@@ -1,1 +1,1 @@
-"""How fast and how exact every engine is, side by side with others, on the machine at hand. Times are never tests."""
+"""Speed and accuracy of every engine next to others, on the present machine. Times are never tests."""

@@ -1,4 +1,4 @@
-"""How long one control step takes when it is asked for alone, as on board."""
+"""Duration of a single control step, called alone as on board."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ def flown_latency(scenario: Scenario) -> dict[str, Any]:
     spent: list[int] = []
     solved: list[bool] = []
 
-    def timed(memory: Any, *arguments: Any, **constants: Any) -> Any:
+    def timed_law(memory: Any, *arguments: Any, **constants: Any) -> Any:
         begin = clock()
         following, command = controller.law(memory, *arguments, **constants)
         spent.append(clock() - begin)
         solved.append(getattr(following, "plan", None) is not getattr(memory, "plan", None))
         return following, command
 
-    called = dataclasses.replace(controller, law=timed, compiled=False)
+    called = dataclasses.replace(controller, law=timed_law, compiled=False)
     run_in_python(scenario.with_words(controller=called))
     every, solving = np.array(spent[1:], dtype=float), np.array(solved[1:], dtype=bool)
     return {**_spread(every), "solving": _spread(every[solving]) if solving.any() else None}

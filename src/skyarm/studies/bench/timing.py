@@ -140,12 +140,12 @@ def start(rounds: int) -> dict[str, float]:
         for name, words in (("", ("-c", PROGRAM)), ("command_", ("-m", "skyarm", "run", STARTED, "--out", "out"))):
             with tempfile.TemporaryDirectory() as folder:
                 for cache in ("empty_cache", "warm_cache"):
-                    found.setdefault(f"{name}{cache}", []).append(_timed(words, Path(folder)))
-        found.setdefault("python_alone", []).append(_timed(("-c", "import numpy"), Path()))
+                    found.setdefault(f"{name}{cache}", []).append(_wall_time(words, Path(folder)))
+        found.setdefault("python_alone", []).append(_wall_time(("-c", "import numpy"), Path()))
     return {name: statistics.median(values) for name, values in found.items()}
 
 
-def _timed(words: Sequence[str], folder: Path) -> float:
+def _wall_time(words: Sequence[str], folder: Path) -> float:
     environment = {**os.environ, "SKYARM_CACHE": str(folder.absolute() / "cache")}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed library has its bytecode
     begin = time.perf_counter()

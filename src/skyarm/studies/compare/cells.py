@@ -92,7 +92,7 @@ class Cell:
         return np.asarray(self.metrics["tilt_max"] <= TILTED)
 
     @property
-    def flown(self) -> npt.NDArray[np.bool_]:
+    def tracked_to_end(self) -> npt.NDArray[np.bool_]:
         """Which episodes flew to their end, upright, the tip near its reference in the mean of the last seconds."""
         near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
         return np.asarray(self.completed & self.upright & near)
@@ -144,7 +144,7 @@ class Flights:
         return draw(scenario, spread, self.episodes(scenario), seed=self.seed) if spread else {}
 
     def alone(self, scenario: Scenario) -> bool:
-        """Whether the episodes fly one by one."""
+        """True if the episodes fly one by one."""
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
@@ -164,7 +164,7 @@ class Flights:
         """Numbers of the episodes that fix the integration steps of all, by path."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
-    def counted(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
+    def metric_names(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
         """Metrics of a flight, registered ones and torques included.
 
         Args:
@@ -183,7 +183,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=flights.counted(scenario.commands_setpoints),
+        metrics=flights.metric_names(scenario.commands_setpoints),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, flights.stiffest(values)),
         effort=0 if episodes <= FEW else 2,
@@ -195,7 +195,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
 def fly_episode(flights: Flights, episode: int) -> Flown:
     """Fly one episode of a cell by itself."""
     log = run(episode_scenario(flights, episode))
-    names = flights.counted([unit is not None for unit in names_of(log).setpoints])
+    names = flights.metric_names([unit is not None for unit in names_of(log).setpoints])
     return score(log, names, flights.case.windows), str(log.status)
 
 
@@ -254,7 +254,7 @@ def key(flights: Flights) -> str:
     facts = {
         "versions": versions("numpy", "llvmlite"),
         "source": _source(),
-        "metrics": sorted(flights.counted(())),
+        "metrics": sorted(flights.metric_names(())),
         "code": own_files([find("metric", name) for name in registered("metric")]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),

@@ -48,7 +48,7 @@ class Comparison(Suite):
     name, file = SUITE, "results"
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Laws, flights of each condition, seed and plant."""
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
@@ -64,7 +64,7 @@ class Comparison(Suite):
             if not condition.spread or case == WIDEST or entrant.group not in BRIEF
         ]
 
-    def planned(self) -> tuple[list[Flights], Refused]:
+    def plan_cells(self) -> tuple[list[Flights], Refused]:
         """Every cell; no law is refused."""
         return self.flights(), {}
 

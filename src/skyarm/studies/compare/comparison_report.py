@@ -184,10 +184,14 @@ def _tables(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], condi
     if condition.spread:
         parts = ((f">{case} success", f">{case} tip, mm: mean / 95 %") for case in condition.cases)
         head = ["law", *(part for pair in parts for part in pair)]
-        return [_grouped(head, plants_rows(summaries, entrants, condition.cases), entrants, "Successes, tip errors")]
+        return [
+            _table_by_kind(head, plants_rows(summaries, entrants, condition.cases), entrants, "Successes, tip errors")
+        ]
     errors = WRONG if condition.change else TRACKING
     return [
-        _grouped(["law", *(f">{c.head}" for c in columns)], truth_rows(summaries, entrants, columns), entrants, caption)
+        _table_by_kind(
+            ["law", *(f">{c.head}" for c in columns)], truth_rows(summaries, entrants, columns), entrants, caption
+        )
         for columns, caption in (
             (errors, f"Errors ({WHICH})"),
             (COST, f"What they were bought with, in {COST_CASE}"),
@@ -195,7 +199,7 @@ def _tables(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], condi
     ]
 
 
-def _grouped(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
+def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
     """A table whose rows stand under the kinds of their laws on a page."""
     found = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
     return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])

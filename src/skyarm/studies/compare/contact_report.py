@@ -58,7 +58,7 @@ HANDLES: Mapping[str, tuple[str, str, float]] = {
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
-    """What each flight lacked, by a word, in the order in which it is asked for.
+    """Failed criterion of each flight, by a word, in the order of the checks.
 
     Args:
         task: says what counts.
@@ -67,7 +67,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
         phases: of the scenario that was flown; 0 where none waits.
     """
     m, late = cell.metrics, cell.status == "phase_failed"
-    found = {"lost": ~(cell.flown | (late & cell.upright))}
+    found = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
     found["phases"] = late | ~(m["phases_done"] >= phases)
     if task.held:
         found["force"] = ~(m["contact_held"] >= HELD)

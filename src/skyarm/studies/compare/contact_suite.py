@@ -48,7 +48,7 @@ class ContactFlights(Flights):
 
     @property
     def task(self) -> Task:
-        """What is done."""
+        """The task of the flights."""
         return TASKS[self.case.name]
 
     def scenario(self) -> Scenario:
@@ -119,7 +119,7 @@ class ContactSuite(Suite):
     name, file = CONTACT, "contact"
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Worlds, seed and plant."""
         return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
 
@@ -144,7 +144,7 @@ class ContactSuite(Suite):
             if flies_its_own(TASKS[task], law)
         ]
 
-    def planned(self) -> tuple[list[ContactFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
         """Every cell, and why a law does not fly a task."""
         flown, refused = list[ContactFlights](), dict[str, str]()
         for each in self.flights():
@@ -175,7 +175,7 @@ class ContactSuite(Suite):
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
-        """Fly and draw the first world of each task, and film it where that is asked for; ``shown`` names the files."""
+        """Fly and draw the first world of each task, and film it on request; ``shown`` names the files."""
         found["shown"], drawn = {}, {}
         for name, flights in shown_flights(todo).items():
             log = run(episode_scenario(flights, 0))

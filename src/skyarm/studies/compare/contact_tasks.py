@@ -142,7 +142,7 @@ def document_of(task: Task) -> dict[str, Any]:
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """Whether a law has flights of its own in a task.
+    """True if a law has flights of its own in a task.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """
@@ -180,7 +180,7 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
-    """The task's document for a law that follows positions: the path goes ``BEHIND`` the believed surface."""
+    """The task's document for a law that follows positions: the path goes ``BEHIND`` the nominal surface."""
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
@@ -188,23 +188,23 @@ def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
         found = {**phase}
         kind = phase["kind"]
         if kind == "press":
-            phases.append({"kind": "go_to", "position": _moved(at, way), "duration": 2.0})
+            phases.append({"kind": "go_to", "position": _shift(at, way), "duration": 2.0})
             found["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
         elif kind == "insert":
             deeper = [-float(phase["distance"]) * n for n in task.normal]
-            found = {"kind": "slide", "position": _moved(_moved(at, way), deeper), "duration": 2.0}
+            found = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
         elif kind == "retreat":
             found = {"kind": "retreat", "position": start}
         elif "points" in phase:
-            found["points"] = [_moved(point, way) for point in phase["points"]]
+            found["points"] = [_shift(point, way) for point in phase["points"]]
             at = list(phase["points"][-1])
         elif "position" in phase:
-            found["position"] = _moved(phase["position"], way)
+            found["position"] = _shift(phase["position"], way)
             at = list(phase["position"])
         phases.append(found)
     tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
     return {**document, "reference": {**document["reference"], "tip": tip}}
 
 
-def _moved(place: list[float], way: list[float]) -> list[float]:
+def _shift(place: list[float], way: list[float]) -> list[float]:
     return [p + w for p, w in zip(place, way, strict=True)]

@@ -44,7 +44,7 @@ class Worlds:
     drawn: int
 
     @property
-    def discarded(self) -> float:
+    def discard_share(self) -> float:
         """Share of the drawn worlds that was discarded."""
         return 1.0 - len(next(iter(self.values.values()))) / self.drawn
 
@@ -55,7 +55,7 @@ class Worlds:
 
 
 def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
-    """The first ``count`` worlds that are kept; they do not depend on how many more are asked for.
+    """The first ``count`` worlds that are kept; they do not depend on how many more are drawn.
 
     Args:
         task: with its bounds.
@@ -68,7 +68,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     """
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, np.zeros(1, dtype=int), NUMBERS).reshape(drawn, NUMBERS)
-    every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _even(task.friction, share[:, 1]),
+    every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _uniform(task.friction, share[:, 1]),
              "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}  # fmt: skip
     found = np.flatnonzero(kept(task, scenario, every))[:count]
     last = int(found[-1]) + 1 if found.size else drawn
@@ -119,7 +119,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     if task.object:
         path = f"world.objects.{task.object}.mass"
         found[path] = number_at(scenario, path) * drawn["mass"]
-    thrust = _even(THRUST, share[:, 4])
+    thrust = _uniform(THRUST, share[:, 4])
     for i in range(len(scenario.plant.vehicle.rotors)):
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
         found[path] = number_at(scenario, path) * thrust
@@ -129,7 +129,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     for axis, part in zip("xyz", (across * np.cos(azimuth), across * np.sin(azimuth), height), strict=True):
         found[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
     if task.tilts:
-        for i, part in enumerate(_tilted(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
+        for i, part in enumerate(_tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
             found[f"reference.push.normal.{i}"] = part
     return found | _handle_numbers(task, scenario, drawn, share)
 
@@ -152,7 +152,7 @@ def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], 
     return found
 
 
-def _tilted(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:
+def _tilt(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:
     """Unit vectors at an angle from a normal, in a direction about it."""
     n = np.array(normal)
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
@@ -162,7 +162,7 @@ def _tilted(normal: tuple[float, float, float], angle: Array, azimuth: Array) ->
     return list(np.cos(angle) * n[:, None] + np.sin(angle) * side)
 
 
-def _even(bounds: tuple[float, float], share: Array) -> Array:
+def _uniform(bounds: tuple[float, float], share: Array) -> Array:
     low, high = bounds
     return low + (high - low) * share
 

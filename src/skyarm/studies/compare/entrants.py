@@ -1,4 +1,4 @@
-"""Who flies: laws with their gains, in the order of the tables."""
+"""Laws of the comparison with their gains, in the order of the tables."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Entrant:
     told: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
-        """The law with its belief; a law that can use a known delay is told of it."""
+        """The law with its nominal model; a law that can use a known delay receives it."""
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
@@ -64,7 +64,7 @@ class Entrant:
 
 
 def own_entrant(law: str) -> Entrant | None:
-    """A registered law of someone's own as an entrant, with its own gains; None for any other name."""
+    """A registered user-defined law as an entrant, with its own gains; None for any other name."""
     row = registrations("law").get(law)
     if row is None or row.source == SHIPPED:
         return None

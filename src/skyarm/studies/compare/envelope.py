@@ -165,7 +165,7 @@ class Envelope(Suite):
     name, file = ENVELOPE, "envelope"
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """All but laws and axes."""
         return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
 
@@ -175,7 +175,7 @@ class Envelope(Suite):
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
     @property
-    def flown(self) -> tuple[str, ...]:
+    def flyable_axes(self) -> tuple[str, ...]:
         """Axes that the vehicle can fly."""
         servos = bool(self.setting.truth.drives)
         return tuple(name for name in self.axes if not (servos and AXES[name].torques))
@@ -185,13 +185,13 @@ class Envelope(Suite):
         axis = AXES[name]
         return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
 
-    def planned(self) -> tuple[list[AxisFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
         """Cells, law by law, and why a law does not fly this vehicle."""
         found: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
             try:
-                for name in self.flown:
+                for name in self.flyable_axes:
                     found += axis_flights(law, self.axis(name), self.setting, seed=self.seed, plant=self.plant)
             except ControllerError as error:
                 refused[law] = str(error)
@@ -200,7 +200,7 @@ class Envelope(Suite):
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
         """Points of every law along every axis, each law in a sentence, and violations of the rules."""
-        axes: dict[str, Any] = {name: axis_record(self.axis(name), self.setting) for name in self.flown}
+        axes: dict[str, Any] = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
             assert isinstance(flights, AxisFlights)
             points = points_of(cell, flights.axis, len(flights.points))
@@ -234,7 +234,7 @@ def with_laws_of(folder: Path, envelope: Envelope) -> Envelope:
         others = []
     cells, laws = Cells(folder / "cells"), list(envelope.laws)
     for law in others:
-        mine, refused = dataclasses.replace(envelope, laws=(law,)).planned()
+        mine, refused = dataclasses.replace(envelope, laws=(law,)).plan_cells()
         if not refused and all(cells.get(each) is not None for each in mine):
             laws.append(law)
     known = [law for law in ORDER if law in laws]

@@ -113,7 +113,7 @@ class Axis:
         return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
 
 
-def eased(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
+def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
     """A sine that grows from rest; its numbers stand under ``signal``."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
@@ -126,7 +126,7 @@ def along(setting: Setting, **signals: Any) -> Scenario:
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
     """Joints about their middles, one amplitude after the other, each later than the one before by ``phase``."""
     return tuple(
-        Sum((Constant(middle), eased(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
+        Sum((Constant(middle), sine_from_rest(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
         for j, (middle, unit) in enumerate(zip(setting.middle, setting.swing, strict=True))
     )
 
@@ -144,7 +144,7 @@ def moving_base(setting: Setting, **axes: Any) -> Scenario:
 def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
     """A horizontal circle, m and m/s."""
     f = speed / (2.0 * math.pi * radius)
-    return moving_base(setting, x=eased(radius, f, 0.5 * math.pi), y=eased(radius, f))
+    return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
 def slow_circle(setting: Setting, **changes: Any) -> Scenario:
@@ -154,10 +154,10 @@ def slow_circle(setting: Setting, **changes: Any) -> Scenario:
 
 def vertical(setting: Setting) -> Scenario:
     """A vertical sine of 0.2 m."""
-    return moving_base(setting, z=Sum((setting.hover.reference.z, eased(0.2 * setting.climb))))
+    return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
-def pushed(setting: Setting, **force: Any) -> Scenario:
+def pushed_hover(setting: Setting, **force: Any) -> Scenario:
     """Hover under a disturbance."""
     return setting.hover.with_words(forces=(Disturbance(**force),))
 
@@ -169,7 +169,7 @@ def turning_wind(setting: Setting) -> Scenario:
                         for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
         for size in (2.0 * setting.weight, 2.0)
     )  # fmt: skip
-    return pushed(setting, force=force).with_words(air=(AirSignals(velocity_W=air),))
+    return pushed_hover(setting, force=force).with_words(air=(AirSignals(velocity_W=air),))
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
@@ -187,14 +187,14 @@ def wind_steps(setting: Setting) -> Scenario:
         axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
         for axis, windows in WIND_STEPS.items()
     }
-    return pushed(setting, force=SignalVector(**vector))
+    return pushed_hover(setting, force=SignalVector(**vector))
 
 
 def pushes(axis: str, setting: Setting) -> Scenario:
     """Hover under a force at the tip along a world axis, on for the first half of every second from 4 s on."""
     pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
     force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
-    return pushed(setting, frame=setting.truth.end_effector, force=force)
+    return pushed_hover(setting, frame=setting.truth.end_effector, force=force)
 
 
 def lagging_joints(setting: Setting) -> Scenario:
@@ -205,7 +205,7 @@ def lagging_joints(setting: Setting) -> Scenario:
 
 
 def wrong_plants(setting: Setting, times: float) -> Scenario:
-    """Joints swing by 0.5 rad; the plant is drawn, its commands late by what no law knows."""
+    """Joints swing by 0.5 rad; the plant is drawn, its commands late by a delay that no law models."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
     return swinging(setting, 0.5).with_words(wind=ForceWind(), delays=delays)
 
@@ -221,12 +221,12 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
         seed: key.
     """
     if setting.vehicle == PAPER:
-        return draw(scenario, widened(Spread(), times), count, seed=seed)
+        return draw(scenario, widen(Spread(), times), count, seed=seed)
     spread, _ = spread_of(setting.truth, float(scenario.plant.gravity), Spread().delay)
-    return fitted_damping(scenario, spread, draw(scenario, widened(spread, times), count, seed=seed))
+    return fitted_damping(scenario, spread, draw(scenario, widen(spread, times), count, seed=seed))
 
 
-def widened(spread: Spread, times: float) -> Spread:
+def widen(spread: Spread, times: float) -> Spread:
     """A spread so many times as wide."""
     low, high = spread.thrust
     shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}

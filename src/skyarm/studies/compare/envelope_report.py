@@ -59,7 +59,7 @@ def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
         numbers = {
             name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
-        lost = not cell.flown[k] or numbers["judged"] is None
+        lost = not cell.tracked_to_end[k] or numbers["judged"] is None
         found.append({**numbers, "status": str(status), "lost": bool(lost)})
     return found
 
@@ -104,7 +104,7 @@ def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
 
 
 def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
-    """How many of the first values the law flies with an error within a level, m."""
+    """Number of the first values that the law flies with an error within a level, m."""
     count = 0
     for point in points:
         if point["lost"] or point["judged"] > level:

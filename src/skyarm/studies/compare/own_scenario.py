@@ -72,15 +72,15 @@ class OwnScenario(Suite):
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """Of the scenario."""
-        return self.planned()[0][0].case.name
+        """Name of the scenario."""
+        return self.plan_cells()[0][0].case.name
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Seed and plant."""
         return {"seed": self.seed, "plant": self.plant}
 
-    def planned(self) -> tuple[list[GivenFlights], Refused]:
+    def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
         """A cell for each law.
 
         Raises:

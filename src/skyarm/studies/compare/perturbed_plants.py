@@ -24,7 +24,7 @@ CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANN
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spread:
-    """How wrong a plant may be; every number is uniform within its bounds and drawn for each body apart.
+    """Bounds of the model mismatch of a plant; every number is uniform and drawn for each body separately.
 
     Attributes:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
@@ -58,11 +58,11 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     truth = scenario.plant.vehicle
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
-    def signed(channel: int, numbers: int) -> Array:
+    def draw_signed(channel: int, numbers: int) -> Array:
         return 2.0 * uniforms(seed, np.arange(count), channel, np.zeros(1, dtype=int), numbers).reshape(count, -1) - 1.0
 
-    mass, com = signed(CHANNEL_MASS, len(bodies)), signed(CHANNEL_COM, 3 * len(bodies))
-    inertia, world = signed(CHANNEL_INERTIA, len(bodies)), signed(CHANNEL_WORLD, 4)
+    mass, com = draw_signed(CHANNEL_MASS, len(bodies)), draw_signed(CHANNEL_COM, 3 * len(bodies))
+    inertia, world = draw_signed(CHANNEL_INERTIA, len(bodies)), draw_signed(CHANNEL_WORLD, 4)
     found: dict[str, Array] = {}
 
     def scale(path: str, factor: Array) -> None:
@@ -76,7 +76,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust
-    thrust = 1.0 + low + 0.5 * (high - low) * (1.0 + signed(CHANNEL_ROTORS, 1)[:, 0])
+    thrust = 1.0 + low + 0.5 * (high - low) * (1.0 + draw_signed(CHANNEL_ROTORS, 1)[:, 0])
     for i in range(len(truth.rotors)):
         scale(f"plant.vehicle.rotors.{i}.thrust_coefficient", thrust)
     for i in range(truth.n):
@@ -85,7 +85,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     if spread.delay:
         found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
     force = 0.5 * spread.wind * (1.0 + world[:, 3])
-    for axis, part in zip("xyz", _directions(signed(CHANNEL_WIND, 2)).T, strict=True):
+    for axis, part in zip("xyz", _directions(draw_signed(CHANNEL_WIND, 2)).T, strict=True):
         found[f"environment.wind.force_W.{axis}"] = force * part
     return found
 
@@ -154,7 +154,7 @@ def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
 
 
 def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array]) -> dict[str, Array]:
-    """Drawn values with the damping of every joint from none to what its inertia bears, or to twice its own.
+    """Drawn values with the damping of every joint from none to a limit by its inertia, or to twice its own.
 
     Args:
         scenario: its truth is the middle of the spread.

@@ -35,7 +35,7 @@ Refused = Mapping[str, str]
 
 
 class Suite(ABC):
-    """What flies, and how it is judged.
+    """Flights of a study and their evaluation.
 
     Attributes:
         name: of the suite. file: name of its results, without the suffix.
@@ -46,11 +46,11 @@ class Suite(ABC):
 
     @property
     @abstractmethod
-    def asked(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Plain options that fix the report, for its results and to tell two reports apart."""
 
     @abstractmethod
-    def planned(self) -> tuple[Sequence[Flights], Refused]:
+    def plan_cells(self) -> tuple[Sequence[Flights], Refused]:
         """The flights of every cell, and why a law does not fly."""
 
     @abstractmethod
@@ -75,12 +75,12 @@ def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progres
         OSError: a file cannot be written.
     """
     require_machine_code()
-    todo, refused = suite.planned()
+    todo, refused = suite.plan_cells()
     if not todo:
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
     prepare(folder)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
-    found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.asked}
+    found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.options}
     if identities():
         found["plugins"] = identities()
     found |= suite.judge(todo, cells, refused)

@@ -1,4 +1,4 @@
-"""What is flown: the paper's five cases and harder ones, under conditions from perfect to wrong in everything."""
+"""Flights of the comparison: the paper's five cases and harder ones, from perfect to all conditions perturbed."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ class Case:
         world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return found.with_words(name=self.name, wind=turned(blowing, self.wind), plant=world, ground=GROUND)
+        return found.with_words(name=self.name, wind=turn_wind(blowing, self.wind), plant=world, ground=GROUND)
 
 
-def turned(wind: ForceWind, angle: float) -> ForceWind:
+def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
     """The wind turned about the vertical; its gust stays where it was."""
     if not angle:
         return wind
@@ -89,7 +89,7 @@ PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """What is between a case and a flight.
+    """Changes that turn a case into a flight.
 
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.

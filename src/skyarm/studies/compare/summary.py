@@ -1,4 +1,4 @@
-"""What a cell says: means, tails, successes, with intervals."""
+"""Summary of a cell: means, tails, successes, with intervals."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def summary(cell: Cell) -> dict[str, Any]:
         "success_rate": float(good.mean()) if count else None,
         "success_interval": list(wilson(int(good.sum()), count)),
         "endings": {str(name): int((cell.status == name).sum()) for name in np.unique(cell.status)},
-        "metrics": {name: _spread(sized(name, values[whole])) for name, values in cell.metrics.items()},
+        "metrics": {name: _spread(magnitudes(name, values[whole])) for name, values in cell.metrics.items()},
     }
 
 
-def sized(name: str, values: Any) -> Any:
+def magnitudes(name: str, values: Any) -> Any:
     """Values of a metric, peaks along an axis without their sign."""
     return np.abs(values) if "peak" in name else values
 
@@ -59,7 +59,7 @@ def _spread(values: Any) -> dict[str, Any] | None:
     }
 
 
-def paired(first: Cell, second: Cell, metric: str) -> dict[str, float] | None:
+def paired_difference(first: Cell, second: Cell, metric: str) -> dict[str, float] | None:
     """Difference of a metric between two entrants on the same episodes, over those that both flew to the end."""
     both = first.completed & second.completed
     difference = (np.asarray(first.metrics[metric]) - np.asarray(second.metrics[metric]))[both]
@@ -85,7 +85,7 @@ def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METR
     for (condition, case, entrant), cell in cells.items():
         against, other = firsts.setdefault((condition, case), (entrant, cell))
         if against != entrant and cell.completed.size == other.completed.size > 1:
-            difference = paired(cell, other, metric)
+            difference = paired_difference(cell, other, metric)
             entry: dict[str, Any] | None = None if difference is None else {"from": against, **difference}
             found.setdefault(condition, {}).setdefault(case, {})[entrant] = entry
     return found

@@ -30,7 +30,7 @@ def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
 
 
 def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """Whether each cell is within a share of what was measured, its rounding forgiven; (lanes, cells)."""
+    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
@@ -160,7 +160,7 @@ class Candidates:
             names = tuple(dict.fromkeys([*names, *(name for name in (*fixed, *columns) if name in self._rivals)]))
         paths = tuple(sorted({*self._paths(flight, names), *numbers}))
         effort = 2 if names == self._family else 0
-        planned, stiffest, fastest = self._bounded(flight, table, fixed, [*names, *fixed, *columns])
+        planned, stiffest, fastest = self._stiffest_scenario(flight, table, fixed, [*names, *fixed, *columns])
         # all that the machine code is made of: who asks first, as after a stop, makes no other one
         key = (flight, json.dumps(table, sort_keys=True), fastest, effort, *paths)
         if key not in self._flights:
@@ -171,7 +171,7 @@ class Candidates:
             rows[:, i] = numbers.get(path, flown.base[path])
         return flown.values(rows, self._threads)
 
-    def _bounded(
+    def _stiffest_scenario(
         self, flight: str, table: Any, fixed: Settings, names: Sequence[str]
     ) -> tuple[Scenario, Scenario, float]:
         """The scenario of a flight, the stiffest that some parameters can make of it, and how fast that is, 1/s.

@@ -1,4 +1,4 @@
-"""What a study finds, and what speaks for and against it: fit, ladder, choices, profiles, rivals, predictions."""
+"""Evidence of a study: fit, ladder, choices, profiles, rivals, predictions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.studies.identify.candidates import Candidates, tally
-from skyarm.studies.identify.search import compass, decoded, differential_evolution, encoded
+from skyarm.studies.identify.search import compass, decode, differential_evolution, encode
 from skyarm.studies.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
 
 Array = npt.NDArray[np.float64]
@@ -38,18 +38,18 @@ class Evidence:
         """Stage -> function of what the stages before it found; in order."""
         study = self.study
         found: dict[str, Stage] = {
-            "stated": lambda _: self._judged({}, study.cells),
+            "stated": lambda _: self._evaluate({}, study.cells),
             "fit": lambda _: self._fit(study.free, study.family, study.cells),
-            "ladder": lambda done: self._ladder(_fitted(done)),
+            "ladder": lambda done: self._ladder(_fitted_settings(done)),
         }
         of_rivals = {name for rival in study.rivals for name in rival.choices} - set(study.family)
         flipped = [choice.name for choice in study.choices if choice.name not in of_rivals]
-        found |= {f"choice {name}": partial(self._flipped, name) for name in flipped}
+        found |= {f"choice {name}": partial(self._try_options, name) for name in flipped}
         found |= {f"profile {name}": partial(self._profile, name) for name in study.free}
         found |= {f"rival {rival.name}": partial(self._rival, rival) for rival in study.rivals}
         return found | {f"prediction {each.name}": partial(self._prediction, each) for each in study.predictions}
 
-    def _judged(self, settings: Settings, cells: Sequence[Cell]) -> Record:
+    def _evaluate(self, settings: Settings, cells: Sequence[Cell]) -> Record:
         """Loss and counts of all these cells and of every group that lies among them."""
         study = self.study
         values = self._candidates.cells(cells, settings)[0]
@@ -70,59 +70,59 @@ class Evidence:
         self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]
     ) -> Callable[[Array], Array]:
         def cost(points: Array) -> Array:
-            return self._candidates.loss(cells, fixed, decoded(parameters, points))
+            return self._candidates.loss(cells, fixed, decode(parameters, points))
 
         return cost
 
     def _parameters(self, names: Sequence[str]) -> list[Parameter]:
         return [self.study.parameter(name) for name in names]
 
-    def _searched(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
+    def _search(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
         """The best numbers next to fixed settings, by differential evolution and a compass search from its end."""
         study, cost = self.study, self._cost(parameters, fixed, cells)
         begun = differential_evolution(
             cost, len(parameters), population=study.population, generations=study.generations, seed=study.seed
         )
         point, _ = compass(cost, begun[None, :])
-        return dict(fixed) | _plain(decoded(parameters, point))
+        return dict(fixed) | _plain(decode(parameters, point))
 
     def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[Cell]) -> Record:
         """The best numbers of a family."""
-        settings = self._searched(self._parameters(free), family, cells)
-        return {"settings": settings, "free": len(free), "choices": len(family)} | self._judged(settings, cells)
+        settings = self._search(self._parameters(free), family, cells)
+        return {"settings": settings, "free": len(free), "choices": len(family)} | self._evaluate(settings, cells)
 
     def _ladder(self, fitted: Settings) -> Record:
         """The found settings set one after the other, not fitted again."""
         settings: dict[str, Any] = {}
         first: Record = {"name": "as stated", "numbers": 0, "choices": 0}
-        rungs = [first | self._judged({}, self.study.cells)]
+        rungs = [first | self._evaluate({}, self.study.cells)]
         for rung in self.study.ladder:
             settings |= {name: fitted[name] for name in rung.adds}
             numbers = sum(not isinstance(value, str) for value in settings.values())
             row: Record = {"name": rung.name, "numbers": numbers, "choices": len(settings) - numbers}
-            rungs.append(row | self._judged(settings, self.study.cells))
+            rungs.append(row | self._evaluate(settings, self.study.cells))
         return {"rungs": rungs}
 
-    def _flipped(self, name: str, done: Mapping[str, Record]) -> Record:
+    def _try_options(self, name: str, done: Mapping[str, Record]) -> Record:
         """Each option of a choice, the numbers fitted again from where they were."""
-        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted(done)
+        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted_settings(done)
         rows: list[Record] = []
-        start = encoded(parameters, [fitted[each] for each in study.free])
+        start = encode(parameters, [fitted[each] for each in study.free])
         for option in study.choice(name).options:
             fixed = {**{k: v for k, v in fitted.items() if k not in study.free}, name: option.name}
             point, _ = compass(self._cost(parameters, fixed, study.cells), start[None, :])
-            settings = fixed | _plain(decoded(parameters, point))
+            settings = fixed | _plain(decode(parameters, point))
             taken = fitted.get(name, study.choice(name).options[0].name) == option.name
             numbers = {each: settings[each] for each in study.free}
             row: Record = {"option": option.name, "words": option.words, "taken": taken, "numbers": numbers}
-            rows.append(row | self._judged(settings, study.cells))
+            rows.append(row | self._evaluate(settings, study.cells))
         return {"words": study.choice(name).words, "options": rows}
 
     def _profile(self, name: str, done: Mapping[str, Record]) -> Record:
         """Loss over one number, the others held, and fitted again."""
-        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted(done)
+        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted_settings(done)
         place = study.free.index(name)
-        best = encoded(parameters, [fitted[each] for each in study.free])
+        best = encode(parameters, [fitted[each] for each in study.free])
         points = np.repeat(best[None, :], GRID, axis=0)
         points[:, place] = np.linspace(0.0, 1.0, GRID)
         points = np.vstack([points, best])
@@ -131,7 +131,7 @@ class Evidence:
         held = np.zeros_like(points, dtype=bool)
         held[:, place] = True
         _, refitted = compass(cost, points, held)
-        values = decoded(parameters, points)[name]
+        values = decode(parameters, points)[name]
         return {
             "value": values.tolist(),
             "held": [round(float(x), 3) for x in cost(points)],
@@ -141,7 +141,7 @@ class Evidence:
 
     def _rival(self, rival: Rival, done: Mapping[str, Record]) -> Record:
         """Another explanation: alone, on each group of cells for itself, and on top of what was found."""
-        study, fitted = self.study, _fitted(done)
+        study, fitted = self.study, _fitted_settings(done)
         parameters = self._parameters(rival.adds)
         alone = {}
         for group in study.rival_cells:
@@ -157,7 +157,7 @@ class Evidence:
         found: Record = {"words": rival.words, "alone": alone}
         if on_top != dict(fitted):
             numbers = {name: on_top[name] for name in rival.adds}
-            found["on_top"] = {"numbers": numbers} | self._judged(on_top, study.cells)
+            found["on_top"] = {"numbers": numbers} | self._evaluate(on_top, study.cells)
         return found
 
     def _line(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
@@ -165,25 +165,25 @@ class Evidence:
         if not parameters:
             return dict(fixed)
         if len(parameters) > 1:
-            return self._searched(parameters, fixed, cells)
+            return self._search(parameters, fixed, cells)
         cost = self._cost(parameters, fixed, cells)
         grid = np.linspace(0.0, 1.0, 2 * GRID + 1)
         best = grid[int(cost(grid[:, None]).argmin())]
         finer = np.clip(best + np.linspace(-1.0, 1.0, 2 * GRID + 1) / (2 * GRID), 0.0, 1.0)
         point = finer[[int(cost(finer[:, None]).argmin())]]
-        return dict(fixed) | _plain(decoded(parameters, point[:, None]))
+        return dict(fixed) | _plain(decode(parameters, point[:, None]))
 
     def _prediction(self, asked: Prediction, done: Mapping[str, Record]) -> Record:
         """Numbers found on some cells only, and what they make of cells that the search has not seen."""
         del done
         study = self.study
         found = self._fit(asked.free, asked.choices, study.among(asked.seen))
-        judged = {group: self._judged(found["settings"], study.among(group)) for group in asked.unseen}
-        stated = {group: self._judged({}, study.among(group)) for group in (asked.seen, *asked.unseen)}
+        judged = {group: self._evaluate(found["settings"], study.among(group)) for group in asked.unseen}
+        stated = {group: self._evaluate({}, study.among(group)) for group in (asked.seen, *asked.unseen)}
         return found | {"seen": asked.seen, "predicted": _without_groups(judged), "stated": _without_groups(stated)}
 
 
-def _fitted(done: Mapping[str, Record]) -> Settings:
+def _fitted_settings(done: Mapping[str, Record]) -> Settings:
     settings: Settings = done["fit"]["settings"]
     return settings
 

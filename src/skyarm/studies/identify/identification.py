@@ -21,12 +21,12 @@ Progress = Callable[[int, int, str], None]
 
 
 def study_digest(study: IdentificationStudy) -> str:
-    """Digest of what is asked: the study's file and the scenarios of its flights, as plain tables."""
+    """Digest of a request: the study's file and the scenarios of its flights, as plain tables."""
     return _digest({"study": study.document, "flights": {each.name: each.document for each in study.flights}})
 
 
 def result_digest(study: IdentificationStudy) -> str:
-    """Digest of all that results depend on: what is asked, the records that fly, and who flies them."""
+    """Digest of all that results depend on: request, records that fly, and their laws."""
     scenarios = {flight.name: identity(scenario_from(flight.document, flight.folder)) for flight in study.flights}
     return _digest({"study": study_digest(study), "scenarios": scenarios, "version": versions()["skyarm"]})
 

@@ -61,7 +61,7 @@ def control_period(log: Log) -> float:
     return period
 
 
-def needed(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
+def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
     """Forces by the model, from differences of the logged velocities.
 
     Args:
@@ -152,7 +152,7 @@ class Followed:
         places = starts[None, :] - before - late + np.arange(late + before + size)[:, None]
         return cls(commands[np.clip(places, 0, periods)], before, periods, late)
 
-    def counted(self, means: Array) -> Array:
+    def in_periods(self, means: Array) -> Array:
         """(candidates, periods, columns) of means (steps, candidates, stretches, columns)."""
         kept = means[self.before :]
         joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
@@ -197,11 +197,11 @@ class Followed:
                     total = total + target * span + away
                 value = target + off * decay
             found[k] = total / period
-        return self.counted(found)
+        return self.in_periods(found)
 
 
 def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
-    """Time constants of each rotor up and down, s, as believed; a usual one where none is believed."""
+    """Nominal time constants of each rotor up and down, s; a usual one where the model has none."""
     pairs = np.array([[float(r.time_constant_up), float(r.time_constant_down)] for r in rotors])
     pairs = np.where(pairs > 0.0, pairs, USUAL)
     return pairs[:, 0], pairs[:, 1]

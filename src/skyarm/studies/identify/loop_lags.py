@@ -28,7 +28,7 @@ from skyarm.studies.identify.lagged_inputs import (
     Followed,
     Needed,
     believed_lags,
-    needed,
+    model_forces,
     pushes_of,
     wrench_of_pushes,
 )
@@ -52,7 +52,7 @@ class Estimated:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Lag:
-    """How late a group of actuators acts.
+    """Lag of a group of actuators.
 
     Attributes:
         name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
@@ -73,14 +73,14 @@ class Lag:
     apart: bool = True
 
     @property
-    def known(self) -> bool:
-        """Whether the flight tells."""
+    def is_known(self) -> bool:
+        """True if the flight determines the lag."""
         return not self.reason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopLags:
-    """What a log tells of its loops.
+    """Loop lags identified from a log.
 
     Attributes:
         period: s, of the control. seconds: of the log.
@@ -108,7 +108,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
     """
     lines: list[str] = []
     rotors = found.rotors
-    if rotors is not None and rotors.known:
+    if rotors is not None and rotors.is_known:
         periods = round((measured + rotors.delay.value) / found.period)
         lines += [
             "# scenario: what the plant has, in whole physics steps",
@@ -127,7 +127,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
     for joint in found.joints:
         # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
         lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
-        if joint.known and lagging:
+        if joint.is_known and lagging:
             beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
             lines += [
                 f"[plant.drives.{toml_key(joint.name)}]",
@@ -192,7 +192,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
     for name in ("rotor_commands", "efforts"):
         if not np.isfinite(getattr(log, name)).all():
             raise ValueError(f"{name}: must be finite throughout the flight")
-    motion = needed(vehicle, log, gravity)
+    motion = model_forces(vehicle, log, gravity)
     told = setpoints_of(log.info)
     names = [link.joint.name for link in vehicle.links]
     left_out = {name: f"its drive takes a setpoint, {told[name] or 'of its own'}" for name in names if name in told}
@@ -216,15 +216,15 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     followed, matrix = Followed.of(commands, motion.period, LONGEST, slowest), wrench_of_pushes(vehicle.rotors)
     rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
 
-    def predicted(numbers: Array) -> Array:
+    def predict(numbers: Array) -> Array:
         factors = np.exp(numbers[:, 1:3])
         squares = followed.means(
             motion.period, numbers[:, 0], factors[:, :1] * up, factors[:, 1:2] * down, squared=True
         )
         return np.asarray(pushes_of(vehicle.rotors, squares) @ matrix[rows].T)
 
-    found = _fitted(
-        predicted,
+    found = _fit(
+        predict,
         motion.wrench[:, rows],
         motion.period,
         starts=[[d, x, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.5, 1.0, 2.0, 4.0])],
@@ -240,7 +240,7 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     weights = [1.0, *(0.5 * middle**2 / taus)]
     total = float(found.values[0] + middle)
     floor = INSTANT * motion.period + SHARE * total
-    return _judged(
+    return _with_verdict(
         Lag(
             name="rotors",
             together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
@@ -262,13 +262,13 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     followed = Followed.of(commands, motion.period, LONGEST, 0.5 * MOST_LAG)
     rate = motion.joint_rates[:, joint : joint + 1]
 
-    def predicted(numbers: Array) -> Array:
+    def predict(numbers: Array) -> Array:
         tau = np.exp(numbers[:, 1:2])
         return followed.means(motion.period, numbers[:, 0], tau, tau, squared=False)
 
     scale = float(np.std(motion.efforts[:, joint])) / max(float(np.std(rate)), 1e-9)
-    found = _fitted(
-        predicted,
+    found = _fit(
+        predict,
         motion.efforts[:, joint : joint + 1],
         motion.period,
         starts=[[d, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.001, 0.01, 0.03, 0.08])],
@@ -281,7 +281,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     total = float(found.values[0] + tau)
     floor = INSTANT * motion.period + SHARE * total
     constant = _constant(tau, _half(found, [0.0, 1.0]), floor)
-    return _judged(
+    return _with_verdict(
         Lag(
             name=name,
             together=Estimated.of(total, math.hypot(_half(found, [1.0, tau]), floor)),
@@ -295,7 +295,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     )
 
 
-def _fitted(
+def _fit(
     predicted: Callable[[Array], Array],
     measured: Array,
     period: float,
@@ -355,8 +355,8 @@ def _constant(value: float, half: float, floor: float) -> Estimated:
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 
 
-def _judged(lag: Lag, found: Fit) -> Lag:
-    """What was found, with the reason why it is not known where the flight does not tell."""
+def _with_verdict(lag: Lag, found: Fit) -> Lag:
+    """The identified lag, with a reason where the flight does not determine it."""
     half = lag.together.high - lag.together.value
     alone = lag.delay.high - lag.delay.value
     reason = ""
@@ -372,7 +372,7 @@ def _judged(lag: Lag, found: Fit) -> Lag:
 
 
 def _stirring(commands: Array) -> bool:
-    """Whether commands (N, columns) change from instant to instant by more than rounding and settling make of them."""
+    """True if commands (N, columns) change between instants by more than rounding and settling explain."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 

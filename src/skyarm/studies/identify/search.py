@@ -24,7 +24,7 @@ FIRST, LAST = 0.125, 1.0 / 512.0
 """Of the compass search: steps in the unit cube it begins and ends with."""
 
 
-def decoded(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
+def decode(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
     """Parameter -> (points,): values of points of the unit cube, in whole steps of each parameter from its low end."""
     found: dict[str, Array] = {}
     for parameter, column in zip(parameters, np.clip(points, 0.0, 1.0).T, strict=True):
@@ -45,7 +45,7 @@ def _decimals(value: float) -> int:
     return max(0, -int(Decimal(repr(value)).as_tuple().exponent))
 
 
-def encoded(parameters: Sequence[Parameter], values: Sequence[float]) -> Array:
+def encode(parameters: Sequence[Parameter], values: Sequence[float]) -> Array:
     """The point of the unit cube of some values."""
     found = []
     for parameter, value in zip(parameters, values, strict=True):

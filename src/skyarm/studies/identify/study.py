@@ -82,7 +82,7 @@ class Names(tuple[str, ...]):
         return cls(value)
 
     def fit(self, flight: str) -> bool:
-        """Whether one of the patterns fits a flight's name."""
+        """True if one of the patterns fits a flight's name."""
         return any(fnmatchcase(flight, str(pattern)) for pattern in self)
 
 
@@ -126,7 +126,7 @@ class Flight:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Target:
-    """Where a parameter acts: ``factor * value + offset`` at a path of those flights whose name fits a pattern.
+    """Action of a parameter: ``factor * value + offset`` at a path of the flights whose name fits a pattern.
 
     Attributes:
         flights: patterns. path: of :mod:`skyarm.scenario.numbers`.
@@ -287,7 +287,7 @@ class IdentificationStudy:
         """A flight by its name."""
         return next(each for each in self.flights if each.name == name)
 
-    def taken(self, settings: Settings) -> list[Option]:
+    def options_of(self, settings: Settings) -> list[Option]:
         """Options of the choices that settings name."""
         return [each.option(settings[each.name]) for each in self.choices if each.name in settings]
 
@@ -298,7 +298,7 @@ class IdentificationStudy:
             chosen = all(settings.get(choice) == option for choice, option in target.when.items())
             return chosen and target.flights.fit(flight)
 
-        sets = [each for option in self.taken(settings) for each in option.sets]
+        sets = [each for option in self.options_of(settings) for each in option.sets]
         found: dict[str, Any] = {str(each.path): each.value for each in sets if acts(each)}
         for parameter in self.parameters:
             if parameter.name in settings:
@@ -309,7 +309,7 @@ class IdentificationStudy:
     def tables(self, flight: str, settings: Settings) -> dict[str, Any]:
         """The scenario of a flight as plain tables, with those of the options laid over it."""
         found = dict(self.flight(flight).document)
-        for option in self.taken(settings):
+        for option in self.options_of(settings):
             for each in option.tables:
                 if each.flights.fit(flight):
                     found = laid_over(found, self.overlays[each.table])

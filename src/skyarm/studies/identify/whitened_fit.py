@@ -38,7 +38,7 @@ Left = Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """What was found.
+    """Result of a fit.
 
     Attributes:
         values: (parameters,). covariance: of them. quantile: of Student's t for the interval's half width.
@@ -53,7 +53,7 @@ class Fit:
     beyond: npt.NDArray[np.bool_]
 
     def half_width(self, direction: Sequence[float] | Array) -> float:
-        """Of the interval of a sum of parameters with these weights."""
+        """Half-width of the interval of a sum of parameters with these weights."""
         weights = np.asarray(direction, dtype=float)
         return self.quantile * float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
 
@@ -127,7 +127,7 @@ def fit(
     flat, slope = around(values)
     error = flat.reshape(-1, rows)
     curvature = np.asarray(np.linalg.pinv(slope.T @ slope), dtype=float)
-    sums = _jackknifed(slope.reshape(*error.shape, -1), error, curvature, blocks)
+    sums = _jackknife_scores(slope.reshape(*error.shape, -1), error, curvature, blocks)
     covariance = curvature @ (sums.T @ sums) @ curvature * (blocks - 1) / blocks
     edge = 0.01 * (bounds[1] - bounds[0])
     unexplained = float((error**2).sum() / max((_white(nothing, filters, scales) ** 2).sum(), 1e-300))
@@ -140,7 +140,7 @@ def fit(
     )
 
 
-def _jackknifed(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
+def _jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
     """(blocks, parameters) scores of every block, of residuals of the fit without it.
 
     A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
@@ -161,7 +161,7 @@ def blocks_of(seconds: float) -> int:
 
 
 def _filter(left: Array, ridge: float) -> Array:
-    """Coefficients by which a residual (N,) is foretold from those before it."""
+    """Coefficients that predict a residual (N,) from those before it."""
     centred = left - left.mean()
     past = np.stack([centred[ORDER - 1 - i : len(centred) - 1 - i] for i in range(ORDER)], axis=1)
     square = past.T @ past + len(past) * ridge**2 * np.eye(ORDER)

@@ -14,7 +14,7 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
-from skyarm.studies.stability.closed_loop import OpenLoop, closed, gains
+from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 from skyarm.studies.stability.frozen_scenario import LAGS, disturbances, nominal, without_adaptation
 from skyarm.studies.stability.margins import EDGE, LONGEST, Margins, delay_margin
@@ -77,15 +77,15 @@ def hovering(scenario: Scenario) -> Scenario:
     """The scenario's first reference held in calm air, long enough to settle; nothing fails."""
     start = scenario.reference.at(0.0)
 
-    def held(value: Any) -> Constant:
+    def constant(value: Any) -> Constant:
         return Constant(float(value))
 
     still = Trajectory(
-        x=held(start.position.x),
-        y=held(start.position.y),
-        z=held(start.position.z),
-        yaw=held(start.yaw),
-        joints=tuple(held(q) for q in start.joints),
+        x=constant(start.position.x),
+        y=constant(start.position.y),
+        z=constant(start.position.z),
+        yaw=constant(start.yaw),
+        joints=tuple(constant(q) for q in start.joints),
     )
     return scenario.with_words(
         reference=still,
@@ -155,11 +155,11 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
 def _along(
     flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
 ) -> tuple[list[Instant], bool]:
-    """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
+    """Instants of one flight, and True if it was completed; reports progress with those ``before``."""
     found: list[Instant] = []
     for frozen in frozen_instants(flight, count):
-        by_lag = {lag: margins_of_loop(frozen.opened(lag)) for lag in LAGS}
-        swings = delay_margin(frozen.opened("between"))
+        by_lag = {lag: margins_of_loop(frozen.open_loop(lag)) for lag in LAGS}
+        swings = delay_margin(frozen.open_loop("between"))
         found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
         told(before + len(found))
     return found, len(found) == count
@@ -178,7 +178,7 @@ class Frozen:
     carry: LoopState
     row: list[float]
 
-    def opened(self, lag: str) -> OpenLoop:
+    def open_loop(self, lag: str) -> OpenLoop:
         """The linearised open loop, with the rotors' time constant upward, downward or between."""
         return self.differentiator.at(self.carry, self.row, lag)
 
@@ -224,7 +224,7 @@ class Locus:
 def hover_loci(scenario: Scenario) -> list[Locus]:
     """The weakest loop of each kind in hover, with the rotors' time constant downward; none where it is lost."""
     found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
-    return [] if found is None else loci(found.opened("down"))
+    return [] if found is None else loci(found.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
@@ -233,7 +233,7 @@ def loci(loop: OpenLoop) -> list[Locus]:
     With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
     -T / (1 + T).
     """
-    as_it_is = closed(loop)
+    as_it_is = close_loop(loop)
     z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
     if np.abs(z).max(initial=0.0) > EDGE:
         return []

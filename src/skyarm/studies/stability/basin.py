@@ -1,4 +1,4 @@
-"""What initial states a controller catches: one flight each from attitudes all over the sphere, rates and offsets."""
+"""Region of attraction of a controller: one flight each from attitudes over the sphere, rates and offsets."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Basin:
         return self.edges(TILTS, RATES)[0]
 
     def edges(self, tilts: int, rates: int) -> tuple[Array, Array]:
-        """Of so many bins: rad/s of rate, rad of tilt."""
+        """Edges of so many bins: rad/s of rate, rad of tilt."""
         # where every flight begins without a rate the bins need a width all the same
         return np.linspace(0.0, self.rate_limit or 1.0, rates + 1), np.linspace(0.0, math.pi, tilts + 1)
 

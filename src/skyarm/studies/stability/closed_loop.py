@@ -74,7 +74,7 @@ class Closed:
         return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
 
 
-def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
+def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     """One period: [state, memory, measurements on their way, commands on their way] to the next.
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
@@ -127,7 +127,7 @@ def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
 def gains(
     loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0, alone: tuple[int, float] | None = None
 ) -> Array:
-    """Factor on what the actuators make of each command, not on what the law believes it sent (commands,).
+    """Factor on the actuators' response to each command, not on the law's model of it (commands,).
 
     ``alone`` is the place of one command, from 0 with the rotors first, and a further factor on it.
     """
@@ -138,8 +138,8 @@ def gains(
 
 
 def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **changes: Any) -> Array:
-    """Matrix of one period, with a delay as :func:`closed` and gains as :func:`gains` say."""
-    return closed(loop, extra_delay).matrix(gains(loop, **changes))
+    """Matrix of one period, with a delay as :func:`close_loop` and gains as :func:`gains` say."""
+    return close_loop(loop, extra_delay).matrix(gains(loop, **changes))
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
@@ -156,11 +156,11 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[n
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
-    return _reached(links, first) & _reached(links.T, first)
+    return _reachable(links, first) & _reachable(links.T, first)
 
 
-def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """What is acted on from ``first``, in any number of periods."""
+def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """States reachable from ``first``, in any number of periods."""
     found = first
     while True:
         more = found | (links[:, found].any(axis=1))
@@ -170,7 +170,7 @@ def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.
 
 
 def radius(loop: OpenLoop, **changes: Any) -> float:
-    """Spectral radius of the closed loop, changed as :func:`closed_loop` says; inf where it is not finite."""
+    """Spectral radius of the closed loop, changed as in :func:`closed_loop`; inf where it is not finite."""
     return spectral_radius(closed_loop(loop, **changes))
 
 

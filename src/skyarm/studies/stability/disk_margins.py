@@ -33,7 +33,7 @@ MOST = 2.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargin:
-    """Of one channel, or of several under factors of their own.
+    """Margin of one channel, or of several with independent factors.
 
     Attributes:
         name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
@@ -170,7 +170,7 @@ def upper_bound(M: Complex) -> Array:
     lowest = 0.0
     while len(found) and found.max() > lowest * (1.0 + CLOSE):
         worst = int(np.argmax(found))
-        found[worst] = min(found[worst], _descended(scaled[worst]))
+        found[worst] = min(found[worst], _descend(scaled[worst]))
         lowest = max(lowest, float(found[worst]))
     return np.asarray(found)
 
@@ -188,7 +188,7 @@ def _perron_scaled(M: Complex) -> Complex:
     return np.asarray(d[:, :, None] * M / d[:, None, :])
 
 
-def _descended(M: Complex) -> float:
+def _descend(M: Complex) -> float:
     """The largest singular value, made smaller by diagonal scalings along its gradient with halved steps."""
     value, slope = _slope(M)
     step = 0.5
@@ -322,11 +322,11 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
         kept = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
         mine = [c for c in channels if c.port == port]
         found = Response(A, B[:, kept], C[kept], loop.period)
-        ports[port] = _Port(tuple(mine[i] for i in kept), *_sharpened(found, grid), found)
+        ports[port] = _Port(tuple(mine[i] for i in kept), *_refine(found, grid), found)
     return CutLoops(ports, stable)
 
 
-def _sharpened(found: Response, grid: Array) -> tuple[Array, Complex]:
+def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
     """A grid with more frequencies around the most delicate one of each channel, and the responses there."""
     T = found.at(grid)
     if not T.size:

@@ -76,7 +76,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
 
 
 def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
-    """Whether a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
+    """True if a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
 
@@ -122,10 +122,10 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
     one half it grows or dies out as the swing of the vehicle itself does.
     """
 
-    def even(vehicle: Vehicle) -> Vehicle:
-        return dataclasses.replace(vehicle, rotors=tuple(evened(rotor) for rotor in vehicle.rotors))
+    def with_one_lag(vehicle: Vehicle) -> Vehicle:
+        return dataclasses.replace(vehicle, rotors=tuple(one_lag(rotor) for rotor in vehicle.rotors))
 
-    def evened(rotor: Rotor) -> Rotor:
+    def one_lag(rotor: Rotor) -> Rotor:
         up, down = rotor.time_constant_up, rotor.time_constant_down
         if concrete(up, down) and up == down == 0.0:
             return rotor
@@ -133,9 +133,9 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
         return dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag)
 
     par = scenario.controller.par
-    model = dataclasses.replace(par.model, vehicle=even(par.model.vehicle))
+    model = dataclasses.replace(par.model, vehicle=with_one_lag(par.model.vehicle))
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
-    world = dataclasses.replace(scenario.plant, vehicle=even(scenario.plant.vehicle))
+    world = dataclasses.replace(scenario.plant, vehicle=with_one_lag(scenario.plant.vehicle))
     return scenario.with_words(controller=controller, plant=world)
 
 

@@ -1,4 +1,4 @@
-"""How much dead time a made controller bears in hover, beside the delay that it believes."""
+"""Delay margin in hover, in addition to the controller's nominal delay."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ENOUGH = 1.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HoverDelay:
-    """What a loop bears of delay in hover.
+    """Delay margin of a loop in hover.
 
     Attributes:
         margin: s of further dead time with the worse of the rotors' two time constants; inf beyond 0.1 s, 0 where the
@@ -44,17 +44,17 @@ class HoverDelay:
     finds_lag: bool = False
 
     @property
-    def needed(self) -> float:
-        """Least margin that is not warned of, s: ``ENOUGH`` times the believed delay, and one control period."""
+    def least_margin(self) -> float:
+        """Least margin without a warning, s: ``ENOUGH`` times the nominal delay, and one control period."""
         return max(ENOUGH * self.believed, self.period)
 
     @property
     def enough(self) -> bool:
-        """Whether the margin is as large as it should be; an unstable loop's never is."""
-        return self.margin > 0.0 and self.margin >= self.needed
+        """True if the margin is at least the required one; never for an unstable loop."""
+        return self.margin > 0.0 and self.margin >= self.least_margin
 
     def sentence(self, law: str) -> str:
-        """What a law bears, from when on flights swing, and what is believed."""
+        """The margin, the delay at which flights begin to oscillate, and the nominal delay, in words."""
         if not self.margin > 0.0:
             return f"the loop of {law} is unstable in hover as it is"
         if math.isinf(self.margin):
@@ -67,10 +67,10 @@ class HoverDelay:
 
     @property
     def shortfall(self) -> str:
-        """What the margin is below of, in words; empty where it is enough or where there is none."""
+        """The requirement that the margin misses, in words; empty where it is met or where there is none."""
         if self.enough or not self.margin > 0.0:
             return ""
-        if self.needed > ENOUGH * self.believed:
+        if self.least_margin > ENOUGH * self.believed:
             return f"below one control period, {1e3 * self.period:.3g} ms"
         return f"below {ENOUGH:g} times the believed delay"
 
@@ -93,13 +93,13 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
     adapts = finds_lag(scenario.controller)
     if found is None:
         return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period, finds_lag=adapts)
-    margin = min(delay_margin(found.opened(lag)) for lag in LAGS)
-    swings = delay_margin(found.opened("between"))
+    margin = min(delay_margin(found.open_loop(lag)) for lag in LAGS)
+    swings = delay_margin(found.open_loop("between"))
     return HoverDelay(margin=margin, swings=swings, believed=believed, period=period, finds_lag=adapts)
 
 
 def finds_lag(controller: Controller) -> bool:
-    """Whether a law, under layers or not, answers a lag that it finds in flight."""
+    """True if a law, under layers or not, adapts to a lag that it estimates in flight."""
     return part_of(controller.par, "lag") is not None
 
 
@@ -116,7 +116,7 @@ FASTEST = 1000
 
 
 def hover_of(controller: Controller, rate: int = 200) -> Scenario:
-    """A hover of the vehicle that a controller believes in, with the delay that it is told, to ask for its margin.
+    """A hover of a controller's nominal vehicle with its nominal delay, to compute its margin.
 
     Args:
         controller: of any law.
@@ -133,7 +133,7 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
     return Scenario(
         name=model.vehicle.name,
         rates=Rates(physics=physics, control=rate, reference=reference),
-        plant=Truth(vehicle=_embodied(model.vehicle), gravity=model.gravity),
+        plant=Truth(vehicle=_with_bodies(model.vehicle), gravity=model.gravity),
         controller=controller,
         reference=hover((0.0, 0.0, HEIGHT), joints=joints),
         duration=SETTLING,
@@ -141,7 +141,7 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
     )
 
 
-def _embodied(vehicle: Vehicle) -> Vehicle:
+def _with_bodies(vehicle: Vehicle) -> Vehicle:
     """A vehicle whose planar links are real bodies and which moves as a planar model does; else the model itself.
 
     Moments a (1 - n n^T), moved from the base to a link that turns about n alone, change no kinetic energy: the link's
@@ -174,7 +174,7 @@ HEIGHT = 10.0
 
 
 def believed_delay(scenario: Scenario) -> float:
-    """Delay of the loop, s, that is known before flight: what the law is told of, and what the scenario states."""
+    """Nominal delay of the loop before flight, s: the controller's, and the scenario's stated delays."""
     told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
     stated = float(scenario.delays.measurement) + float(scenario.delays.command)
     return max(told, stated) if math.isfinite(told) else stated

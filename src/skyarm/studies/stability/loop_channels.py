@@ -1,4 +1,4 @@
-"""Where a loop is cut, one direction at a time: a rotor, a body torque, a joint drive, a number of the measurement."""
+"""Channels at which a loop is cut, one at a time: a rotor, a body torque, a joint drive, a measurement."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
     found = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
     found += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
     found += single([f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors)
-    return (*found, *_measured(joints, [rotor.name for rotor in vehicle.rotors], attitude))
+    return (*found, *_measured_channels(joints, [rotor.name for rotor in vehicle.rotors], attitude))
 
 
 def wrenches(rotors: Sequence[Rotor]) -> Array:
@@ -111,7 +111,7 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
     ]
 
 
-def _measured(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
+def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
     """Channels of a measurement, in the order of its leaves, time left out."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
     found: list[Channel] = []

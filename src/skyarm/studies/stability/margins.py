@@ -1,4 +1,4 @@
-"""Eigenvalues and margins of a sampled loop: how much delay, how much gain and how much of both it bears."""
+"""Eigenvalues and margins of a sampled loop: delay margin, gain margin and disk margin."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.stability.closed_loop import Closed, OpenLoop, closed, gains, radius, spectral_radius
+from skyarm.studies.stability.closed_loop import Closed, OpenLoop, close_loop, gains, radius, spectral_radius
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ HALVINGS = 20
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Margins:
-    """Of one linearised loop.
+    """Margins of one linearised loop.
 
     Attributes:
         z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
@@ -65,7 +65,7 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
         loop: the linearised loop.
         measured: cut it at the measurement too; left out, that costs no time.
     """
-    as_it_is = closed(loop)
+    as_it_is = close_loop(loop)
     A = as_it_is.matrix(gains(loop))
     finite = bool(np.isfinite(A).all())
     z = np.linalg.eigvals(A).astype(complex) if finite else np.array([math.inf], dtype=complex)

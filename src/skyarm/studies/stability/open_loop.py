@@ -73,7 +73,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
             if 3 <= direction < 6:
                 v = [0.0, 0.0, 0.0]
                 v[direction - 3] = 0.5 * steps * width
-                found[3:7, column] = list(_turned(attitude, v))
+                found[3:7, column] = list(_rotate(attitude, v))
             else:
                 found[direction if direction < 3 else direction + 1, column] += steps * width
     return found, widths
@@ -97,7 +97,7 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
     return np.split(slopes, ends[:-1].tolist())
 
 
-def _turned(q: Quaternion, half: Sequence[float]) -> Quaternion:
+def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
     """q times the rotation of twice the vector ``half``, first order with unit length to 1e-16."""
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
@@ -115,7 +115,7 @@ def _tangent(states: Array, still: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OpenPoint:
-    """What the open period takes; the battery's memory is a number that stays, not one that is stepped beside."""
+    """Inputs of the open period; the battery's memory is a constant here, not a stepped state."""
 
     state: State
     drives: tuple[Any, ...]
@@ -127,7 +127,7 @@ class OpenPoint:
 
 
 def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
-    """Where the open period is differentiated, as far as the carry tells.
+    """Operating point of the linearisation, from the carry.
 
     Args:
         carry: of the flight.
@@ -159,7 +159,7 @@ def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries:
 
 
 def sizes_of(point: OpenPoint) -> list[int]:
-    """How many numbers a point has of state with drives, old and new command, memory, measurement and battery."""
+    """Counts of a point's numbers: state with drives, old and new command, memory, measurement, battery."""
     parts = (point.old, point.new, point.memory, point.seen, point.power)
     return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
 
@@ -240,11 +240,11 @@ class Differentiator:
         after, left = point.state, self._period
         pieces = [(lates[0], point.old)] if self._ages is None else switches(point.old, point.new, lates[0], lates[1])
         for seconds, acting in pieces:
-            after, left = self._advanced(scenario, after, acting, air, seconds), left - seconds
-        after = self._advanced(scenario, after, point.new, air, left)
+            after, left = self._advance(scenario, after, acting, air, seconds), left - seconds
+        after = self._advance(scenario, after, point.new, air, left)
         return tuple(data(leaf) for leaf in leaves((after, drives, now, memory, command)))
 
-    def _advanced(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
+    def _advance(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period)
         step = STEP[scenario.integrator]
@@ -262,7 +262,7 @@ class Differentiator:
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
         point = open_point(carry, self._ages, len(self.scenario.power))
         sizes = sizes_of(point)
-        base = self._completed(carry, point, sizes, row, given)
+        base = self._complete(carry, point, sizes, row, given)
         moved, widths = stencil_points(base, point.state.quaternion)
         lates = range(len(self.lates))
         results = [self._outputs_of(moved, row, late, given) for late in lates]
@@ -294,12 +294,12 @@ class Differentiator:
         )
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
-        """Where the loop is cut, at the command and the measurement of the instant."""
+        """Channels at which the loop is cut, at the command and the measurement of the instant."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
         return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
 
-    def _completed(
+    def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
         """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""

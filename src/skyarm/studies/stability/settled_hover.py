@@ -73,8 +73,8 @@ class SettledHover:
             if settled is None:
                 found.append(None)
                 continue
-            by_lag = {lag: margins(self.opened(settled, numbers, lag), measured=measured) for lag in LAGS}
-            swings = delay_margin(self.opened(settled, numbers, "between"))
+            by_lag = {lag: margins(self.open_loop(settled, numbers, lag), measured=measured) for lag in LAGS}
+            swings = delay_margin(self.open_loop(settled, numbers, "between"))
             found.append(Instant(hover=True, time=self._time, by_lag=by_lag, swings=swings))
         return found
 
@@ -85,7 +85,7 @@ class SettledHover:
         """
         found = []
         for settled, numbers in zip(self.settle(values, threads), self._sets(values), strict=True):
-            each = [0.0] if settled is None else [delay_margin(self.opened(settled, numbers, lag)) for lag in LAGS]
+            each = [0.0] if settled is None else [delay_margin(self.open_loop(settled, numbers, lag)) for lag in LAGS]
             found.append(min(each))
         return np.array(found)
 
@@ -102,7 +102,7 @@ class SettledHover:
         settled = [rebuild(first, iter(column.tolist()))[0] for column in carry.T]
         return [each if _is_hover(each) else None for each in settled]
 
-    def opened(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
+    def open_loop(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
         """The open loop where a hover has settled, with these numbers of the paths."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 
@@ -116,7 +116,7 @@ class SettledHover:
 
 
 def _is_hover(settled: Any) -> bool:
-    """Whether a loop state is one of a flight that went on and stands still."""
+    """True for the loop state of a flight that did not end early and is at rest."""
     if not settled.alive > 0.5:
         return False
     state = settled.state

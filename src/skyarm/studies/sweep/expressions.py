@@ -169,7 +169,7 @@ def _wrong(field: str, text: str, at: int, why: str) -> ExpressionError:
 
 
 def is_own_name(text: str) -> bool:
-    """Whether this names a number of the study, not one of its scenario: every path of a scenario has a dot."""
+    """True if this names a number of the study, not one of its scenario: every path of a scenario has a dot."""
     return NAME.fullmatch(text) is not None
 
 

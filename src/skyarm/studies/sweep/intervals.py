@@ -76,7 +76,7 @@ def bootstrap_mean(
 
     Source: Efron 1979.
     """
-    groups = _grouped(values)
+    groups = _group_means(values)
     generator = np.random.default_rng(seed)
     means = np.empty(resamples)
     block = max(1, BLOCK // groups.size)
@@ -96,7 +96,7 @@ def _percentile(resampled: Array, confidence: float) -> tuple[float, float]:
     return float(ordered[_rank(tail, ordered.size) - 1]), float(ordered[_rank(1.0 - tail, ordered.size) - 1])
 
 
-def _grouped(values: Array) -> Array:
+def _group_means(values: Array) -> Array:
     """The values, or means of neighbours; their spread of the mean is the same where neighbours are independent."""
     size = -(-values.size // GROUPS)
     if size == 1:

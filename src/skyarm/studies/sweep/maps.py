@@ -58,7 +58,7 @@ class RobustnessMap:
 
     @property
     def constant(self) -> float | None:
-        """The share of successes where it is the same in all cells with episodes, which a sentence says better."""
+        """The share of successes where it is the same in all cells with episodes, for a sentence in place of a map."""
         low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
         return low if low == high else None
 

@@ -151,7 +151,7 @@ def _derived_settings(study: Study) -> list[_Setting]:
 
 
 def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
-    """The scenario that asks for the shortest integration steps while each number is anywhere between its ends.
+    """The scenario that requires the shortest integration steps over all values of each number between its ends.
 
     Args:
         scenario: as it is.
@@ -206,7 +206,7 @@ def _rate(where: str, scenario: Scenario) -> float:
 
 
 def _fastest_friction(scenario: Scenario) -> float:
-    """Of the joints of the plant, 1/s, whatever holds in the course of the flight."""
+    """Largest friction rate of the plant's joints, 1/s, over the whole flight."""
     return max(joint_rate(stretch.overrides.of(scenario).plant.vehicle) for stretch in stretches(scenario))
 
 

@@ -69,7 +69,7 @@ class Rows:
 
     @property
     def deterministic(self) -> bool:
-        """Whether nothing was drawn at random: a grid of given numbers, flown without noise."""
+        """True if nothing was drawn at random: a grid of given numbers, flown without noise."""
         study = self.manifest.study
         kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
         given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
@@ -81,7 +81,7 @@ class Rows:
 
     @property
     def complete(self) -> bool:
-        """Whether all rows of the study are there."""
+        """True if all rows of the study are there."""
         return self.count == self.planned
 
     def _column(self, name: str) -> Array:
@@ -125,7 +125,7 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
 
 
 def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
-    """Everything that is said about a study, as plain values.
+    """All statistics of a study, as plain values.
 
     Args:
         rows: of the study.
@@ -175,7 +175,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         for one, other in pairs:
             difference = columns[one] - columns[other]
             kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
-            found["paired"][f"{one} - {other}"]["metrics"][metric] = _paired(kept, seed, confidence)
+            found["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(kept, seed, confidence)
     return _without_intervals(found) if rows.deterministic else found
 
 
@@ -200,7 +200,7 @@ def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | Non
     }
 
 
-def _paired(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+def _difference_statistics(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
     """Mean and median of a difference, and how often the first is smaller (ties by half)."""
     if not difference.size:
         return None

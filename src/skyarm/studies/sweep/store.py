@@ -276,7 +276,7 @@ class StudyFolder:
                     path.unlink(missing_ok=True)
 
     def write_manifest(self) -> None:
-        """Write the manifest, which says complete if every chunk is on disk."""
+        """Write the manifest, marked complete if every chunk is on disk."""
         sync_folder(self.folder / ROWS)
         manifest, done = self.manifest, len(self.done)
         rows = self.episodes * len(manifest.scenarios)

@@ -69,7 +69,7 @@ class Study:
 
     @property
     def chunks(self) -> int:
-        """How many files the rows take."""
+        """Number of files that the rows take."""
         return -(-self.episodes // self.chunk)
 
     def span(self, index: int) -> range:

@@ -12,7 +12,7 @@ from skyarm.records.files import file_names, write_inside
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.sweep.stats import SHARES
 from skyarm.studies.sweep.store import Manifest, not_counted
-from skyarm.view.pages import image, rendered
+from skyarm.view.pages import image, render_template
 from skyarm.view.pages import page as plain_page
 
 
@@ -47,7 +47,7 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
         manifest: of the study's folder.
         pictures: maps and curves.
     """
-    body = rendered(
+    body = render_template(
         "studies/sweep/study.html",
         found=found,
         study={"derived": None, **manifest.study},

@@ -70,11 +70,11 @@ class Flown:
     kinds: npt.NDArray[np.int_]
 
 
-def shortened(own: Scenario) -> Scenario:
+def shorten(own: Scenario) -> Scenario:
     """The flight along the scenario's own motion for a search: until enough of its steady window is over.
 
     Args:
-        own: as :func:`skyarm.studies.tune.excitation.excited` makes it.
+        own: as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
     """
     steady = Windows().of_flight(own.duration, own.windows).steady
     start = min(steady.start, LATEST)
@@ -97,8 +97,8 @@ class CandidateFlights:
     one more kind; its reference may be of any shape, so that the plants that fly it are a batch of their own.
 
     Args:
-        scenario: as :func:`skyarm.studies.tune.excitation.excited` made it. knobs: of its law. plants: to fly.
-        own: along the scenario's own motion, as :func:`shortened` made it; the plants are those of :func:`with_own`.
+        scenario: as :func:`skyarm.studies.tune.excitation.tuning_flight` made it. knobs: of its law. plants: to fly.
+        own: along the scenario's own motion, as :func:`shorten` made it; the plants are those of :func:`with_own`.
         threads: results do not depend on it.
         seed: of the noise; each plant has its own, which all candidates share.
         gust: the flight has a window of a gust.
@@ -151,14 +151,14 @@ class CandidateFlights:
             others: in place of its own plants, with the same numbers.
         """
         flown = self.plants if others is None else others
-        flown = flown.taken(np.arange(flown.count)[:plants])
+        flown = flown.select(np.arange(flown.count)[:plants])
         if self._own is None:
-            return self._flown(logs, flown)
+            return self._fly(logs, flown)
         mine = flown.kinds == OWN
-        drawn, own = flown.taken(np.flatnonzero(~mine)), flown.taken(np.flatnonzero(mine))
-        return _joined(mine, self._flown(logs, drawn), self._own.fly(logs, others=_without_motions(own)))
+        drawn, own = flown.select(np.flatnonzero(~mine)), flown.select(np.flatnonzero(mine))
+        return _join(mine, self._fly(logs, drawn), self._own.fly(logs, others=_without_motions(own)))
 
-    def _flown(self, logs: Array, plants: Plants) -> Flown:
+    def _fly(self, logs: Array, plants: Plants) -> Flown:
         count, each = len(logs), plants.count
         values: dict[str, Array] = {}
         for knob, column in zip(self.knobs, np.exp(logs).T, strict=True):
@@ -176,28 +176,28 @@ class CandidateFlights:
         parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]
         product = np.ones((count, each))
         for part in parts:
-            product = product * self._tracked(part)
+            product = product * self._tracking_error(part)
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
         return Flown(
-            error=_charged(product ** (1.0 / len(parts)), lost),
-            tip=_charged(parts[0].get("ee", base), lost),
-            base=_charged(base, lost),
+            error=_penalize(product ** (1.0 / len(parts)), lost),
+            tip=_penalize(parts[0].get("ee", base), lost),
+            base=_penalize(base, lost),
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
             effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros((count, each)),
             lost=lost,
-            saturated=self._saturated(found.log, count, each),
+            saturated=self._saturation(found.log, count, each),
             kinds=plants.kinds,
         )
 
-    def _tracked(self, errors: Mapping[str, Array]) -> Array:
+    def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
         """Error of what the law tracks, in one window."""
         posture = errors["position"] + self._arm * errors["joint"]
         if self._keeps_tip:
             return errors["ee"]
         return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
 
-    def _saturated(self, log: BatchLog | None, count: int, each: int) -> Array:
+    def _saturation(self, log: BatchLog | None, count: int, each: int) -> Array:
         if log is None:
             return np.full((count, each), np.nan)
         speeds = np.stack([np.asarray(w, dtype=float) for w in log.command.rotor_speeds])
@@ -222,7 +222,7 @@ def _without_motions(plants: Plants) -> Plants:
     return dataclasses.replace(plants, values=values)
 
 
-def _joined(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
+def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
     """Tables of all plants, of which some flew the scenario's own motion."""
     tables = {}
     for name, some in parts(drawn).items():
@@ -236,7 +236,7 @@ def _error(window: str, name: str) -> str:
     return f"{window}{name}_error_mean_continuous"
 
 
-def _charged(error: Array, lost: npt.NDArray[np.bool_]) -> Array:
+def _penalize(error: Array, lost: npt.NDArray[np.bool_]) -> Array:
     return np.where(lost, LOST, np.minimum(np.nan_to_num(error, nan=LOST), LOST))
 
 
@@ -255,7 +255,7 @@ SMALLEST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Of each candidate (candidates,).
+    """Scores of each candidate (candidates,).
 
     Attributes:
         error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.

@@ -62,10 +62,10 @@ SPEED = (0.2, 0.8)
 def motion(vehicle: Vehicle) -> Trajectory:
     """The trajectory whose numbers :func:`draw_motions` replaces; as it stands, a lemniscate with a swinging arm."""
     return Trajectory(
-        x=Sum((eased(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
-        y=eased(0.15, 0.4),
-        z=Sum((Constant(HEIGHT), eased(0.15, 0.3))),
-        yaw=eased(0.2, 0.15),
+        x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
+        y=sine_from_rest(0.15, 0.4),
+        z=Sum((Constant(HEIGHT), sine_from_rest(0.15, 0.3))),
+        yaw=sine_from_rest(0.2, 0.15),
         joints=tuple(_joint(link.joint, vehicle.n, 0.5 + 0.07 * i) for i, link in enumerate(vehicle.links)),
     )
 
@@ -77,7 +77,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
     """
 
     def two(amplitude: float, first: float, second: float, phase: float = 0.0) -> Signal:
-        return Sum((eased(amplitude, first, phase), eased(0.5 * amplitude, second, phase + 1.0)))
+        return Sum((sine_from_rest(amplitude, first, phase), sine_from_rest(0.5 * amplitude, second, phase + 1.0)))
 
     joints = []
     for i, link in enumerate(vehicle.links):
@@ -107,13 +107,13 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
         found: Array = np.choose(kinds, [np.broadcast_to(each, count) for each in choices])
         return found
 
-    def between(column: int, low: float, high: float) -> Array:
+    def uniform(column: int, low: float, high: float) -> Array:
         found: Array = low + (high - low) * share[:, column]
         return found
 
-    rate, turn = between(0, 0.1, 0.25), between(1, 0.1, 0.22)
-    radius = between(2, *SPEED) / (2.0 * math.pi * rate)
-    slow, wide = between(3, 0.0, 0.1), between(4, 0.2, 0.5)
+    rate, turn = uniform(0, 0.1, 0.25), uniform(1, 0.1, 0.22)
+    radius = uniform(2, *SPEED) / (2.0 * math.pi * rate)
+    slow, wide = uniform(3, 0.0, 0.1), uniform(4, 0.2, 0.5)
     values = {
         **_sine("reference.x.signals.0", of_kind(radius, slow, wide), of_kind(rate, turn, turn)),
         **_sine(
@@ -122,22 +122,22 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
             of_kind(rate, turn, 2.0 * turn),
             of_kind(0.5 * math.pi, 1.0, 0.0),
         ),
-        **_sine("reference.z.signals.1", between(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), between(6, 0.15, 0.35)),
-        **_sine("reference.yaw", between(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
+        **_sine("reference.z.signals.1", uniform(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), uniform(6, 0.15, 0.35)),
+        **_sine("reference.yaw", uniform(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
     }
     for i, link in enumerate(vehicle.links):
         at = 8 + 3 * i
         _, size = rest_and_size(link.joint, vehicle.n)
         values |= _sine(
             f"reference.joints.{i}.signals.1",
-            size * of_kind(between(at, 0.4, 1.0), between(at, 0.8, 1.6), between(at, 0.4, 1.0)),
-            of_kind(between(at + 1, 0.3, 0.6), between(at + 1, 0.5, 1.1), between(at + 1, 0.3, 0.7)),
-            between(at + 2, -math.pi, math.pi),
+            size * of_kind(uniform(at, 0.4, 1.0), uniform(at, 0.8, 1.6), uniform(at, 0.4, 1.0)),
+            of_kind(uniform(at + 1, 0.3, 0.6), uniform(at + 1, 0.5, 1.1), uniform(at + 1, 0.3, 0.7)),
+            uniform(at + 2, -math.pi, math.pi),
         )
     return values, kinds
 
 
-def eased(amplitude: float, frequency: float, phase: float = 0.0) -> Signal:
+def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Signal:
     """A sine that grows from rest."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase), EASE)
 
@@ -154,7 +154,7 @@ def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = N
 
 def _joint(joint: Joint, joints: int, frequency: float) -> Signal:
     rest, size = rest_and_size(joint, joints)
-    return Sum((Constant(rest), eased(size, frequency)))
+    return Sum((Constant(rest), sine_from_rest(size, frequency)))
 
 
 def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
@@ -190,7 +190,7 @@ GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 
 
 def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:
-    """A scenario for a vehicle that its law knows exactly.
+    """A scenario for a vehicle whose law has an exact model of it.
 
     Args:
         vehicle: plant and belief.
@@ -212,7 +212,9 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     )
 
 
-def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
+def tuning_flight(
+    scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False
+) -> Scenario:
     """The flight by which a scenario's gains are judged.
 
     Args:
@@ -257,7 +259,7 @@ def _gust(scenario: Scenario) -> Gust:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plants:
-    """Plants that are not what the law believes.
+    """Plants perturbed against the law's model.
 
     Attributes:
         spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
@@ -272,17 +274,17 @@ class Plants:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of plants."""
         return len(next(iter(self.values.values())))
 
-    def taken(self, which: npt.NDArray[np.int_]) -> Plants:
-        """Those with these numbers."""
+    def select(self, which: npt.NDArray[np.int_]) -> Plants:
+        """The plants with these numbers."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
         return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
 
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
-    """Plants for a flight that :func:`skyarm.studies.tune.excitation.excited` made.
+    """Plants for a flight that :func:`skyarm.studies.tune.excitation.tuning_flight` made.
 
     Args:
         scenario: its truth is the middle of the spread; its last force is the wind that is drawn.
@@ -324,4 +326,4 @@ def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
     times = lost[:, count:].sum(axis=0)
     order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
     taken = count + order[times[order] > 0][: count // 2]
-    return pool.taken(np.concatenate([np.arange(count - len(taken)), np.sort(taken)]))
+    return pool.select(np.concatenate([np.arange(count - len(taken)), np.sort(taken)]))

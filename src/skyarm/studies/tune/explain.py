@@ -27,7 +27,7 @@ from skyarm.studies.stability.margins import margins
 from skyarm.studies.stability.settled_hover import SettledHover
 from skyarm.studies.tune.front import LoopMargins, Required
 from skyarm.studies.tune.gain_search import exponent
-from skyarm.studies.tune.hover_margins import Edges, one_blas_thread, required
+from skyarm.studies.tune.hover_margins import Edges, one_blas_thread, required_margins
 from skyarm.studies.tune.law_knobs import Knob
 
 WORDS: Sequence[tuple[str, str]] = (
@@ -76,7 +76,7 @@ def groups(knobs: Sequence[Knob]) -> dict[str, list[Knob]]:
     return {name: members for name, members in found.items() if members}
 
 
-def slowed(members: Sequence[Knob], share: float) -> dict[str, float]:
+def slow_gains(members: Sequence[Knob], share: float) -> dict[str, float]:
     """Path of the controller -> number, with the group's bandwidth times a share: stiffness by its square."""
     return {
         f"controller.{'.'.join(place)}": number * share ** exponent(knob)
@@ -155,7 +155,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Explanation:
-    """Of a loop: its margins now, what is required, causes and remedies, the best first.
+    """Explanation of a loop: its margins now, the required ones, causes and remedies, the best first.
 
     ``now`` is None where no hover settles at all.
     """
@@ -168,7 +168,7 @@ class Explanation:
 
     @property
     def short(self) -> bool:
-        """Whether anything is short of what is required."""
+        """True if any margin is below the required one."""
         low = self.thrust_margin < THRUST
         return low or self.now is None or self.now.shortness(self.required) > 1.0
 
@@ -241,11 +241,11 @@ class _Probe:
         self._scenario, self._knobs = scenario, tuple(knobs)
         self._differences = differences(scenario)
         plant = {path for each in self._differences for path in each.believed}
-        self._base = slowed(knobs, 1.0) | {path: number_at(scenario, path) for path in sorted(plant)}
+        self._base = slow_gains(knobs, 1.0) | {path: number_at(scenario, path) for path in sorted(plant)}
         # the code has no delays: they are put into the linearised loop
         prompt = scenario.with_words(delays=Delays(), payloads=())
         self._loops = SettledHover(prompt, tuple(self._base))
-        self._required = required(scenario)
+        self._required = required_margins(scenario)
         delays, rate = scenario.delays, scenario.rates.control
         self._delays = {
             "measurement_delay": round(delays.measurement * rate),
@@ -272,24 +272,24 @@ class _Probe:
         )
 
     def _causes(self, now: Edges) -> list[Change]:
-        found = [self._changed(now, each.name, each.believed, words=each.words) for each in self._differences]
+        found = [self._change(now, each.name, each.believed, words=each.words) for each in self._differences]
         measured, command = self._delays["measurement_delay"], self._delays["command_delay"]
         late = command + max(self._delays["rotors_delay"], self._delays["joints_delay"])
         delays = []
         if late > 0.0:
             prompt = {"command_delay": 0.0, "rotors_delay": 0.0, "joints_delay": 0.0}
-            delays.append(self._changed(now, "delay", {}, prompt, words=f"commands take {1e3 * late:.3g} ms"))
+            delays.append(self._change(now, "delay", {}, prompt, words=f"commands take {1e3 * late:.3g} ms"))
         if measured:
             age = 1e3 * measured / self._scenario.rates.control
             words = f"measurements are {age:.3g} ms old"
-            delays.append(self._changed(now, "delay", {}, {"measurement_delay": 0}, words=words))
+            delays.append(self._change(now, "delay", {}, {"measurement_delay": 0}, words=words))
         found += [each for each in delays if each.relief >= WORTH]
         return sorted(found, key=lambda cause: -cause.relief)
 
     def _remedies(self, now: Edges) -> list[Change]:
         found = []
         for name, members in {**groups(self._knobs), ALL: list(self._knobs)}.items():
-            tried = [self._changed(now, name, slowed(members, share), share=share) for share in SHARES]
+            tried = [self._change(now, name, slow_gains(members, share), share=share) for share in SHARES]
             settled = [each for each in tried if each.after is not None]
             best = min(settled, key=_order, default=None)
             if best is not None and best.relief >= WORTH:
@@ -297,7 +297,7 @@ class _Probe:
         # all gains at once come last among equals
         return sorted(found, key=lambda each: (*_order(each), each.part == ALL, -each.relief))
 
-    def _changed(
+    def _change(
         self,
         now: Edges,
         part: str,
@@ -315,21 +315,21 @@ class _Probe:
         )
 
     def _edges(self, changes: Mapping[str, float], delays: Mapping[str, float] | None = None) -> Edges | None:
-        """Of the loop with some numbers and delays changed; None where no hover settles."""
+        """Edges of the loop with some numbers and delays changed; None where no hover settles."""
         numbers = {path: changes.get(path, value) for path, value in self._base.items()}
-        settled = self._settled(numbers)
+        settled = self._settle(numbers)
         if settled is None:
             return None
         values = [numbers[path] for path in self._loops.paths]
         late: Any = self._delays | dict(delays or {})
-        loops = {lag: dataclasses.replace(self._loops.opened(settled, values, lag), **late) for lag in LAGS}
+        loops = {lag: dataclasses.replace(self._loops.open_loop(settled, values, lag), **late) for lag in LAGS}
         by_lag = {lag: margins(loop, measured=False) for lag, loop in loops.items()}
         return Edges.of(Instant(hover=True, time=0.0, by_lag=by_lag, swings=math.nan))
 
-    def _settled(self, numbers: Mapping[str, float]) -> Any:
+    def _settle(self, numbers: Mapping[str, float]) -> Any:
         """A settled hover with these numbers, or with all gains slower: where the loop would rest if it were stable."""
-        usual = slowed(self._knobs, 1.0)
-        slower = [slowed(self._knobs, share) for share in SETTLING]
+        usual = slow_gains(self._knobs, 1.0)
+        slower = [slow_gains(self._knobs, share) for share in SETTLING]
         lanes = [dict(numbers) | {path: numbers[path] * slow[path] / usual[path] for path in usual} for slow in slower]
         values = {path: np.array([lane[path] for lane in lanes]) for path in self._loops.paths}
         return next((each for each in self._loops.settle(values) if each is not None), None)

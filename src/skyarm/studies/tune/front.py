@@ -48,7 +48,7 @@ class LoopMargins:
     why_none: str = ""
 
     def meet(self, required: Required) -> bool:
-        """Whether they are wide enough; margins that cannot be computed are not asked for."""
+        """True if they are wide enough; margins that cannot be computed are not required."""
         if self.why_none:
             return True
         lows, highs = zip(self.rotors, self.joints, strict=True)
@@ -56,7 +56,7 @@ class LoopMargins:
         return self.delay >= required.delay and most >= required.gain and least <= 1.0 / required.gain
 
     def shortness(self, required: Required) -> float:
-        """How far the tightest of them is from what is required, as a factor: above 1 it is short of it."""
+        """Shortfall of the tightest margin against the required one, as a factor: above 1 it is violated."""
         if self.why_none:
             return 0.0
         worst = max(required.delay / max(self.delay, 1e-9), 0.0)
@@ -125,7 +125,7 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
     return chosen
 
 
-def undominated(points: Sequence[Point]) -> list[Point]:
+def pareto_front(points: Sequence[Point]) -> list[Point]:
     """Points that no other beats in error and activity at once, from calm to stiff; lost plants come first."""
     fewest = min(point.lost for point in points)
     left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
@@ -137,7 +137,7 @@ def undominated(points: Sequence[Point]) -> list[Point]:
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
-    """What nothing beats of what was found, and the number of the pick, which is nothing worse than was known before.
+    """The Pareto front of all points, and the number of the pick, which is no worse than the starts.
 
     Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
     tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
@@ -154,7 +154,7 @@ def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required
     else:
         fit = [best, *found] if all(rank(best) <= rank(each) for each in found) else list(found)
     picked = fit[pick(fit, required)]
-    front = undominated([*found, picked])
+    front = pareto_front([*found, picked])
     if picked not in front:
         # what beats it is not to be picked
         front = sorted([*front, picked], key=lambda point: (point.activity, point.error))
@@ -177,5 +177,5 @@ def pick(points: Sequence[Point], required: Required) -> int:
 
 
 def is_allowed(point: Point, required: Required) -> bool:
-    """Whether a point loses no plant, stays below saturation and meets the margins."""
+    """True if a point loses no plant, stays below saturation and meets the margins."""
     return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)

@@ -46,7 +46,7 @@ REACHES = (0.15, 0.3, 0.6)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Effort:
-    """How much is flown.
+    """Number of flights of a search.
 
     Attributes:
         scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
@@ -64,7 +64,7 @@ class Effort:
         """All of them."""
         return self.scatter + self.rounds * self.population * len(WEIGHTS)
 
-    def scaled(self, candidates: int, plants: int) -> Effort:
+    def scale(self, candidates: int, plants: int) -> Effort:
         """About so many candidates, on so many plants."""
         share = candidates / self.candidates
         scatter = max(LINE + 8, round(self.scatter * share))

@@ -57,7 +57,7 @@ def one_blas_thread() -> Any:
     return threadpool_limits(1, user_api="blas")
 
 
-def required(scenario: Scenario) -> Required:
+def required_margins(scenario: Scenario) -> Required:
     """Margins that a scenario's gains must have."""
     known = float(scenario.delays.measurement) + float(scenario.delays.command)
     return Required(delay=max(DELAY_SHARE * known, PERIODS / scenario.rates.control), gain=GAIN)
@@ -79,7 +79,7 @@ def calm(flight: Scenario) -> Scenario:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Edges:
-    """Of a loop: growth, 1/s (negative where it is stable), frequency (Hz) of its fastest or most delicate swing."""
+    """Stability of a loop: growth, 1/s (negative if stable), frequency (Hz) of its fastest or most delicate swing."""
 
     growth: float
     frequency: float
@@ -94,7 +94,7 @@ class Edges:
         return cls(growth=float(unstable.real), frequency=swing / (2.0 * math.pi), margins=margins_of(hover))
 
     def shortness(self, required: Required) -> float:
-        """How far it is from what is required, as a factor; an unstable loop by its growth, above any stable one."""
+        """Shortfall against the required margins, as a factor; an unstable loop by its growth, above any stable one."""
         if self.growth > 0.0:
             return UNSTABLE * (1.0 + self.growth)
         return min(self.margins.shortness(required), UNSTABLE)
@@ -125,7 +125,7 @@ class HoverMargins:
             self._loops = SettledHover(calm(scenario), [f"controller.{'.'.join(place)}" for place, _ in numbers])
         except ValueError as error:
             self._why_none = str(error)
-        wanted, step = required(scenario), 1.0 / scenario.rates.physics
+        wanted, step = required_margins(scenario), 1.0 / scenario.rates.physics
         self._delay = math.ceil(RESERVE * wanted.delay / step - 1e-9) * step
         self._gain = RESERVE * wanted.gain
 
@@ -146,13 +146,13 @@ class HoverMargins:
         def cost(settled: Any, numbers: Sequence[float]) -> float:
             if settled is None:
                 return DIVERGED
-            return max(failed_tests(loops.opened(settled, numbers, lag), self._delay, self._gain) for lag in LAGS)
+            return max(failed_tests(loops.open_loop(settled, numbers, lag), self._delay, self._gain) for lag in LAGS)
 
         with ThreadPoolExecutor(self._threads) as pool:
             lanes = loops.settle(values, self._threads), np.array(list(values.values())).T.tolist()
             return np.array(list(pool.map(cost, *lanes)))
 
-    def measured(self, logs: Array) -> list[LoopMargins]:
+    def measure(self, logs: Array) -> list[LoopMargins]:
         """Margins of each candidate, the worse of both linearisations."""
         if self._loops is None:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)

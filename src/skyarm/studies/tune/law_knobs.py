@@ -70,7 +70,7 @@ class Knob:
 
 
 def inner_place(controller: Controller) -> Place:
-    """Where the constants of the law itself stand: under layers of safety or actuators, in ``inner``."""
+    """Path of the law's own constants: under layers of safety or actuators, in ``inner``."""
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
@@ -94,7 +94,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     for name in layers:
         par = parts(par)[name]
     listed = tuned_factors().get(law)
-    found = [_listed(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
+    found = [_knob_at(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
     knobs = tuple(_below(layers, each) for each in found if each is not None)
     if not knobs:
         raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
@@ -115,7 +115,7 @@ def _below(layers: Place, knob: Knob) -> Knob:
     return Knob(path=knob.path, unit=knob.unit, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
 
 
-def _listed(par: Any, path: str) -> Knob | None:
+def _knob_at(par: Any, path: str) -> Knob | None:
     place: Place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
@@ -149,7 +149,7 @@ def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]
 
 
 def _fixed_length(kind: Any) -> bool:
-    """Whether a field is a tuple of fixed length by its annotation."""
+    """True if a field is a tuple of fixed length by its annotation."""
     return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
 
 
@@ -193,7 +193,7 @@ class Centred:
         return np.array(list(self.starts.values()))
 
 
-def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
+def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
     """The flight with the catalogue's gains where there are any, those of its label first; else as it is.
 
     Args:
@@ -201,7 +201,7 @@ def centred(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
         knobs: of its law.
         label: of the law, as it was asked for.
     """
-    known = _known(flight, knobs)
+    known = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *known) if name in known]
     if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
         middle = [values(knob) for knob in knobs]
@@ -233,7 +233,7 @@ def values(knob: Knob) -> tuple[float, ...]:
     return knob.values(1.0)
 
 
-def _known(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
+def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
     """Numbers of every knob by name of the catalogue: a law's own, its tuned ones, those of its presets.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
@@ -245,7 +245,7 @@ def _known(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
     facts = loop_facts(scenario.rates, scenario.delays)
     found: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
-        made = _made(name, model, facts)
+        made = _make(name, model, facts)
         if made is None or without_preset(made.name) != without_preset(law):
             continue
         try:
@@ -261,7 +261,7 @@ def _known(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
     return found
 
 
-def _made(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
+def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
     """A law of the catalogue; None where it does not fit this vehicle."""
     try:
         return make_named(name, model, facts)  # type: ignore[arg-type]
@@ -270,7 +270,7 @@ def _made(name: str, model: object, facts: Mapping[str, object]) -> Controller |
 
 
 def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
-    """Whether one factor leads from a knob's numbers to others."""
+    """True if one common factor maps a knob's numbers to others."""
     if not numbers:
         return False
     factors = np.array(numbers) / np.array(values(knob))

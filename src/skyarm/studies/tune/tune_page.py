@@ -17,7 +17,7 @@ from skyarm.studies.tune.law_knobs import inner_place
 from skyarm.studies.tune.tuning import ASIDE, Aside, Tuning
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import page as plain_page
-from skyarm.view.pages import rendered
+from skyarm.view.pages import render_template
 
 DIGITS = 6
 """Of a gain in a file."""
@@ -29,7 +29,7 @@ def front_name(number: int) -> str:
 
 
 def words_of(name: str) -> dict[str, Any]:
-    """What a [law] table says of a controller by its name in the catalogue."""
+    """Description of a controller in a [law] table, by its name in the catalogue."""
     if name in PRESETS:
         return {"preset": name}
     return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
@@ -81,7 +81,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
 
 
 def about(tuning: Tuning) -> dict[str, Any]:
-    """Where the gains come from."""
+    """Source of the gains."""
     plan = tuning.plan
     return {
         **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
@@ -149,7 +149,7 @@ def tune_page(found: Tuning) -> str:
         f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants; the front on {plan.unseen} plants "
         f"that the search has not seen; seed {plan.seed}"
     )
-    body = rendered(
+    body = render_template(
         "studies/tune/tune.html",
         found=found,
         rule=RULE.replace("tip error", error_words(vehicle)),

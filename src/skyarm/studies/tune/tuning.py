@@ -1,10 +1,9 @@
 """Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
 
-The search flies :func:`skyarm.studies.tune.excitation.excited` through perturbed plants, each with a motion of its
-own, every
-fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants, and what is
-left of them others again, along the scenario's own motion, and have their margins computed in hover. The gains that
-were given and those of the catalogue for this law go all that way with them. What is picked follows from
+The search flies :func:`skyarm.studies.tune.excitation.tuning_flight` through perturbed plants, each with its own
+motion, every fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants,
+and the rest of them others again, along the scenario's own motion, and have their margins computed in hover. The given
+gains and those of the catalogue for this law go all that way with them. The pick follows from
 :data:`skyarm.studies.tune.front.RULE`; at last it and all starts fly plants and a path by which nothing was chosen.
 """
 
@@ -41,8 +40,8 @@ from skyarm.studies.tune.candidate_flights import (
 from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, with_lost
 from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
-from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required
-from skyarm.studies.tune.law_knobs import Knob, centred
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins
+from skyarm.studies.tune.law_knobs import Knob, with_catalogue_gains
 
 Array = npt.NDArray[np.float64]
 
@@ -133,7 +132,7 @@ PICKED = "pick"
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is tuned.
+    """Plan of a tuning.
 
     Attributes:
         flight: that judges candidates. check: that judges the front; the same but for its motion. aside: the same along
@@ -186,7 +185,7 @@ class Aside:
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
-    """What tuning found.
+    """Result of a tuning.
 
     Attributes:
         plan: what was tuned, its knobs about the gains that the search went about.
@@ -210,7 +209,7 @@ class Tuning:
 
     @property
     def meets(self) -> bool:
-        """Whether the pick meets all constraints."""
+        """True if the pick meets all constraints."""
         return is_allowed(self.pick, self.required)
 
 
@@ -304,7 +303,7 @@ class Tuner:
         mixed = plan.check.reference == plan.flight.reference
         flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
         self._progress(self._total, self._total, "margins")
-        scored, margins = scores(flown), self._margins.measured(rows)
+        scored, margins = scores(flown), self._margins.measure(rows)
         return [
             Point(
                 logs=tuple(row.tolist()),
@@ -321,7 +320,7 @@ class Tuner:
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
         """The pick and every start, by name, on plants and a path by which nothing was chosen."""
-        wanted = required(self._plan.flight)
+        wanted = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         flown = scores(self._flown_once(self._plan.aside, ASIDE, 3, np.array([each.logs for each in points.values()])))
         tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
@@ -370,7 +369,7 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
     Raises:
         ValueError: the folder holds a search of something else, or is written by another process.
     """
-    start = centred(plan.flight, plan.knobs, plan.label)
+    start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller
     plan = dataclasses.replace(
         plan,
@@ -393,7 +392,7 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
             again, drawn = tuner.again(asked)
             last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
             points = tuner.check(asked[last], drawn.part(last))
-            wanted = required(plan.flight)
+            wanted = required_margins(plan.flight)
             front, picked = front_of(points[:count], points[count:], wanted)
             known = dict(zip(start.starts, points, strict=False))
             aside = tuner.fly_aside({**known, PICKED: front[picked]})

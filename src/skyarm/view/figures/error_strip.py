@@ -43,7 +43,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A plot as pixels (height, width, 3), and where time stands in it.
+    """A plot as pixels (height, width, 3), with the place of its time axis.
 
     Attributes:
         left, right: columns of the first and last instant. top, bottom: rows of the axes' edges.

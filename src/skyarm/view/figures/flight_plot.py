@@ -87,7 +87,7 @@ def _panels_figure(
     every: bool,
 ) -> Picture:
     """Panels over one time axis; ``every`` kind of them fills pages."""
-    figure, axes = style.stacked(len(panels), OF_A_PAGE[style.name] if every else None)
+    figure, axes = style.stacked_panels(len(panels), OF_A_PAGE[style.name] if every else None)
     handles: dict[str, Any] = {}
     for ax, panel in zip(axes, panels, strict=True):
         handles |= _draw(ax, panel, named, style, span) | _limits(ax, panel, facts, style)
@@ -228,7 +228,7 @@ def _limits(ax: Axes, panel: Panel, facts: Mapping[str, FlightFacts], style: Pic
 
 
 def _is_near(limit: float, low: float, high: float) -> bool:
-    """Whether the curves between these ends come near a limit, seen from zero."""
+    """True if the curves between these ends come near a limit, relative to their distance from zero."""
     reached = high if limit > 0.0 else -low
     return low <= limit <= high or (limit != 0.0 and reached >= NEAR * abs(limit))
 

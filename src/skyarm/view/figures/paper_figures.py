@@ -196,7 +196,7 @@ def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, W
 
 def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None) -> Figure:
     """One figure of the paper: a curve for each law, of its mean and range in each hold, and the longest reference."""
-    figure, axes = STYLE.stacked(len(spec.panels))
+    figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
     handles: dict[str, Any] = {}
     drawn: dict[str, list[Array]] = {}

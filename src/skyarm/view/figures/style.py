@@ -49,7 +49,7 @@ class Picture(Figure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """How one line is drawn.
+    """Appearance of one line.
 
     Attributes:
         color: hex. tint: light form, for ranges. dash: on-off lengths in line widths, empty for solid. width: pt.
@@ -71,7 +71,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureStyle:
-    """How a picture looks.
+    """Appearance of a picture.
 
     Attributes:
         name: one of STYLES, or "page". font: families in order. text, small: pt.
@@ -151,7 +151,7 @@ class PictureStyle:
         figure = self.blank(width, height)
         return figure, self.dress(figure.subplots())
 
-    def stacked(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
+    def stacked_panels(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
         """A figure of so many panels over one time axis, filled column by column, top to bottom."""
         columns = -(-count // (rows or self.rows))
         rows = -(-count // columns)

@@ -62,7 +62,7 @@ class CameraPath:
     elevation: Array
 
 
-def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that stands still and has every vehicle in view all the time."""
     places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     azimuth = free_azimuth(flights)
@@ -98,7 +98,7 @@ def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Camer
 
 
 CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
-    "fixed": fixed,
+    "fixed": fixed_camera,
     "follow": follow,
     "orbit": orbit,
     "tip": tip,
@@ -112,7 +112,7 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
-    """How far the vehicle reaches from its base, m: booms with their discs, arm stretched out."""
+    """Largest distance of the vehicle's parts from its base, m: booms with their discs, arm stretched out."""
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
@@ -132,7 +132,7 @@ def _height(flights: Sequence[FilmedFlight]) -> float:
 
 
 def _margin(flights: Sequence[FilmedFlight]) -> float:
-    """How far a vehicle is drawn about its base, m."""
+    """Radius about its base within which a vehicle is drawn, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
@@ -183,11 +183,11 @@ def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
     """Azimuth, deg, from which surfaces hide the tips least; the usual one where nothing hides them."""
     if not any(flight.surfaces for flight in flights):
         return AZIMUTH
-    hidden = [sum(_hidden(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
+    hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
     return SIDES[int(np.argmin(hidden))]
 
 
-def _hidden(flight: FilmedFlight, towards: Array) -> float:
+def _occlusion(flight: FilmedFlight, towards: Array) -> float:
     """Share of the instants at which something stands between the tip and a camera in a direction (3,)."""
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
     solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in flight.surfaces]

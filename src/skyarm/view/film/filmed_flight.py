@@ -185,7 +185,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
 
 
 def _error(log: Log, push: TipPush | None) -> Array:
-    """Distance of the tip from its reference (N,), m; across the believed normal while it shall press."""
+    """Distance of the tip from its reference (N,), m; during a commanded push, across the nominal normal."""
     away = log.tip - log.tip_reference
     if push is not None:
         away = np.stack(list(push.across(Vec3(*away.T), log.time, Vec3(*log.tip.T))), axis=1)
@@ -212,7 +212,7 @@ def _loads(
 
 
 def patch_about(tip: Array) -> float:
-    """Half the width of the patch that stands for a plane, m: a metre more than the tip goes, up to a point."""
+    """Half the width of the patch drawn for a plane, m: a metre more than the tip's travel, up to a limit."""
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
@@ -329,7 +329,7 @@ def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
 
 
 def one_wind(flights: Sequence[FilmedFlight]) -> bool:
-    """Whether the flights fly in the same wind, to what a film's numbers show."""
+    """True if the flights fly in the same wind, to the precision of a film's numbers."""
     first = flights[0]
     return all(
         np.allclose(each.force, first.force, rtol=0.0, atol=LEAST_SPEED)
@@ -422,7 +422,7 @@ def ghost_solids(flight: FilmedFlight) -> list[Solid]:
 
 
 def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
-    """Colour of a shape by what it stands for; ``color`` is the flight's."""
+    """Colour of a shape by its role; ``color`` is the flight's."""
     if ghost:
         return (*GHOST, GHOST_OPACITY)
     if role == "rotor":

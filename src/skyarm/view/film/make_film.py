@@ -149,7 +149,7 @@ MOST_FPS, SLOWEST, FASTEST, MOST_FRAMES = 120, 0.01, 100.0, 1_000_000
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilmSettings:
-    """How a film is made.
+    """Settings of a film.
 
     Attributes:
         layout: "side" (a panel for each flight) or "over" (all flights in one).

@@ -1,6 +1,17 @@
 """Reports: titles, paragraphs, tables and pictures, as HTML pages of one file and as Markdown."""
 
-from skyarm.view.pages.markup import bullets, details, grouped, image, page, paragraph, plot, rendered, section, table
+from skyarm.view.pages.markup import (
+    bullets,
+    details,
+    grouped_table,
+    image,
+    page,
+    paragraph,
+    plot,
+    render_template,
+    section,
+    table,
+)
 from skyarm.view.pages.sections import DASH, Mark, Report, Section, Table, markdown, number
 
 __all__ = [
@@ -11,14 +22,14 @@ __all__ = [
     "Table",
     "bullets",
     "details",
-    "grouped",
+    "grouped_table",
     "image",
     "markdown",
     "number",
     "page",
     "paragraph",
     "plot",
-    "rendered",
+    "render_template",
     "section",
     "table",
 ]

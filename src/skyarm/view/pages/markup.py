@@ -28,7 +28,7 @@ def _part(name: str, *values: Any) -> str:
     return str(getattr(_templates().get_template("view/pages/parts.html").module, name)(*values))
 
 
-def rendered(template: str, **values: Any) -> str:
+def render_template(template: str, **values: Any) -> str:
     """HTML of a template by its path in the package, as "studies/sweep/study.html"."""
     return str(_templates().get_template(template).render(**values))
 
@@ -59,7 +59,7 @@ def page(
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     named = [dict(zip(("name", "title", "content"), each, strict=True)) for each in sections]
     empty = dict.fromkeys(("name", "lead", "footer", "opening", "data"), "")
-    return rendered(
+    return render_template(
         "view/pages/page.html",
         title=title,
         facts=facts,
@@ -99,10 +99,10 @@ def bullets(items: Iterable[str]) -> str:
 
 def table(head: Iterable[str], rows: Rows, caption: str = "", kind: str = "") -> str:
     """A table whose first column names the rows; a wide one scrolls by itself."""
-    return grouped(head, [("", rows)], caption, kind)
+    return grouped_table(head, [("", rows)], caption, kind)
 
 
-def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "", kind: str = "") -> str:
+def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "", kind: str = "") -> str:
     """A table with rows in groups.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from skyarm.view.pages.markup import grouped, page, paragraph, section
+from skyarm.view.pages.markup import grouped_table, page, paragraph, section
 
 DASH = "-"
 
@@ -73,7 +73,7 @@ class Table:
 
     def html(self) -> str:
         """As HTML."""
-        return grouped(self.head, self.groups or [("", self.rows)], self.caption)
+        return grouped_table(self.head, self.groups or [("", self.rows)], self.caption)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

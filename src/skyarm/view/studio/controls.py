@@ -76,11 +76,11 @@ class Controls:
         words = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
         buttons = self._gui.add_button_group("disturb", tuple(words))
 
-        def pushed(value: str) -> None:
+        def push(value: str) -> None:
             direction = DIRECTIONS[self._where.value]
             self._orders.do(lambda fleet: fleet.push(direction, *words[value]))
 
-        _on_click(buttons, pushed)
+        _on_click(buttons, push)
 
     def _laws(self, laws: list[str]) -> None:
         """A menu for each law that may fly."""
@@ -114,13 +114,13 @@ class Controls:
             names = ("follow", "beside", "ghost", "arrows", "trails", "dark")
             boxes = {name: self._gui.add_checkbox(name, name in ("ghost", "arrows", "trails")) for name in names}
 
-        def chosen(_: Any) -> None:
+        def choose(_: Any) -> None:
             shown = {name: box.value for name, box in boxes.items()}
             dark = shown.pop("dark")
             self._orders.choose_view(View(**shown), dark)
 
         for box in boxes.values():
-            _on_click(box, chosen)
+            _on_click(box, choose)
 
 
 CLOCK: dict[str, Callable[[Fleet], None]] = {
@@ -176,18 +176,18 @@ class KnobPanel:
     def show(self, values: Mapping[str, float]) -> None:
         """Set the sliders to numbers by path; those that are not given, to the scenario's."""
         for path, slider in self._sliders.items():
-            slider.value = self._knobs[path].clipped(values.get(path, self._knobs[path].value))
+            slider.value = self._knobs[path].clip(values.get(path, self._knobs[path].value))
 
 
 def _slider(gui: Any, knob: Knob, moved: Moved) -> Any:
     """The slider of one knob."""
     label = f"{knob.label} ({knob.unit})" if knob.unit else knob.label
     hint = f"{knob.path}: {knob.meaning}" if knob.meaning else knob.path
-    slider = gui.add_slider(label, knob.low, knob.high, knob.step, knob.clipped(knob.value), hint=hint)
+    slider = gui.add_slider(label, knob.low, knob.high, knob.step, knob.clip(knob.value), hint=hint)
 
     async def by_hand(event: Any) -> None:
         if event.client_id is not None:  # what the studio sets itself is no hand
-            moved(knob.path, knob.clipped(event.target.value))
+            moved(knob.path, knob.clip(event.target.value))
 
     slider.on_update(by_hand)
     return slider
@@ -249,17 +249,17 @@ class Chart:
         self._node.remove()
 
     def _data(self) -> tuple[Any, ...]:
-        rows = [flight.seen(SECONDS) for flight in self._flights]
+        rows = [flight.recent(SECONDS) for flight in self._flights]
         longest = max(rows, key=len, default=[])
         count = max(2, len(longest))
 
-        def filled(values: Sequence[float]) -> Any:
+        def pad(values: Sequence[float]) -> Any:
             return np.array([*values, *[math.nan] * (count - len(values))])
 
         times = [seen.time for seen in longest]
         start = times[0] if times else 0.0
-        time = filled(times) if len(times) > 1 else np.array([start, start + 1e-3])
-        curves = [filled([round(column(one), DECIMALS) for one in seen]) for seen in rows for column in self._columns]
+        time = pad(times) if len(times) > 1 else np.array([start, start + 1e-3])
+        curves = [pad([round(column(one), DECIMALS) for one in seen]) for seen in rows for column in self._columns]
         limit = [] if self._limit is None else [np.full(count, self._limit)]
         return (time, *curves, *limit)
 

@@ -472,7 +472,7 @@ def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
 
 
 def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.PathLike[str]) -> bool:
-    """Whether a longer flight has another reference, as one of joints or a path time planned ahead has, or none."""
+    """True if a longer flight has another reference or none: of joints, or with a path time planned ahead."""
     try:
         longer = scenario_from({**document, "duration": plain.duration + 1.0}, folder)
         return bool((plain.reference, plain.path_time) != (longer.reference, longer.path_time))

@@ -66,7 +66,7 @@ class Knob:
     step: float
     value: float
 
-    def clipped(self, value: Any) -> float:
+    def clip(self, value: Any) -> float:
         """A value within the slider; what is no finite number is refused.
 
         Raises:
@@ -78,7 +78,7 @@ class Knob:
 
 
 def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
-    """Every number of a scenario that stands in a panel, in the order of the panels.
+    """All adjustable numbers of a scenario, in the order of the panels.
 
     Times at which something starts or stops are left out, since they mean nothing once they have passed.
 

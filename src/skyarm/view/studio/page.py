@@ -86,7 +86,7 @@ class Page:
     def choose_law(self, place: int, law: str | None) -> None:
         """Let a law fly at a place; None takes the place away."""
 
-        def chosen() -> None:
+        def choose() -> None:
             if law is None:
                 if place < len(self.fleet.flights):
                     self.fleet.leave(place)
@@ -94,25 +94,25 @@ class Page:
                 return
             self._make(self.fleet, law, place)
 
-        self._orders.put(chosen)
+        self._orders.put(choose)
 
     def choose_case(self, name: str) -> None:
         """Fly another scenario under the same laws."""
 
-        def chosen() -> None:
+        def choose() -> None:
             laws = [flight.law for flight in self.fleet.flights]
             self._begin(load_fleet(name), laws or [None])
 
-        self._orders.put(chosen)
+        self._orders.put(choose)
 
     def choose_view(self, view: View, dark: bool) -> None:
         """Show and hide parts of the picture."""
 
-        def chosen() -> None:
+        def choose() -> None:
             self._picture.choose(view)
             self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
-        self._orders.put(chosen)
+        self._orders.put(choose)
 
     def save(self) -> None:
         """Write what was flown as scenarios, one for each law."""
@@ -298,13 +298,13 @@ class Instant:
 
     @property
     def state(self) -> State:
-        """Of the plant."""
+        """State of the plant."""
         state: State = self.now.state
         return state
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended early."""
+        """True until the flight ends early."""
         return not self.lost
 
 

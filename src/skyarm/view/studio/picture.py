@@ -135,7 +135,7 @@ class FlightNodes:
 
     def draw(self, flight: Watched, seconds: float, beside: Array, view: View, *, slow: bool) -> Placed:
         """Show the flight as it is now, ``beside`` (3,) m its own place; returns its poses."""
-        session, placed = flight.session, flight.placed()
+        session, placed = flight.session, flight.poses()
         state, last = session.state, flight.last
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
         self.draw_bodies(placed, turns if session.running else {}, beside)
@@ -151,7 +151,7 @@ class FlightNodes:
             self._place_world(session.scenario, session.time, held)
         if slow:
             if view.trails:
-                self._trail.points = trail([seen.tip for seen in flight.seen(TRAIL)], beside)
+                self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)], beside)
             if bool(flight.lost) != self._lost:
                 self._lost = bool(flight.lost)
                 self.vehicle.color(tones_of(LOST) if self._lost else self._paint)
@@ -179,7 +179,7 @@ class FlightNodes:
             self._cords.points = np.array(cords, np.float32)
 
     def show(self, view: View) -> None:
-        """Show and hide parts; the world of the first flight stands for all that are drawn over each other."""
+        """Show and hide parts; flights drawn over each other share the world of the first."""
         self._trail.visible = view.trails
         self._forces.show(view.arrows)
         if self._touches is not None:

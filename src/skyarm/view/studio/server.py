@@ -42,7 +42,7 @@ class StudioError(ValueError):
 
 
 def has_viser() -> bool:
-    """Whether the optional library is installed; it is not loaded."""
+    """True if the optional library is installed; it is not loaded."""
     return find_spec("viser") is not None
 
 
@@ -234,7 +234,7 @@ SCALARS = ("fov", "near", "far", "image_height", "image_width")
 
 
 def _is_camera(message: dict[str, Any]) -> bool:
-    """Whether a camera is one: finite numbers, as many as there must be."""
+    """True for a valid camera: finite numbers, of the right count."""
     vectors = all(
         isinstance(message[name], (list, tuple)) and len(message[name]) == count and all(map(_finite, message[name]))
         for name, count in CAMERA.items()
@@ -283,12 +283,12 @@ class Guard:
         origin = headers.get("Origin")
         if (origin is not None or websocket) and origin not in (f"http://{host}", f"https://{host}"):
             return "Origin: must be the page of skyarm itself"
-        if not self._token(path, headers):
+        if not self._has_token(path, headers):
             return "token: must be that of the address that skyarm printed"
         return None
 
-    def _token(self, path: str, headers: Mapping[str, str]) -> bool:
-        """Whether a request has the token, in its address or its cookie."""
+    def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:
+        """True if a request has the token, in its address or its cookie."""
         given = parse_qs(urlsplit(path).query).get("token", [])
         try:
             kept = SimpleCookie(headers.get("Cookie", "")).get(self.cookie)
@@ -309,7 +309,7 @@ class Guard:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """True if an address is reachable from this machine only."""
     if host == "localhost":
         return True
     try:

@@ -93,7 +93,7 @@ class Load:
 
 
 class Flown(Protocol):
-    """Whatever flies a scenario period by period: a session, or an episode that somebody else steps."""
+    """Anything that flies a scenario period by period: a session, or an episode stepped from outside."""
 
     @property
     def scenario(self) -> Scenario: ...  # noqa: D102
@@ -130,7 +130,7 @@ class Watched:
         """The plant's."""
         return self.session.scenario.plant.vehicle
 
-    def placed(self) -> Placed:
+    def poses(self) -> Placed:
         """Poses of the bodies now."""
         state = self.session.state
         return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
@@ -149,13 +149,13 @@ class Watched:
         """The latest quantities up to now."""
         return self.sights[self._after(self.session.tick) - 1]
 
-    def seen(self, seconds: float) -> list[Sight]:
+    def recent(self, seconds: float) -> list[Sight]:
         """Quantities of the last seconds."""
         now, rate = self.session.tick, self.session.scenario.rates.control
         return self.sights[self._after(math.ceil(now - seconds * rate) - 1) : self._after(now)]
 
     def _after(self, tick: int) -> int:
-        """How many instants there are up to a control period."""
+        """Number of instants up to a control period."""
         return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
 
