@@ -173,7 +173,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 
 def _command(error: Any) -> str:
-    """The command that was given wrong words, as one types it."""
+    """The command with the wrong words, as typed."""
     context = getattr(error, "ctx", None)
     name = None if context is None or context.parent is None else context.info_name
     return f"skyarm {name}" if name else "skyarm"

@@ -1,4 +1,4 @@
-"""``skyarm film``: flights as a film, or as a recording that is looked at from any side."""
+"""``skyarm film``: flights as a film, or as a recording for a viewer from any side."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def _asks_for(command: str) -> bool:
 
 
 def _examine(short: str) -> int:
-    """``skyarm doctor`` beside a library that is too old: what it finds, or the line about that library."""
+    """``skyarm doctor`` with a library that is too old: its findings, or the line about that library."""
     from skyarm.cli.lines import WRONG_INPUT, say
 
     try:

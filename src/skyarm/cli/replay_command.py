@@ -129,7 +129,7 @@ def _scenarios(a: Log, b: Log) -> dict[str, tuple[Any, Any]]:
 
 
 def _document(a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
-    """Everything that was found, as plain data."""
+    """All results, as plain data."""
     return {
         "equal": _are_equal(a, b, found),
         "instants": dict(zip(("both", "first", "second"), found.instants, strict=True)),

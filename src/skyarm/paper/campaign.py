@@ -20,7 +20,7 @@ Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One flight, by values that travel to another process.
+    """One flight, by values that can be sent to another process.
 
     Attributes:
         flight: case, law and plant. group, value: of a variation. kind, settings: inferred or predicted settings.

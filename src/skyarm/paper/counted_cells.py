@@ -1,4 +1,4 @@
-"""Agreement with the paper: how many of its numeric cells each column comes near, and what no settings explain."""
+"""Agreement with the paper: number of its cells that each column comes near, and those that no settings explain."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
 
 
 def first_plant(results: Mapping[str, Any]) -> str:
-    """The plant that flew first: the one that differences, reasons and figures speak of."""
+    """The plant that flew first: the one of differences, reasons and figures."""
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])

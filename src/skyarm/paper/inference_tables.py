@@ -73,7 +73,7 @@ def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
 
 
 def rivals_table(evidence: Mapping[str, Any]) -> Table:
-    """Every alternative alone on the steady cells of Cases 2 and 3, and on top of what was found."""
+    """Every alternative alone on the steady cells of Cases 2 and 3, and on top of the fit."""
     study, rows = unstated_study(), []
     for rival in study.rivals:
         stage = evidence["stages"][f"rival {rival.name}"]

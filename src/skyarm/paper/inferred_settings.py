@@ -1,4 +1,4 @@
-"""The paper's cases with the settings that its numbers speak for, found by a search after seeing them."""
+"""The paper's cases with settings inferred from its published numbers by a search."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
 
 
 def measure_inferred(flight: Flight, settings: Mapping[str, Any]) -> Metrics:
-    """Fly and measure a flight of the paper under settings that were found."""
+    """Fly and measure a flight of the paper under inferred settings."""
     planned = inferred_scenario(flight, settings)
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
     later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0

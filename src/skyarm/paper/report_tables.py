@@ -104,7 +104,7 @@ def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
 
 
 def title_of(case: str) -> str:
-    """The title of a case; its name for one that is none of the paper's."""
+    """The title of a case; its name for a case outside the paper."""
     return TITLES.get(case, case)
 
 

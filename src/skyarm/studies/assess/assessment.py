@@ -124,7 +124,7 @@ UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
-    """Lines of :func:`unlikely_in_vehicle` as faults: with such a number nothing flies as it is meant to."""
+    """Lines of :func:`unlikely_in_vehicle` as faults: suspicious values that make a flight meaningless."""
     found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
     return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 

@@ -1,4 +1,4 @@
-"""Thrust and torques that are left beside a level hover: margins, authority, payload and wind."""
+"""Thrust and torque reserves of a level hover: margins, authority, payload and wind."""
 
 from __future__ import annotations
 

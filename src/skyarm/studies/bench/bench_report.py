@@ -1,4 +1,4 @@
-"""Benchmark of the engines: speed beside MuJoCo, accuracy, latency, start and operations, as a record and as text."""
+"""Benchmark of the engines: speed against MuJoCo, accuracy, latency, start and operations, as a record and as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Our engines as contenders: the whole closed loop, with a mass and a gain of its own in every lane."""
+"""Our engines as contenders: the whole closed loop, with a different mass and gain in every lane."""
 
 from __future__ import annotations
 

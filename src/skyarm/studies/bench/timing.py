@@ -54,7 +54,7 @@ class Score:
 def contest(
     contenders: Sequence[Contender], rounds: int, progress: Callable[[str], None] = lambda _: None
 ) -> list[Score]:
-    """Let everyone run in turn; the first is the baseline of the ratios. A first round that is not counted warms up."""
+    """Run the contenders in turn; the first is the baseline of the ratios. An uncounted first round warms up."""
     rates: list[list[float]] = [[] for _ in contenders]
     works: list[list[float]] = [[] for _ in contenders]
     for number in range(rounds + 1):

@@ -83,24 +83,24 @@ class Cell:
 
     @property
     def completed(self) -> npt.NDArray[np.bool_]:
-        """Which episodes flew to their end."""
+        """True for episodes that flew to their end."""
         return np.asarray(self.status == "completed")
 
     @property
     def upright(self) -> npt.NDArray[np.bool_]:
-        """Which episodes never tilted over."""
+        """True for episodes that never tilted over."""
         return np.asarray(self.metrics["tilt_max"] <= TILTED)
 
     @property
     def tracked_to_end(self) -> npt.NDArray[np.bool_]:
-        """Which episodes flew to their end, upright, the tip near its reference in the mean of the last seconds."""
+        """True for episodes that flew to their end, upright, with a small mean tip error in the last seconds."""
         near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
         return np.asarray(self.completed & self.upright & near)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """The flights of a cell, by names that travel to another process.
+    """The flights of a cell, as names that can be sent to another process.
 
     Attributes:
         entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
@@ -213,7 +213,7 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
 
 
 class Cells:
-    """A folder of cells as NPZ files; one that is there, and of this very scenario, is not flown again.
+    """A folder of cells as NPZ files; a present one of the same scenario is not flown again.
 
     Args:
         folder: made if missing.

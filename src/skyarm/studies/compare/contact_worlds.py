@@ -1,4 +1,4 @@
-"""Wrong worlds of a task: drawn from the seed before anything flies, kept where physics lets the task be done.
+"""Perturbed worlds of a task: drawn from the seed before anything flies, kept where the task is feasible.
 
 A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
 80 % of its torque, or where the wind is more than half of the push.
@@ -82,7 +82,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
 
 
 def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
-    """Which worlds physics lets be done.
+    """True for worlds in which the task is feasible.
 
     Args:
         task: what is done.

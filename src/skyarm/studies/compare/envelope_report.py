@@ -160,7 +160,7 @@ def _violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, A
 
 
 def sentence(law: str, axes: Mapping[str, Any]) -> str:
-    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost.
+    """The envelope of a law in a sentence: its range along each axis, and its limits.
 
     Good is what is within the first level that the law reaches anywhere.
     """
@@ -258,7 +258,7 @@ def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> R
 
 
 def summary_section(found: Mapping[str, Any], picture: bytes | None = None) -> Section:
-    """Each law in a sentence, and how far it is good along every axis."""
+    """Each law in a sentence, and its range along every axis."""
     axes, laws = found["axes"], found["laws"]
     words = [f"{law} keeps the tip {sentence}" for law, sentence in found["sentences"].items()]
     words += [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
@@ -313,7 +313,7 @@ def reach_text(axis: Mapping[str, Any], points: Sequence[Mapping[str, Any]]) -> 
 
 
 def summary_rows(axes: Mapping[str, Any], laws: Sequence[str]) -> list[list[str]]:
-    """A row for each axis: what it is, its range, and of each law how far it is good and where it is lost."""
+    """A row for each axis: its meaning and range, and the range and limit of each law."""
     rows = []
     for name, axis in axes.items():
         values, unit = axis["values"], axis["unit"]

@@ -1,4 +1,4 @@
-"""The vehicle that an envelope is flown on: its hover, and how much of each trial's amplitude it is given.
+"""Vehicle of an envelope: its hover, and the amplitude scale of each trial.
 
 Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
 
@@ -99,7 +99,7 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 
 
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
-    """A hover of the vehicle; the paper's with the belief and the gravities of the paper's cases."""
+    """A hover of the vehicle; the paper's with the nominal model and the gravities of the paper's cases."""
     if vehicle == PAPER:
         found = load_scenario("case3", plant=plant, duration=duration)
         return dataclasses.replace(found, name="hover", title="hover")

@@ -111,7 +111,7 @@ RESERVE = 0.9
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """The comparison's spread for a vehicle, and the share of payload and wind that it can bear.
+    """The comparison's spread for a vehicle, and the share of payload and wind that it its thrust allows.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a

@@ -47,7 +47,7 @@ class Suite(ABC):
     @property
     @abstractmethod
     def options(self) -> dict[str, Any]:
-        """Plain options that fix the report, for its results and to tell two reports apart."""
+        """Plain options that fix the report, for its results and to distinguish two reports."""
 
     @abstractmethod
     def plan_cells(self) -> tuple[Sequence[Flights], Refused]:

@@ -107,7 +107,7 @@ class Condition:
     change: Callable[[Scenario], Scenario] | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """The scenario under this condition, its controller apart."""
+        """The scenario under this condition, except for its controller."""
         # a spread has a delay of its own, from none at all
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:

@@ -40,7 +40,7 @@ def magnitudes(name: str, values: Any) -> Any:
 
 
 def successes(cell: Cell) -> Any:
-    """Which episodes are a success."""
+    """True for episodes that are a success."""
     with np.errstate(invalid="ignore"):
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
 

@@ -1,4 +1,4 @@
-"""Numbers of a scenario found from measured ones, and delays and lags found in a log.
+"""Identification of a scenario's numbers from measurements, and of delays and lags from a log.
 
 Parameters by path, cells by metric, a loss, a search, profiles; inverse dynamics, lagged commands, a whitened fit.
 """

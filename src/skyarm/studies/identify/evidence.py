@@ -35,7 +35,7 @@ class Evidence:
         self.study, self._candidates = study, candidates
 
     def stages(self) -> dict[str, Stage]:
-        """Stage -> function of what the stages before it found; in order."""
+        """Stage -> function of the results of the stages before it; in order."""
         study = self.study
         found: dict[str, Stage] = {
             "stated": lambda _: self._evaluate({}, study.cells),
@@ -92,7 +92,7 @@ class Evidence:
         return {"settings": settings, "free": len(free), "choices": len(family)} | self._evaluate(settings, cells)
 
     def _ladder(self, fitted: Settings) -> Record:
-        """The found settings set one after the other, not fitted again."""
+        """The identified settings set one after the other, not fitted again."""
         settings: dict[str, Any] = {}
         first: Record = {"name": "as stated", "numbers": 0, "choices": 0}
         rungs = [first | self._evaluate({}, self.study.cells)]
@@ -140,7 +140,7 @@ class Evidence:
         }
 
     def _rival(self, rival: Rival, done: Mapping[str, Record]) -> Record:
-        """Another explanation: alone, on each group of cells for itself, and on top of what was found."""
+        """An alternative explanation: alone, on each group of cells separately, and on top of the fit."""
         study, fitted = self.study, _fitted_settings(done)
         parameters = self._parameters(rival.adds)
         alone = {}
@@ -174,7 +174,7 @@ class Evidence:
         return dict(fixed) | _plain(decode(parameters, point[:, None]))
 
     def _prediction(self, asked: Prediction, done: Mapping[str, Record]) -> Record:
-        """Numbers found on some cells only, and what they make of cells that the search has not seen."""
+        """Numbers fitted to some cells only, and their prediction of cells that the search has not used."""
         del done
         study = self.study
         found = self._fit(asked.free, asked.choices, study.among(asked.seen))

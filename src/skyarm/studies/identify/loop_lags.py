@@ -1,4 +1,4 @@
-"""Delays of a vehicle's loops, found in the log of a flight: of commands, with the lags of rotors and joint drives.
+"""Delays of a vehicle's loops, identified from a flight's log: of commands, with lags of rotors and joint drives.
 
 Motion gives by inverse dynamics the forces that acted; commands, a dead time and a first-order lag give those that
 should have. The dead time and the time constants by which both agree best are found by least squares

@@ -53,7 +53,7 @@ FINEST = 1e-6
 
 
 class IdentificationError(ValueError):
-    """An identification study is wrong."""
+    """An invalid identification study."""
 
 
 class Name(str):
@@ -211,7 +211,7 @@ class Rung:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rival:
-    """Another explanation: parameters to search and choices to take, alone or on top of the fit.
+    """An alternative explanation: parameters to search and choices to make, alone or on top of the fit.
 
     Attributes:
         name, words: of the explanation. adds: its parameters. choices: choice -> option.
@@ -227,7 +227,7 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Prediction:
-    """Out of sample: parameters found on some cells, judged on others that the search has not seen."""
+    """Out of sample: parameters fitted to some cells, judged on others that the search has not used."""
 
     name: Name
     words: str = ""
@@ -292,7 +292,7 @@ class IdentificationStudy:
         return [each.option(settings[each.name]) for each in self.choices if each.name in settings]
 
     def numbers(self, flight: str, settings: Settings) -> dict[str, Any]:
-        """Path -> number of a flight under settings; what stands later in the study wins."""
+        """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
 
         def acts(target: Target | Constant) -> bool:
             chosen = all(settings.get(choice) == option for choice, option in target.when.items())

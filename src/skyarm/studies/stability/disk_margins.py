@@ -287,7 +287,7 @@ class _Port:
         return found
 
     def disk_of_several(self, places: Sequence[int]) -> tuple[float, float]:
-        """Disk margin of channels under factors of their own, and the frequency where they bear least."""
+        """Disk margin of channels with independent factors, and the frequency where it is smallest."""
         part = self.T[:, places][:, :, places] + 0.5 * np.eye(len(places))
         sizes = upper_bound(part)
         k = int(np.argmax(sizes))

@@ -116,7 +116,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
-    """The scenario with rotors of one time constant, in plant and belief: up (share 0), down (1) or between.
+    """The scenario with rotors of one time constant, in plant and model: up (share 0), down (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
     one half it grows or dies out as the swing of the vehicle itself does.

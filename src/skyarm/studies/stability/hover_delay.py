@@ -76,7 +76,7 @@ class HoverDelay:
 
     @property
     def before(self) -> str:
-        """Words behind a shortfall of a law that will find a lag; else empty."""
+        """Qualification of a shortfall for a law that estimates its lag; else empty."""
         return ", before it finds a lag" if self.finds_lag else ""
 
 

@@ -168,7 +168,7 @@ __all__ = ["LAGS", "Differentiator", "OpenLoop", "carry_of", "nominal", "open_lo
 
 
 class Differentiator:
-    """One control period of a scenario, cut open, as machine code that is stepped beside a point.
+    """One control period of a scenario as an open loop, in machine code for finite differences about a point.
 
     Args:
         scenario: on the rigid-body plant; noise and turbulence are left out.

@@ -105,7 +105,7 @@ def banded_curves(
     center: str = "median",
     band: tuple[float, float] = BAND,
 ) -> BandedCurves:
-    """Curves of a metric over a varied number, over all that varies beside it and the noise.
+    """Curves of a metric over a varied number, over all other varied numbers and the noise.
 
     Args:
         rows: of a study.
@@ -215,7 +215,7 @@ def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
 
 
 def _told_apart(values: Array, digits: int) -> list[str]:
-    """Increasing numbers in words, with as many digits as tell them apart."""
+    """Increasing numbers as text, with as many digits as distinguish them."""
     for more in range(digits, 17):
         found = [f"{value:.{more}g}" for value in values]
         if len(set(found)) == len(found):

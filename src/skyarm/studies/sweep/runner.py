@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Summary:
-    """Outcome of a sweep: its folder, rows there, episodes flown now and found from before, seconds of wall clock."""
+    """Result of a sweep: its folder, rows there, episodes flown now and reused, seconds of wall clock."""
 
     folder: Path
     rows: int

@@ -20,7 +20,7 @@ LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
 
 
 class StudyError(ValueError):
-    """A study's description is wrong, or its folder holds another one."""
+    """An invalid study, or a folder that holds another one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -194,7 +194,7 @@ def _vary(table: Any, design: str) -> dict[str, Distribution]:
 
 
 def _say_grid(top: Fields) -> None:
-    """Say that a grid is drawn from by chance where the study names no design and the grid's product may be meant.
+    """Warn of a random draw from a grid where the study names no design and the grid's product may be intended.
 
     Raises:
         ValueError: no number of episodes either, so that the product is what is meant.

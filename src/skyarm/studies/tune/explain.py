@@ -1,4 +1,4 @@
-"""Causes of a lack of margin, and remedies: each part of a loop changed alone, the margins computed again.
+"""Causes of insufficient margins, and remedies: each part of a loop changed alone, the margins computed again.
 
 The loop is linearised in hover. First mismatches of plant and model and delays are removed, one at a time: the margin
 that is gained is the cost of that cause. Then every group of gains is slowed and quickened alone: the group that helps

@@ -1,4 +1,4 @@
-"""Search for gains: a scatter about where it goes about, then several CMA-ES side by side, from calm to stiff.
+"""Search for gains: a scatter about a centre, then several CMA-ES in parallel, from calm to stiff.
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
 :data:`skyarm.studies.tune.candidate_flights.WEIGHTS`; all of them ask at once, so that their candidates fly in one

@@ -72,7 +72,7 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 
 
 def calm(flight: Scenario) -> Scenario:
-    """The flight of candidates without the wind that is drawn, and with no delay but those that are known."""
+    """The flight of candidates without the drawn wind, and with known delays only."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
     return flight.with_words(forces=flight.forces[:-1], delays=delays)
 

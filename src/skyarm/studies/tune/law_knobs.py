@@ -176,7 +176,7 @@ GIVEN = "before"
 
 @dataclass(frozen=True, kw_only=True)
 class Centred:
-    """A flight whose law has the gains about which a search goes.
+    """A flight whose law has the gains at the centre of a search.
 
     Attributes:
         flight: with them. knobs: their factors are 1 there.

@@ -117,7 +117,7 @@ def plain_aside(aside: Aside) -> dict[str, float | bool]:
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:
-    """Margins; what is beyond all that is looked at is left out."""
+    """Margins; values beyond the examined range are left out."""
     if margins.why_none:
         return {"no_margins": margins.why_none}
     delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}

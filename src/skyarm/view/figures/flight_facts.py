@@ -1,4 +1,4 @@
-"""Facts of a flight beside its curves: label, names, limits, events, contacts."""
+"""Facts of a flight for its plots: label, names, limits, events, contacts."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class FlightFacts:
 
 
 def scenario_of(log: Log) -> Scenario | None:
-    """The scenario that a log keeps; None of a version that kept none, or of a plugin that is not loaded."""
+    """The scenario stored in a log; None of a version that stored none, or of a plugin that is not loaded."""
     try:
         scenario: Scenario = log.scenario
     except ValueError:
@@ -96,7 +96,7 @@ def scenario_of(log: Log) -> Scenario | None:
 
 
 def flight_facts(log: Log) -> FlightFacts:
-    """Facts of a flight from the scenario that its log keeps; of a log without one, from its arrays alone."""
+    """Facts of a flight from its log's scenario; of a log without one, from its arrays alone."""
     scenario, setpoints = scenario_of(log), tuple((unit,) for unit in names_of(log).setpoints)
     if scenario is None:
         gust = gust_interval(log)
@@ -287,14 +287,14 @@ def _faults(scenario: Scenario) -> Iterator[Event]:
 
 
 def _payloads(scenario: Scenario) -> Iterator[Event]:
-    """While a payload is held whose instants are given; where a place decides, see the log's ``payload_mass``."""
+    """Intervals of payloads with given instants; for those picked up by place, see the log's ``payload_mass``."""
     for payload in scenario.payloads:
         if payload.pick_place is None and payload.drop_place is None:
             yield Event(f"holds {float(payload.mass):.3g} kg", float(payload.pick), float(payload.drop))
 
 
 def _merge(events: Iterable[Event]) -> list[Event]:
-    """Events of which one goes on where another of its name ended are one."""
+    """Merge events of one name that follow each other without a gap."""
     found: dict[tuple[str, float], Event] = {}
     for event in events:
         before = found.pop((event.label, event.start), None)

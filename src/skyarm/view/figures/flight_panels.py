@@ -128,7 +128,7 @@ def _attitude(_flight: FlightFacts) -> list[Panel]:
 
 
 def _yaw(log: Log) -> Array:
-    """Yaw in degrees, in the turn in which its reference is: a turn that goes on has no jump at 180 degrees."""
+    """Yaw in degrees, unwrapped to the turn of its reference: no jump at 180 degrees."""
     yaw = log.euler[:, 2]
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 

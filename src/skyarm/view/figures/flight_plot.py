@@ -154,7 +154,7 @@ def _draw(
 def _beside_truth(
     panel: Panel, named: Mapping[str, Log], style: PictureStyle
 ) -> Iterator[tuple[str, Array, dict[str, Any]]]:
-    """Word, curve and look of a panel's quantity as measured and as estimated, of a flight that is drawn alone."""
+    """Label, curve and look of a panel's quantity as measured and as estimated, for a flight drawn alone."""
     if len(named) > 1:
         return
     (log,) = named.values()

@@ -313,7 +313,7 @@ class Marks:
         self._points += [middle + share * (closed - middle) for share in (0.5, 1.0)]
 
     def label(self, text: str, at: Array, color: str = "") -> None:
-        """Ask for a label near a point (2,) on paper."""
+        """Request a label near a point (2,) on paper."""
         self._labels.append((text, at, color or self.style.ink))
 
     def triad(self, frame: Frame, *, letters: bool) -> None:
@@ -352,7 +352,7 @@ class Marks:
         self.label(f"{joint.name} {'>' if joint.value > 0.0 else '<'} 0", centre + 1.1 * (begin - centre))
 
     def length(self, rod: Array) -> None:
-        """The length of a rod that lies in the paper; of two arms one behind the other it stands once."""
+        """Dimension of a rod that lies in the paper plane; of two arms in one line of sight only once."""
         flat, whole = self.view.flat(rod), float(np.linalg.norm(rod[1] - rod[0]))
         if np.linalg.norm(flat[1] - flat[0]) < FLAT * whole or whole < 0.05 * self.reach:
             return
@@ -384,7 +384,7 @@ class Marks:
         self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
 
     def write(self) -> None:
-        """Place every label, one after the other; names of what stands at one point are one label."""
+        """Place every label, one after the other; names at one point are merged into one label."""
         points = self.ax.transData.transform(np.concatenate(self._points))
         names = [(", ".join(names), at, self.style.ink) for at, names in self._names]
         # the letters of axes first: they have the least room

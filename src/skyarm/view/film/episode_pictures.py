@@ -122,7 +122,7 @@ class EpisodePictures:
         self._whole: FilmedFlight | None = None
 
     def draw(self, now: LoopState) -> Pixels:
-        """The instant that a loop state stands at, (height, width, 3), an array of its own.
+        """The picture of a loop state, (height, width, 3), as a new array.
 
         Raises:
             NoDisplayError: one line: nothing can be drawn on this machine.
@@ -171,7 +171,7 @@ class EpisodePictures:
         return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.ground)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
-        """A flight that is all the time where it should be."""
+        """A flight that follows its reference exactly."""
         steps, control = self._scenario.steps, self._scenario.rates.control
         states = np.zeros((steps, numbers))
         states[:, 3] = 1.0
@@ -187,7 +187,7 @@ class EpisodePictures:
         )
 
     def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
-        """One that goes along sees the instant; one that stands still, or goes round, sees the whole reference."""
+        """A camera: a following one is set for the instant; a fixed or orbiting one for the whole reference."""
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]

@@ -139,7 +139,7 @@ def _contact(log: Log) -> Array | None:
 
 
 def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFlight:
-    """Read a log at the instants of the frames, linearly between its own; after its end it stays as it was.
+    """Read a log at the instants of the frames by linear interpolation; after its end the last state stays.
 
     Raises:
         ValueError: the log does not tell its vehicle.
@@ -339,7 +339,7 @@ def one_wind(flights: Sequence[FilmedFlight]) -> bool:
 
 
 def wind_arrow(flight: FilmedFlight, k: int, reach: float, rgba: RGBA = WIND) -> list[Mark]:
-    """An arrow along the wind that ends beside the vehicle; as long as the force, or else the air's speed, is large."""
+    """An arrow along the wind that ends near the vehicle; its length shows the force, or else the air's speed."""
     length = np.zeros(3)
     if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
         length = ARROW_PER_NEWTON * flight.force[k]

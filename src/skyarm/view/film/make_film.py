@@ -99,7 +99,7 @@ def film_frames(
 def film_panels(
     flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[Panel]:
-    """Pictures of a frame: who is in each, and where its camera stands."""
+    """Pictures of a frame: their flights and cameras."""
     together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
     paths = _cameras(together, times, settings, layout)
     panels = []

@@ -1,4 +1,4 @@
-"""Recordings: a flight as a scene that is looked at from any side, in a file of some ten kilobytes (``.viser``).
+"""Recordings: a flight as a scene for a viewer from any side, in a file of some ten kilobytes (``.viser``).
 
 The extra ``studio`` (viser) writes it and brings the player, one page without anything from elsewhere.
 """

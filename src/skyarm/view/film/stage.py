@@ -136,7 +136,7 @@ class Stage:
         return scene, ground
 
     def _place_mesh(self, geom: Any, mesh: int) -> None:
-        """MuJoCo moves the vertices of a mesh to its principal axes; the geom goes the other way."""
+        """Undo MuJoCo's shift of a mesh to its principal axes by the pose of the geom."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)

@@ -41,7 +41,7 @@ OF_LAW = ("controller.", "model.")
 
 
 class Fleet:
-    """Flights beside each other.
+    """Flights side by side.
 
     Args:
         prepared: what they fly. source: name or file of the scenario.
@@ -193,7 +193,7 @@ def shared_knobs(prepared: Prepared) -> tuple[Knob, ...]:
 
 
 def law_knobs(flight: Flight, prepared: Prepared) -> tuple[Knob, ...]:
-    """Knobs of a flight's own law and belief."""
+    """Knobs of a flight's law and its nominal model."""
     return tuple(k for k in knobs_of(flight.first, prepared.push) if k.path.startswith(OF_LAW))
 
 
@@ -239,7 +239,7 @@ class Moved:
 
 
 class Flight(Watched):
-    """A flight goes forward period by period, and back; what a hand changed in it comes again at its own period.
+    """A flight that steps forward, and back; manual changes are repeated at their own periods.
 
     A change at an instant takes the place of all that were made later: the flight goes another way from there.
 
@@ -329,7 +329,7 @@ class Flight(Watched):
             self.session.change(values)
 
     def _note(self) -> None:
-        """Keep a snapshot and what the plots show, each at its own rate."""
+        """Store a snapshot and the plotted quantities, each at its own rate."""
         tick = self.tick
         if tick % self._apart == 0 and (not self._kept or self._kept[-1].tick < tick):
             self._kept.append(self.session.snapshot())
@@ -340,7 +340,7 @@ class Flight(Watched):
 
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
-    """A session in which every number may move; so may those that the scenario changes, where they are apart."""
+    """A session with every number adjustable, those of the scenario's changes too, where they do not overlap."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
@@ -374,7 +374,7 @@ def saved_document(fleet: Fleet, flight: Flight, folder: Path) -> dict[str, Any]
 
 
 def save_flights(fleet: Fleet, folder: Path) -> str:
-    """Write a scenario for each flight beside those that are there; returns how to fly them, in words.
+    """Write a scenario for each flight, without overwriting others; returns the commands that fly them, in words.
 
     Raises:
         ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
@@ -408,7 +408,7 @@ LONGEST_DELAY = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A scenario that is ready for changes by hand.
+    """A scenario that is ready for manual changes.
 
     Attributes:
         own: the file's tables. document: the same with what was added. folder: where its vehicle paths start.
@@ -448,7 +448,7 @@ def read_document(name: str) -> tuple[dict[str, Any], Path]:
 
 
 def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> Prepared:
-    """Add what a hand may move, as far as the scenario's plant and law take it.
+    """Add the adjustable parts, as far as the scenario's plant and law allow them.
 
     Raises:
         ScenarioError: the document is no scenario.

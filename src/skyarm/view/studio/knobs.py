@@ -1,4 +1,4 @@
-"""Numbers of a scenario that a hand may change in flight, found in its records, with their units and bounds."""
+"""Adjustable numbers of a scenario in flight, found in its records, with their units and bounds."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ class Page:
             self._make(fleet, law, place)
 
     def _make(self, fleet: Fleet, law: str | None, place: int) -> None:
-        """Make a flight beside the loop; it joins when it is ready."""
+        """Make a flight in the background; it starts when it is ready."""
         self._making += 1
         self._worker.submit(self._compile_flight, fleet, law, place)
 

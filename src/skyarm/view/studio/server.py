@@ -266,7 +266,7 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: cookies do not tell ports apart."""
+        """Name of the cookie: browsers do not separate cookies by port."""
         return f"skyarm_studio_{self.port}"
 
     def refusal(self, path: str, headers: Mapping[str, str], *, websocket: bool) -> str | None:
