@@ -159,7 +159,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 def _make_engine(text: str, effort: int) -> Any:
     """Engine that holds the module's code, from the cache if it is there."""
-    effort = min(effort, int(os.environ.get(EFFORT, effort)))
+    effort = min(effort, int(os.environ.get(EFFORT) or effort))
     # the cache has errors of its own, which say nothing of LLVM
     identity = _identity(text, effort)
     content = object_cache.load(identity)
