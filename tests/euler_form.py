@@ -9,6 +9,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from euler_lagrange import parameters_of
+from euler_lagrange.coriolis import coriolis_force
+from euler_lagrange.mass import mass_matrix
+from euler_lagrange.transforms import (
+    body_torque,
+    euler_acceleration,
+    euler_rates,
+    singularity_measure,
+)
 from skyarm.algebra import E_Z, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import add, mul
@@ -21,15 +30,6 @@ from skyarm.control.laws.paper import (
 )
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, mix
-from skyarm.dynamics.euler_lagrange import parameters_of
-from skyarm.dynamics.euler_lagrange.coriolis import coriolis_force
-from skyarm.dynamics.euler_lagrange.mass import mass_matrix
-from skyarm.dynamics.euler_lagrange.transforms import (
-    body_torque,
-    euler_acceleration,
-    euler_rates,
-    singularity_measure,
-)
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import euler_lagrange
 import skyarm
 from skyarm.scenario.scenario_record import first_state
 
@@ -97,7 +98,7 @@ def test_gravity_is_one_finite_number(value: Any) -> None:
     for function in WITH_GRAVITY:
         call = functools.partial(getattr(skyarm, function), vehicle(), *ARRAYS[function], gravity=value)
         refused("gravity", value, "must be one finite number", call)
-    refused("gravity", value, "one", lambda: skyarm.euler_lagrange.gravity_vector(RATES, gravity=value))
+    refused("gravity", value, "one", lambda: euler_lagrange.gravity_vector(RATES, gravity=value))
     if not isinstance(value, np.ndarray):
         for record in (skyarm.Truth, skyarm.Model):
             refused("gravity", value, "number", lambda: record(vehicle=vehicle(), gravity=value))  # noqa: B023

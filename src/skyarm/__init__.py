@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from skyarm.algebra.scalars.philox import normals
     from skyarm.control.catalogue import Controller, make_controller, preset
     from skyarm.control.model import Model
-    from skyarm.dynamics import State, euler_lagrange
+    from skyarm.dynamics import State
     from skyarm.dynamics.actuators import Command
     from skyarm.dynamics.actuators.drive import Drive
     from skyarm.dynamics.array_front import (
@@ -216,7 +216,6 @@ __all__ = [
     "check_law",
     "circle",
     "energy",
-    "euler_lagrange",
     "fly_sweep",
     "forward_dynamics",
     "frame_jacobian",
@@ -264,8 +263,6 @@ def __getattr__(name: str) -> Any:
 
         warn_of_old_name(f"skyarm.{name}", f"skyarm.{_OLD[name]}")
         return __getattr__(_OLD[name])
-    if name == "euler_lagrange":
-        return import_module("skyarm.dynamics.euler_lagrange")
     if name in _HOME:
         value = getattr(import_module(_HOME[name]), name)
         globals()[name] = value

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import euler_lagrange as el
 from euler_form import hybrid_computed_torque_euler
 from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
 from rotors_node import message_quaternion
@@ -14,7 +15,6 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.control.blocks.geometric import SMALL_SINE, desired_attitude
 from skyarm.control.model import Model
-from skyarm.dynamics import euler_lagrange as el
 from skyarm.vehicle import Body
 
 NAN = math.nan

@@ -17,12 +17,12 @@ from paper_oracle import (
     mixed,
 )
 
+import euler_lagrange as el
 from euler_form import hybrid_computed_torque_euler
 from flown import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
 from skyarm.control.catalogue import ControllerError, make_controller
 from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.model import Model, Terms
-from skyarm.dynamics import euler_lagrange as el
 
 CASES = cases(40, seed=11)
 FREE = Model(vehicle=unlimited(), gravity=G)

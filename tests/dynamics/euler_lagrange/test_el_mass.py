@@ -5,9 +5,9 @@ import pytest
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 from lagrangian_twin import states
 
-from skyarm.dynamics import euler_lagrange as el
-from skyarm.dynamics.euler_lagrange import euler_kinematics as kinematics
-from skyarm.dynamics.euler_lagrange import mass, mass_derivative
+import euler_lagrange as el
+from euler_lagrange import euler_kinematics as kinematics
+from euler_lagrange import mass, mass_derivative
 
 BLOCKS = {
     "tt": (slice(0, 3), slice(0, 3)),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from lagrangian_twin import rotation, states, velocity_jacobians
 
+import euler_lagrange as el
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import array_front as arrays
-from skyarm.dynamics import euler_lagrange as el
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Frame, Vehicle

@@ -5,7 +5,7 @@ import pytest
 from lagrangian_twin import MASSES, L, rotation, states
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 
-from skyarm.dynamics import euler_lagrange as el
+import euler_lagrange as el
 from thorough import sampled
 
 Q, QD = states(200, seed=2)

@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
+import euler_lagrange as el
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.dynamics import euler_lagrange as el
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 PAPER = load_vehicle("hummingbird_arm2")

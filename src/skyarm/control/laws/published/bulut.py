@@ -19,21 +19,15 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, Motion, Vec3
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import atan2, clip, cos, divide, maximum, sin
+from skyarm.algebra.scalars import atan2, clip, cos, divide, maximum, mul, neg, sin
 from skyarm.control.blocks.common import make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix
-from skyarm.dynamics.euler_lagrange.transforms import (
-    euler_rates,
-    rate_matrix_rate,
-    singularity_measure,
-)
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -79,18 +73,38 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
     pitch = clip((wanted.x * c + wanted.y * s) * per_gravity, -STEEPEST, STEEPEST)
     turn = psi - reference.yaw
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
-    rates = euler_rates((phi, theta, psi), measurement.rate)
+    Q, inverse = rate_matrices(phi, theta)
+    rates = inverse.apply(measurement.rate)
     pull = angular_acceleration(
         par.gains, par.model.vehicle.base.inertia, error, rates - Vec3(0, 0, reference.yaw_rate)
     )
     second = pull + Vec3(0, 0, reference.yaw_acceleration)
-    products = rate_matrix_rate((phi, theta, psi), tuple(rates)).apply(rates)
-    alpha: Vec3 = rate_matrix(phi, theta).apply(second) + products
+    alpha: Vec3 = Q.apply(second) + rate_matrix_rate(phi, theta, rates).apply(rates)
     return alpha
 
 
+def rate_matrices(phi: Any, theta: Any) -> tuple[Mat3, Mat3]:
+    """Q of w_B = Q [phi', theta', psi'], and its inverse, singular at a pitch of 90 degrees.
+
+    Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
+    """
+    sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
+    s_over, c_over = divide(sp, ct), divide(cp, ct)
+    Q = Mat3(Vec3(1, 0, neg(st)), Vec3(0, cp, mul(sp, ct)), Vec3(0, neg(sp), mul(cp, ct)))
+    return Q, Mat3(Vec3(1, mul(s_over, st), mul(c_over, st)), Vec3(0, cp, neg(sp)), Vec3(0, s_over, c_over))
+
+
+def rate_matrix_rate(phi: Any, theta: Any, rates: Vec3) -> Mat3:
+    """dQ/dt under rates of the Euler angles, rad/s."""
+    sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
+    by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
+    by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
+    changed: Mat3 = by_phi * rates.x + by_theta * rates.y
+    return changed
+
+
 def _margin(quaternion: Any) -> Any:
-    cosine = singularity_measure(euler_angles(quaternion.rotation())[1])
+    cosine = cos(euler_angles(quaternion.rotation())[1])
     return cosine * cosine - SINGULAR
 
 

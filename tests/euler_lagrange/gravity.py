@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from euler_lagrange.euler_kinematics import Attitude, arm_points
+from euler_lagrange.mass import first_moment, weighted_jacobian
+from euler_lagrange.parameters import PlanarArmParameters
 from skyarm.algebra.scalars import add, mul, sin
-from skyarm.dynamics.euler_lagrange.euler_kinematics import Attitude, arm_points
-from skyarm.dynamics.euler_lagrange.mass import first_moment, weighted_jacobian
-from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
 
 
 def potential_energy(par: PlanarArmParameters, q: Sequence[Any], gravity: Any) -> Any:

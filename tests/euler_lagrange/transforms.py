@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from euler_lagrange.euler_kinematics import rate_matrix_partials
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import cos, divide, mul, neg, sin
-from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix_partials
 
 
 def singularity_measure(theta: Any) -> Any:

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import add, mul, neg, sin
-from skyarm.dynamics.euler_lagrange.euler_kinematics import Attitude, Columns, arm_points
-from skyarm.dynamics.euler_lagrange.mass import (
+from euler_lagrange.euler_kinematics import Attitude, Columns, arm_points
+from euler_lagrange.mass import (
     Matrix,
     Points,
     assemble,
@@ -23,7 +21,9 @@ from skyarm.dynamics.euler_lagrange.mass import (
     rotational_inertia,
     weighted_jacobian,
 )
-from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
+from euler_lagrange.parameters import PlanarArmParameters
+from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import add, mul, neg, sin
 
 ANGLES = range(3, 8)
 """Coordinates on which M depends: phi, theta, psi, th1, th2."""

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from euler_lagrange.parameters import PlanarArmParameters
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, sin
-from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
 
 Columns = tuple[Vec3, Vec3]
 """A 3x2 block by its columns: one per joint."""

@@ -1,11 +1,11 @@
 """The paper's own 8x8 form: quadrotor and planar two-joint arm in Euler angles, equation by equation.
 
-The names here are the NumPy front for Table 1 (:mod:`.arrays`). The same equations over any scalar, with the parameters
+The names here are the NumPy front for Table 1. The same equations over any scalar, with the parameters
 first, live in :mod:`.mass`, :mod:`.mass_derivative`, :mod:`.coriolis`, :mod:`.gravity` and :mod:`.transforms`.
 Source: Barakou, Tzafestas, Valavanis 2026.
 """
 
-from skyarm.dynamics.euler_lagrange.euler_lagrange_arrays import (
+from euler_lagrange.euler_lagrange_arrays import (
     body_torque,
     coriolis_matrix,
     coriolis_matrix_numeric,
@@ -16,7 +16,7 @@ from skyarm.dynamics.euler_lagrange.euler_lagrange_arrays import (
     mass_matrix_derivative,
     refuse_singular_pitch,
 )
-from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters, parameters_of
+from euler_lagrange.parameters import TABLE_1, PlanarArmParameters, parameters_of
 
 __all__ = [
     "TABLE_1",

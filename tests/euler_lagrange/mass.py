@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from euler_lagrange.euler_kinematics import ArmPoint, Attitude, Columns, arm_points
+from euler_lagrange.parameters import PlanarArmParameters
 from skyarm.algebra import E_Y, ZERO3, Mat3, Sym3, Vec3
 from skyarm.algebra.scalars import add, cos, mul
-from skyarm.dynamics.euler_lagrange.euler_kinematics import ArmPoint, Attitude, Columns, arm_points
-from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
 
 Points = tuple[ArmPoint, ArmPoint, ArmPoint]
 Matrix = list[list[Any]]

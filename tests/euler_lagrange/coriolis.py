@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from euler_lagrange.mass import Matrix, elbow_coupling, mass_matrix
+from euler_lagrange.mass_derivative import ANGLES, mass_matrix_partials
+from euler_lagrange.parameters import PlanarArmParameters
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import add, divide, mul, neg, sin, sqrt, sub, where
-from skyarm.dynamics.euler_lagrange.mass import Matrix, elbow_coupling, mass_matrix
-from skyarm.dynamics.euler_lagrange.mass_derivative import ANGLES, mass_matrix_partials
-from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
 
 STEP = 6e-6
 """Cube root of the rounding unit: truncation and rounding of a central difference meet (Press et al. 2007, 5.7)."""

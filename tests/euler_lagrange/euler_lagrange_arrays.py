@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
+from euler_lagrange.parameters import TABLE_1, PlanarArmParameters
 from skyarm.algebra import Vec3
 from skyarm.algebra.quaternion import euler_angles as euler_angles_of
 from skyarm.dynamics.array_front import (
@@ -21,8 +23,6 @@ from skyarm.dynamics.array_front import (
     stack_leaves,
     unit_rotation,
 )
-from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
-from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters
 
 PITCH_MARGIN = 1e-6
 """Distance to a pitch of 90 degrees, rad, below which Euler rates are refused."""
