@@ -54,7 +54,7 @@ def test_some_periods_with_servos_are_those_of_a_flight(servos):
             log = run(dataclasses.replace(flight, initial=dataclasses.replace(state, joint_rates=moved)))
             ends.append(np.concatenate([log.rate[count], log.joints[count], log.joint_rates[count]]))
         columns.append((ends[0] - ends[1]) / (2.0 * step))
-    loop = Differentiator(flight).at(first_loop_state(flight), [0.0, *episode_inputs(flight).held[0]], "up")
+    loop = Differentiator(flight).at(first_loop_state(flight), [0.0, *episode_inputs(flight).held_leaves[0]], "up")
     assert loop.x_x.shape[1] > loop.states == 12 + 4 + 4
     ours = np.linalg.matrix_power(closed_loop(loop), count)[np.ix_([9, 10, 11, 12, 13, 14, 15], [14, 15])]
     # the vehicle is not quite at rest at its start
@@ -71,7 +71,7 @@ def test_the_rounding_of_an_encoder_is_left_out_of_a_linearisation(servos):
     loops = []
     for scenario in (servos, dataclasses.replace(servos, drives=rounded)):
         calm = hovering(nominal(scenario))
-        row = [0.0, *episode_inputs(calm).held[0]]
+        row = [0.0, *episode_inputs(calm).held_leaves[0]]
         loops.append(Differentiator(calm).at(first_loop_state(calm), row, "up").x_x)
     np.testing.assert_array_equal(*loops)
 
@@ -101,7 +101,7 @@ def test_a_sagging_battery_is_part_of_the_loop_and_its_charge_is_not():
             log = run(dataclasses.replace(scenario, initial=dataclasses.replace(state, rotor_speeds=moved)))
             ends.append(np.concatenate([log.velocity[1], log.rotor_speeds[1]]))
         columns.append((ends[0] - ends[1]) / (2.0 * step))
-    row = [0.0, *episode_inputs(scenario).held[0]]
+    row = [0.0, *episode_inputs(scenario).held_leaves[0]]
     loop = Differentiator(scenario).at(first_loop_state(scenario), row, "up")
     flown, ours = np.array(columns).T, closed_loop(loop)[np.ix_([6, 7, 8, 12, 13, 14, 15], [12, 13, 14, 15])]
     np.testing.assert_allclose(ours, flown, atol=1e-6)

@@ -105,7 +105,7 @@ def test_eigenvalues_are_those_of_finite_differences_of_episodes(rotors_hover, t
         logs = [run(dataclasses.replace(rotors_hover, initial=moved(start, i, side * step))) for side in (1.0, -1.0)]
         columns.append((coordinates(logs[0], 1, still) - coordinates(logs[1], 1, still)) / (2.0 * step))
     J = np.array(columns).T
-    row = [0.0, *episode_inputs(rotors_hover).held[0]]
+    row = [0.0, *episode_inputs(rotors_hover).held_leaves[0]]
     ours = closed_loop(Differentiator(rotors_hover).at(carry, row, "up"))
     # differences of episodes are of second order: 1e-10 relative, on numbers up to 1e3
     np.testing.assert_allclose(ours, J, atol=1e-5)
@@ -133,7 +133,7 @@ def growth(scenario, delay, **parts):
 
 def test_flights_grow_beyond_the_delay_margin_and_settle_below(arm_hover):
     carry = first_loop_state(arm_hover)
-    loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held[0]], "up")
+    loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held_leaves[0]], "up")
     edge = 1e3 * margins(loop).delay
     assert 20.0 < edge < 50.0
     assert growth(arm_hover, (math.floor(edge) - 2) * 1e-3) < 0.9
@@ -142,7 +142,7 @@ def test_flights_grow_beyond_the_delay_margin_and_settle_below(arm_hover):
 
 def test_a_flight_grows_at_the_rate_of_the_largest_eigenvalue(arm_hover):
     carry = first_loop_state(arm_hover)
-    loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held[0]], "up")
+    loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held_leaves[0]], "up")
     delay = (math.ceil(1e3 * margins(loop).delay) + 4) * 1e-3
     rate = math.log(radius(loop, extra_delay=delay)) * 200.0
     # between the middles of the two windows; the envelope of an oscillation, not its phase
@@ -170,7 +170,7 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     )
     point = dataclasses.replace(point, state=state, seen=seen)
     function = casadi_function(whole, point, ((0.0, 0.0), ()), row, outputs=["out"])
-    values_row = [0.0, *held.held[0]]
+    values_row = [0.0, *held.held_leaves[0]]
     moving = dataclasses.replace(carry, state=state)
     begun = open_point(moving)
     sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
@@ -180,7 +180,7 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     symbols = [casadi.SX.sym(f"a{i}", len(v)) for i, v in enumerate(values)]
     exact = casadi.Function("J", symbols, [casadi.jacobian(function(*symbols), symbols[0])])
     J = np.array(exact(*values))
-    loop = Differentiator.at(found, moving, [0.0, *held.held[0]], "up")
+    loop = Differentiator.at(found, moving, [0.0, *held.held_leaves[0]], "up")
     nx, nu = 13 + 4 + 4, 6
     numbers = [0, 1, 2, *range(7, nx)]  # all but the quaternion, which moves by rotation vectors in ours
     late = list(loop.lates).index(0.002)

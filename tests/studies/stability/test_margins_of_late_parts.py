@@ -71,7 +71,7 @@ def hover():
 
 def loop_of(scenario, **delays):
     late = dataclasses.replace(scenario, delays=Delays(**delays))
-    return Differentiator(late).at(first_loop_state(late), [0.0, *episode_inputs(late).held[0]], "up")
+    return Differentiator(late).at(first_loop_state(late), [0.0, *episode_inputs(late).held_leaves[0]], "up")
 
 
 def test_parts_that_are_as_late_as_each_other_are_one_delay(hover):

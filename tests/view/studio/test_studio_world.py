@@ -141,14 +141,14 @@ def test_without_a_world_nothing_of_it_is_there() -> None:
 def titles(flown: Session) -> list[str]:
     """Titles of the plots beside the scene."""
     gui = SimpleNamespace(add_uplot=lambda *_, **words: words["title"])
-    flight = SimpleNamespace(first=flown.scenario, title="a", seen=lambda _: [])
+    flight = SimpleNamespace(first=flown.scenario, title="a", recent=lambda _: [])
     return [chart._node for chart in charts(gui, [flight])]  # type: ignore[list-item]
 
 
 def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
     seen = [SimpleNamespace(time=float(i), error=error) for i, error in enumerate((1e-9, 0.0123456, -0.0123456))]
     gui = SimpleNamespace(add_uplot=lambda data, *_, **__: data)
-    flight = SimpleNamespace(title="a", seen=lambda _: seen)
+    flight = SimpleNamespace(title="a", recent=lambda _: seen)
     chart = Chart(gui, "tip error (mm)", [flight], {"": lambda one: 1e3 * one.error})  # type: ignore[list-item]
     time, error = chart._node
     assert (time.tolist(), error.tolist()) == ([0.0, 1.0, 2.0], [0.0, 12.346, -12.346])
