@@ -19,7 +19,7 @@ from skyarm.compile.tracing.program import Program
 try:
     import casadi
 
-    from skyarm.compile.casadi_functions import casadi_function
+    from casadi_functions import casadi_function
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("casadi") from error
 

@@ -8,6 +8,7 @@ import pytest
 casadi = pytest.importorskip("casadi")
 
 # ruff: noqa: E402  the engine needs the library
+from casadi_functions import casadi_function
 from skyarm.algebra.scalars import (
     absolute,
     acos,
@@ -27,7 +28,6 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.algebra.scalars.functions import copysign, mantissa
 from skyarm.compile import TracedBranchError, leaves, rebuild, trace
-from skyarm.compile.casadi_functions import casadi_function
 from stepped_flights import (
     CONSTANTS,
     CONTROLLER,

@@ -57,7 +57,7 @@ def test_machine_code_keeps_no_log_unless_it_is_asked_to():
 
 def test_jax_keeps_no_log_unless_it_is_asked_to():
     jax = pytest.importorskip("jax")
-    from skyarm.compile.jax.jax_engine import JaxKernel
+    from jax_kernel import JaxKernel
 
     with jax.enable_x64(True):
         check_defaults(JaxKernel(halving()))

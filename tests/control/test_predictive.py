@@ -144,7 +144,7 @@ def random_stage(seed):
 @pytest.mark.parametrize("mode", sampled(["tool", "joints"], 2))
 def test_derivatives_of_the_stages_equal_casadi_s(mode):
     casadi = pytest.importorskip("casadi")
-    from skyarm.compile.casadi_functions import casadi_function
+    from casadi_functions import casadi_function
 
     (state, inputs, disturbance, goal), x, u, d, wanted = random_stage(1)
 

@@ -141,7 +141,7 @@ def test_the_pieces_are_the_same_on_every_engine(engine: str) -> None:
 def test_casadi_flies_the_same_within_rounding(program: Any, floats: np.ndarray) -> None:
     """Tolerance: CasADi folds constants in another order; roundings as of JAX."""
     pytest.importorskip("casadi")
-    from skyarm.compile.casadi_functions import casadi_function
+    from casadi_functions import casadi_function
 
     _, (period, examples), carry, parameters, rows = program
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 STARTED = (
     "make_jax: JAX has started without XLA's options for stepped programs, so that the first call takes minutes: call "
-    "skyarm.envs.make_jax, or skyarm.compile.jax.jax_cpu.configure_cpu, before the first array or key is made"
+    "skyarm.envs.make_jax before the first array or key is made"
 )
 
 

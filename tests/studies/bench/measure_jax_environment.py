@@ -1,8 +1,8 @@
 """First call and steps a second of an environment in JAX, in a process of its own.
 
-python tests/studies/bench/measure_jax_environment.py [--flags | --late]
+python tests/studies/bench/measure_jax_environment.py [--late]
 
-``--flags`` calls ``configure_cpu`` first; ``--late`` starts JAX before the environment is made, which then warns.
+``--late`` starts JAX before the environment is made, which then warns.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from typing import Any
 TASK, LANES, STEPS, CALLS = "skyarm/TrackTip-v0", 4096, 32, 9
 
 
-def measure(*, flags: bool = False, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> dict[str, float]:
+def measure(*, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> dict[str, float]:
     """Fly rollouts of ``STEPS`` steps with a linear policy and auto-reset.
 
     Args:
-        flags: set all of XLA's flags first.
         late: start JAX first.
         lanes: flown side by side.
         calls: of the compiled rollout, after the first.
@@ -30,10 +29,6 @@ def measure(*, flags: bool = False, late: bool = False, lanes: int = LANES, call
         by the clock and of processor time, medians.
     """
     begun = time.perf_counter(), time.process_time()
-    if flags:
-        from skyarm.compile.jax.jax_cpu import configure_cpu
-
-        configure_cpu()
     import jax
     import jax.numpy as jnp
 
@@ -70,9 +65,7 @@ def measure(*, flags: bool = False, late: bool = False, lanes: int = LANES, call
 def main(words: Sequence[str] | None = None) -> None:
     """Print what is measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    one = parser.add_mutually_exclusive_group()
-    one.add_argument("--flags", action="store_true", help="call configure_cpu first")
-    one.add_argument("--late", action="store_true", help="start JAX before the environment is made")
+    parser.add_argument("--late", action="store_true", help="start JAX before the environment is made")
     for name, value in measure(**vars(parser.parse_args(words))).items():
         print(f"{name:<20} {value:12.4g}")
 

@@ -9,13 +9,14 @@ vehicle; a six-joint arm; a quadrotor without an arm; contact; environments; gro
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import contact_speed
 import growth
 import peers
 
-from skyarm.compile.jax.jax_cpu import configure_cpu
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.bench import engines
 from skyarm.studies.bench.bench_report import SCENARIO, speed_lines
@@ -53,6 +54,9 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter flights")
     quick = parser.parse_args(words).quick
+    sys.path.insert(0, str(Path(__file__).parents[2]))
+    from jax_kernel import configure_cpu
+
     configure_cpu()  # before anyone starts JAX
     for title, contenders, times in groups(quick):
         scores = contest(contenders, times * (3 if quick else 9))

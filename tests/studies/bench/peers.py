@@ -357,7 +357,7 @@ def jax(scenario: Scenario, threads: int) -> list[Contender]:
     """JAX on the processor, if it is installed."""
     if importlib.util.find_spec("jax") is None:
         return []
-    from skyarm.compile.jax.jax_engine import JaxKernel
+    from jax_kernel import JaxKernel
 
     flight = Flight.of(scenario, steps_of(scenario), loops=False)
     found: list[Contender] = []

@@ -151,7 +151,7 @@ def test_a_flight_grows_at_the_rate_of_the_largest_eigenvalue(arm_hover):
 
 def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     casadi = pytest.importorskip("casadi")
-    from skyarm.compile.casadi_functions import casadi_function
+    from casadi_functions import casadi_function
 
     found = Differentiator(arm_hover)
     carry, held = first_loop_state(arm_hover), episode_inputs(arm_hover)

@@ -1,8 +1,8 @@
-"""Stepped programs on JAX: batches of lanes on a CPU or GPU.
+"""Stepped programs on JAX: batches of lanes on a CPU or GPU, for comparison with machine code.
 
 The engine interprets the lowered program of :func:`skyarm.compile.tracing.program.trace_loop` operation by
 operation; it does not call the step on JAX's own tracers. Measured on the closed loop of a vehicle with a two-joint
-arm (3600 operations, one CPU core, the flags of :mod:`skyarm.compile.jax.jax_cpu`): it runs 1.4 times faster in double
+arm (3600 operations, one CPU core, the flags of :func:`configure_cpu`): it runs 1.4 times faster in double
 precision (2 to 3 without the flags, where XLA's own sin and cos are slow) and as fast in single, tracing and compiling
 take as long, and the formulas are those of every other engine, up to XLA's freedom to contract a * b + c.
 
@@ -11,28 +11,34 @@ Double precision is JAX's to allow: ``jax.config.update("jax_enable_x64", True)`
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
+from jax import lax
 
-from skyarm.compile.jax.jax_cpu import CPU_FLAGS, JaxStartedError, configure_cpu
+from skyarm.compile.jax.jax_cpu import configure_extra_options
 from skyarm.compile.jax.jax_operations import evaluate, uniforms
-from skyarm.compile.machine_code import missing_extra
 from skyarm.compile.tracing.program import Loop
-
-try:
-    import jax
-    import jax.numpy as jnp
-    from jax import lax
-except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
-    raise missing_extra("jax") from error
 
 Array = npt.NDArray[Any]
 
-__all__ = ["CPU_FLAGS", "JaxKernel", "JaxStartedError", "configure_cpu"]
+
+WIDE = "--xla_cpu_prefer_vector_width=512"
+"""A preference that makes XLA compile a block of lanes as one SIMD loop; a jaxlib that lacks it ends the process."""
+
+
+def configure_cpu() -> None:
+    """Set XLA's flags for stepped programs on a CPU; to be called before anything is computed with JAX."""
+    if WIDE.split("=", maxsplit=1)[0] not in os.environ.get("XLA_FLAGS", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {WIDE}".strip()
+    configure_extra_options()
+
 
 CPU_LANES = 64
 """Lanes of a block on a CPU: its values fit the first caches. Measured best of 16 to 512."""

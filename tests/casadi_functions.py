@@ -10,15 +10,11 @@ import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skyarm.compile.machine_code import missing_extra
+import casadi
+
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Node
 from skyarm.records.leaves import is_record, leaves, parts
-
-try:
-    import casadi
-except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
-    raise missing_extra("casadi") from error
 
 _SAME = ("sqrt", "floor", "copysign", "sin", "cos", "tan", "asin", "acos", "atan2", "exp", "log", "tanh")
 
