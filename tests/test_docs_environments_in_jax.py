@@ -26,10 +26,8 @@ def test_what_is_shown_prints_what_is_shown(tmp_path):
     assert done.stdout.split() == "".join(shown("text")).split()
 
 
-def test_the_page_names_the_functions_and_kinds_that_there_are():
+def test_the_page_names_the_functions_that_there_are():
     from skyarm.envs.jax_environment import JaxEnvironment
-    from skyarm.envs.jax_params import KINDS
 
     assert all(f"`{name}(" in PAGE for name in ("reset", "step"))
     assert all(hasattr(JaxEnvironment, name) for name in ("reset", "step", "step_env", "plant_state"))
-    assert all(kind in PAGE for kind in KINDS)

@@ -122,7 +122,7 @@ def compared(mode, periods=70):
         yield ours, loop, mine, other
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_vector_environment_is_gymnasiums_loop_of_single_ones(mode):
     ends = np.zeros(2, dtype=int)
     for ours, loop, mine, other in compared(mode):
@@ -137,22 +137,7 @@ def test_a_vector_environment_is_gymnasiums_loop_of_single_ones(mode):
         if "final_obs" in mine[4]:
             for a, b in zip(mine[4]["final_obs"], other[4]["final_obs"], strict=True):
                 assert np.array_equal(a, b) if b is not None else a is None
-        over = mine[2] | mine[3]
-        if mode == "Disabled" and over.any():
-            again = [env.reset(options={"reset_mask": over.copy()})[0] for env in (ours, loop)]
-            assert np.array_equal(*again)
     assert (ends > 0).all()
-
-
-def test_an_episode_that_is_over_stays_as_it_is_until_it_is_begun_again():
-    """Where nothing begins by itself; the others go on."""
-    ours = next(each[0] for each in compared("Disabled") if each[2][2][1])
-    before, ticks = ours.observations.copy(), ours.lanes.loop.ticks.copy()
-    observed, rewards, ended, _, infos = ours.step(np.zeros((3, 4)))
-    assert np.array_equal(observed[1], before[1])
-    assert not np.array_equal(observed[0], before[0])
-    assert (ours.lanes.loop.ticks - ticks).tolist() == [1.0, 0.0, 1.0]
-    assert (rewards[1], ended[1], infos["status"][1]) == (0.0, True, "ground")
 
 
 def test_what_nobody_seeds_differs_and_goes_on_with_the_next_episode():

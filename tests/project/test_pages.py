@@ -57,7 +57,6 @@ def test_the_options_that_security_names_are_options(option: str, command: tuple
 
 PORTS = {
     "cli/studio_command.py": "`skyarm studio` opens a port",
-    "view/studio/page.py": '`render_mode="human"` opens one',
 }
 """Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""
 

@@ -196,20 +196,6 @@ class EnvLanes:
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())
 
-    def hold(self, lanes: Array) -> tuple[Array, ...]:
-        """Copies of the data of lanes that are to skip a step, for :meth:`put_back`."""
-        kept = (self._carry, self.observation, self._truncated[None], self.ending[None])
-        return tuple(rows[:, lanes].copy() for rows in kept)
-
-    def put_back(self, lanes: Array, held: tuple[Array, ...]) -> None:
-        """Restore lanes; the reward of their skipped step is 0."""
-        for rows, old in zip(
-            (self._carry, self.observation, self._truncated[None], self.ending[None]), held, strict=True
-        ):
-            rows[:, lanes] = old
-        self.reward[lanes] = 0.0
-        self.ended[lanes], self.truncated[lanes] = self.ending[lanes] > 0.5, self._truncated[lanes] > 0.5
-
     def numbers(self) -> dict[str, Array]:
         """Path -> (lanes,) randomised numbers that the lanes fly with."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}

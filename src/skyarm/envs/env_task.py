@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +14,11 @@ from skyarm.envs.action_kinds import ACTIONS, Actions
 from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
 from skyarm.envs.randomised_numbers import Randomised, read_randomised
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
-from skyarm.records.files import did_you_mean, must_be_one_of, shown
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_numbers import require_count, require_rigid_body
+from skyarm.simulate.lane_numbers import require_rigid_body
 from skyarm.simulate.user_code import require_shapes
 
 PRECISIONS = ("single", "double", "bit_exact")
@@ -136,22 +135,6 @@ def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tu
     return tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
 
 
-MOST_LANES = 1_000_000
-"""Episodes that fly together at most: some hundreds of numbers each, so that this asks for gigabytes already."""
-
-
-def require_lanes(given: Any) -> int:
-    """Require a number of episodes to fly together.
-
-    Raises:
-        ScenarioError: no whole number, none, or more than a machine holds.
-    """
-    count = require_count("num_envs", given)
-    if count > MOST_LANES:
-        raise ScenarioError(f"num_envs = {shown(given)}: must be a whole number, at most {MOST_LANES}")
-    return count
-
-
 def require_open(call: str, *, closed: bool) -> None:
     """Refuse a call of a closed environment.
 
@@ -160,36 +143,6 @@ def require_open(call: str, *, closed: bool) -> None:
     """
     if closed:
         raise ScenarioError(f"{call}: must come before close(); this environment is closed, make another")
-
-
-def require_options(given: Any, known: Sequence[str]) -> None:
-    """Refuse options of a reset that there are not.
-
-    Raises:
-        ScenarioError: one line with the option and what is allowed.
-    """
-    if given is None:
-        return
-    allowed = f"must be a table of {', '.join(known)}" if known else "must be None or empty; there are no options"
-    if not isinstance(given, Mapping):
-        raise ScenarioError(f"options = {shown(given)}: {allowed}")
-    for name in given:
-        if name not in known:
-            raise ScenarioError(f"options = {shown(dict(given))}: {allowed}")
-
-
-def require_arguments(given: Mapping[str, Any], make: Callable[..., Any], *also: str) -> None:
-    """Refuse arguments of an environment that its task does not take; ``also`` names those of the environment itself.
-
-    Raises:
-        ScenarioError: one line with the argument and those that there are.
-    """
-    known = [name for name in inspect.signature(make).parameters if name != "scenario"]
-    known += also
-    for name, value in given.items():
-        if name not in known:
-            meant = did_you_mean(name, known)
-            raise ScenarioError(f"{name} = {shown(value)}: unknown argument; {meant}there are {', '.join(known)}")
 
 
 KEYS = 2**32

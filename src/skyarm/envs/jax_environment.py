@@ -7,7 +7,7 @@ Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw th
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,18 +24,22 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import STARTS, draw_plan
 from skyarm.studies.sweep.design import FIRST_CHANNEL
+from skyarm.studies.sweep.distributions import LogUniform, Normal, Uniform, Values
 
 try:
     import jax
     import jax.numpy as jnp
     from jax import lax
+    from jax.scipy.special import ndtri
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
 from skyarm.compile.jax.jax_operations import evaluate, uniforms
-from skyarm.envs.jax_params import drawn, params_of, require_params
 
 Info = dict[str, Any]
+
+StepResult = tuple[Any, "JaxState", Any, Any, Info]
+"""Observation, state, reward, done, info."""
 
 
 @jax.tree_util.register_dataclass
@@ -44,7 +48,7 @@ class JaxState:
     """State of an environment in JAX, a pytree.
 
     Attributes:
-        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: that the episode flies with, a path each.
+        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: drawn for the episode, a path each.
         seed: high and low word of the key it was reset with. episode: its number, from 0 on. period: of the next step.
     """
 
@@ -62,10 +66,10 @@ class JaxEnvironment:
     not used: noise and what the next episode begins with follow from the key of the reset.
 
     Args:
-        task: what is flown. numbers: paths beside the randomised ones that stand in the params.
+        task: what is flown. numbers: paths that stand in the params, none of them randomised.
 
     Attributes:
-        task: as given. paths: of the params. default_params: a number, or ``{kind: numbers}``, for each path.
+        task: as given. paths: of the params. default_params: a number for each path.
         observation_size, action_size: how many numbers each has. statuses: words of ``info["ending"]``.
         dtype: of all numbers.
     """
@@ -82,17 +86,15 @@ class JaxEnvironment:
         self.task = task
         whole = with_fixed(task.randomised, task.scenario, numbers)
         self._program = EnvProgram(dataclasses.replace(task, randomised=whole), loops=False)
-        self.paths, loop = self._program.paths, self._program.loop
+        drawn, loop = len(task.randomised.paths), self._program.loop
+        self.paths = self._program.paths[drawn:]
         self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).components if count]
         wholes = tuple((0.5,) * (2 * count) for _, count in draw_plan(task.scenario).components)
         draws = (0.5,) * sum(count for _, count in self._program.uniforms)
         self._start = trace(self._program.start, self._program.base, draws, wholes)
         self.observation_size, self.action_size = loop.logged - 3, self._program.size
-        randomised = task.randomised.vary
-        self.default_params = {
-            path: params_of(randomised[path], self.dtype) if path in randomised else jnp.asarray(base, self.dtype)
-            for path, base in zip(self.paths, self._program.base, strict=True)
-        }
+        base = zip(self.paths, self._program.base[drawn:], strict=True)
+        self.default_params = {path: jnp.asarray(number, self.dtype) for path, number in base}
         self.statuses = ("", *(ending.status for ending in endings_of(task.scenario)), "diverged")
         # traced once, however often the functions are used in others
         self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
@@ -107,11 +109,9 @@ class JaxEnvironment:
         Returns:
             observation (observation_size,), state.
         """
-        require_params(params, self.paths)
-        words = _words(key)
-        return self._begin(words, jnp.uint32(0), params)  # type: ignore[no-any-return]
+        return self._began(_words(key), jnp.uint32(0), self._numbers(params))  # type: ignore[no-any-return]
 
-    def step(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
+    def step(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
         """Fly one control period; where the episode is over, begin its lane's next one.
 
         Args:
@@ -125,26 +125,20 @@ class JaxEnvironment:
             ``truncated``, ``ending`` (number of :attr:`statuses`), ``final_obs`` (that of this episode).
         """
         observed, after, reward, done, info = self.step_env(key, state, action, params)
-        fresh, begun = self._begin(state.seed, state.episode + jnp.uint32(1), params)
+        fresh, begun = self._began(state.seed, state.episode + jnp.uint32(1), self._numbers(params))
         following = jax.tree.map(lambda new, old: lax.select(done, new, old), begun, after)
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
-    def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
+    def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
         """Fly one control period, as :meth:`step` does, without a reset; steps after an end are undefined."""
         del key
-        require_params(params, self.paths)
         given = jnp.asarray(action, self.dtype)
         if given.shape != (self.action_size,):
             raise ScenarioError(
                 f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many"
             )
-        # plain numbers are read at every step, so that what a number does is known to its gradient from there on
-        numbers = tuple(
-            held if isinstance(params[path], Mapping) else jnp.asarray(params[path], self.dtype)
-            for path, held in zip(self.paths, state.numbers, strict=True)
-        )
-        carry, observed, reward, truncated, ending = self._stepped(state, numbers, given)
-        after = JaxState(carry, numbers, state.seed, state.episode, state.period + jnp.uint32(1))
+        carry, observed, reward, truncated, ending = self._stepped(state, self._numbers(params), given)
+        after = dataclasses.replace(state, carry=carry, period=state.period + jnp.uint32(1))
         terminated, truncated = ending > 0.5, truncated > 0.5
         info = {"terminated": terminated, "truncated": truncated, "ending": ending.astype(np.int32)}
         return observed, after, reward, terminated | truncated, info
@@ -154,32 +148,67 @@ class JaxEnvironment:
         now: Any = rebuild(self._program.first, iter(state.carry))
         return now.loop.state  # type: ignore[no-any-return]
 
+    def _numbers(self, params: Any) -> tuple[Any, ...]:
+        """The numbers of the params.
+
+        Raises:
+            ScenarioError: other paths than those of the environment, or something else than one number.
+        """
+        if not isinstance(params, Mapping) or set(params) != set(self.paths):
+            raise ScenarioError(f"params = {shown(params)}: must be a table of {', '.join(self.paths) or 'no paths'}")
+        for path, value in params.items():
+            kind = np.asarray(value).dtype.kind if not isinstance(value, jax.Array) else "f"
+            if kind not in "fiu" or np.shape(value):
+                raise ScenarioError(f'params["{path}"] = {shown(value)}: must be one number')
+        return tuple(jnp.asarray(params[path], self.dtype) for path in self.paths)
+
     def _one_step(self, state: JaxState, numbers: tuple[Any, ...], action: Any) -> tuple[Any, ...]:
         loop = self._program.loop
         draws = uniforms(state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype)
-        found = evaluate(loop.program, (*state.carry, *numbers, *action, *draws), self.dtype)
+        found = evaluate(loop.program, (*state.carry, *state.numbers, *numbers, *action, *draws), self.dtype)
         *observed, reward, truncated, ending = found[loop.carry :]
         return tuple(found[: loop.carry]), jnp.stack(observed), reward, truncated, ending
 
-    def _begin(self, words: Any, episode: Any, params: Any) -> Any:
-        found = {path: jax.tree.map(lambda leaf: jnp.asarray(leaf, self.dtype), params[path]) for path in self.paths}
-        return self._began(words, episode, found)
-
-    def _first(self, words: Any, episode: Any, params: Any) -> tuple[Any, JaxState]:
+    def _first(self, words: Any, episode: Any, numbers: tuple[Any, ...]) -> tuple[Any, JaxState]:
         """Observation and state that an episode begins with."""
 
         def draw(period: int, channels: Any) -> list[Any]:
             return uniforms(words[::-1], episode, jnp.uint32(period), channels, self.dtype)
 
-        units = draw(0, [(FIRST_CHANNEL + i, 1) for i in range(len(self.paths))])
-        numbers = tuple(drawn(params[path], unit) for path, unit in zip(self.paths, units, strict=True))
-        inputs = [*numbers, *draw(0, self._program.uniforms)]
+        distributions = self.task.randomised.vary.values()
+        units = draw(0, [(FIRST_CHANNEL + i, 1) for i in range(len(distributions))])
+        drawn = tuple(quantile(each, unit) for each, unit in zip(distributions, units, strict=True))
+        inputs = [*drawn, *numbers, *draw(0, self._program.uniforms)]
         for pair in self._counts:
             inputs += [*draw(STARTS[0], [pair]), *draw(STARTS[1], [pair])]
         found = evaluate(self._start.lowered, inputs, self.dtype)
         carry = tuple(found[: self._program.loop.carry])
-        state = JaxState(carry, numbers, words, episode, jnp.uint32(1))
-        return jnp.stack(found[len(carry) :]), state
+        return jnp.stack(found[len(carry) :]), JaxState(carry, drawn, words, episode, jnp.uint32(1))
+
+
+def _normal(given: Normal, unit: Any) -> Any:
+    # the largest number below 1: a unit of single precision may be rounded up
+    below = jnp.nextafter(jnp.ones_like(unit), jnp.zeros_like(unit))
+    return given.mean + given.std * ndtri(jnp.minimum(unit, below))
+
+
+def _value(given: Values, unit: Any) -> Any:
+    index = jnp.minimum((unit * len(given.values)).astype(np.int32), len(given.values) - 1)
+    return jnp.asarray(given.values, unit.dtype)[index]
+
+
+QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
+    Uniform: lambda given, unit: given.low + (given.high - given.low) * unit,
+    LogUniform: lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit),
+    Normal: _normal,
+    Values: _value,
+}
+"""Quantile functions of the distributions of sweeps, on JAX scalars."""
+
+
+def quantile(distribution: Any, unit: Any) -> Any:
+    """Value of a distribution at a number uniform in (0, 1), a JAX scalar."""
+    return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
 def _words(key: Any) -> Any:

@@ -143,7 +143,7 @@ def make_single(*, task: str, **given: Any) -> Environment:
 
 
 # what Gymnasium looks at before it makes an environment, for modes that it derives, as rgb_array_list
-make_single.__dict__["metadata"] = {"render_modes": ["rgb_array", "human"]}
+make_single.__dict__["metadata"] = {"render_modes": ["rgb_array"]}
 
 
 def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:

@@ -68,7 +68,7 @@ def make_jax(
         ImportError: JAX is not installed.
     """
     from skyarm.compile.jax.jax_cpu import configure_extra_options
-    from skyarm.envs.env_task import make_task, require_arguments
+    from skyarm.envs.env_task import make_task
     from skyarm.envs.jax_environment import JaxEnvironment
     from skyarm.envs.named_tasks import task_arguments
     from skyarm.scenario.scenario_record import ScenarioError
@@ -76,7 +76,6 @@ def make_jax(
     known = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
     if not isinstance(name, str) or name not in known:
         raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
-    require_arguments({k: v for k, v in task.items() if k != "scenario"}, make_task)
     given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)
     if not configure_extra_options():
         warnings.warn(STARTED, stacklevel=2)

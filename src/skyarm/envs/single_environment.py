@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves
+from skyarm.compile import leaves, rebuild
 from skyarm.envs.env_lanes import EnvLanes
-from skyarm.envs.env_task import make_task, require_arguments, require_open, require_options, seed_of
-from skyarm.envs.rendering import HUMAN, RENDER_MODES, LanePage, lane_pictures, options_of_modes
+from skyarm.envs.env_task import make_task, require_open, seed_of
 from skyarm.envs.vector_environment import spaces
 from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import find_ending
 from skyarm.simulate.lane_numbers import checked_array
-from skyarm.view.studio.server import has_viser
+from skyarm.simulate.loop_state import LoopState
 
 Array = npt.NDArray[Any]
+
+RENDER_MODES = ("rgb_array",)
+
+PICTURES = "skyarm.view.film.episode_pictures"
+"""Where pictures are drawn: a room above this one, imported when pictures are requested and by name only."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -28,19 +33,15 @@ class Environment(gymnasium.Env[Array, Array]):
 
     Args:
         scenario: record, name or path of a file.
-        render_mode: None; "rgb_array": :meth:`render` gives a picture; "human": a page of the studio shows every step.
-        render_options: of a picture: width, height, camera, ghost, fine, as a film has them; of a page: port, speed,
-            plain, browser. Each mode takes its own of them.
-        width, height: of a picture, pixels; in place of those in ``render_options``.
+        render_mode: None; "rgb_array": :meth:`render` gives a picture.
+        render_options: of a picture: width, height, camera, ghost, fine, as a film has them.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
     Attributes:
         lanes: the one lane that flies: state, numbers drawn.
-        page: that shows it; None but with "human".
-        metadata: ``render_modes`` of this installation: "human" where the extra ``studio`` is installed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES, HUMAN]}  # noqa: RUF012 - Gymnasium has it so
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium has it so
 
     def __init__(
         self,
@@ -48,22 +49,13 @@ class Environment(gymnasium.Env[Array, Array]):
         scenario: Scenario | str = "case3",
         render_mode: str | None = None,
         render_options: Mapping[str, Any] | None = None,
-        width: int | None = None,
-        height: int | None = None,
         **task: Any,
     ) -> None:
-        self.render_mode = render_mode
-        self.page: LanePage | None = None
-        pictures, page = options_of_modes(render_options, width, height)
-        self._pictures = lane_pictures(render_mode, pictures, 1, human=True)
-        require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
+        self.render_mode, self._pictures = render_mode, _pictures_of(render_mode, render_options)
+        self._drawn = False
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
-        if render_mode == HUMAN:
-            self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", page)
         self.observation_space, self.action_space = spaces(self.lanes)
-        # Gymnasium's check_env renders all of these; the class has every mode, so that make() does not replace one
-        modes = [*RENDER_MODES, *([HUMAN] if has_viser() else [])]
-        self.metadata = {"render_modes": modes, "render_fps": self.scenario.rates.control}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": self.scenario.rates.control}
         self._only = np.zeros(1, dtype=np.intp)
         self._begun = self._closed = False
 
@@ -73,9 +65,8 @@ class Environment(gymnasium.Env[Array, Array]):
         return self.lanes.task.scenario
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin episode 0 of a seed, or the next episode without one."""
+        """Begin episode 0 of a seed, or the next episode without one; there are no options."""
         require_open("reset", closed=self._closed)
-        require_options(options, ())
         key = None if seed is None else seed_of(seed)
         super().reset(seed=None if seed is None else int(seed))
         if key is None and not self._begun:
@@ -84,9 +75,7 @@ class Environment(gymnasium.Env[Array, Array]):
             self.lanes.begin(self._only)
         else:
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
-        self._begun = True
-        if self.page is not None:
-            self.page.begin(self.lanes)
+        self._begun, self._drawn = True, False
         return self.lanes.observation[:, 0].copy(), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -113,12 +102,10 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes.act(found[None])
         lanes.step()
         ended = bool(lanes.ended[0])
-        info = self._why() if ended else {}
-        if self.page is not None:
-            self.page.show(lanes, info.get("cause", ""))
+        info = self._ending() if ended else {}
         return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
 
-    def _why(self) -> dict[str, Any]:
+    def _ending(self) -> dict[str, Any]:
         """Status and cause of an episode that ended before its time."""
         lanes = self.lanes
         ending = int(lanes.ending[0])
@@ -134,25 +121,27 @@ class Environment(gymnasium.Env[Array, Array]):
         return {"status": status, "cause": ended.cause if ended else status}
 
     def render(self) -> Any:
-        """Draw the present state, as a frame of a film without its texts; a page shows it anyway.
+        """Draw the present state, as a frame of a film without its texts.
 
         Returns:
-            (height, width, 3) bytes; None with "human"; None, with a warning, of an environment that was made without
-            ``render_mode``.
+            (height, width, 3) bytes; None, with a warning, of an environment that was made without ``render_mode``.
 
         Raises:
             ScenarioError: before the first ``reset()``, or after ``close()``.
             NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
         """
         require_open("render", closed=self._closed)
-        if self.page is not None:
-            return None
         if self._pictures is None:
             gymnasium.logger.warn('render: gives nothing; make the environment with render_mode="rgb_array"')
             return None
         if not self._begun:
             raise ScenarioError("render: must come after reset()")
-        return self._pictures.draw(self.lanes)[0]
+        if not self._drawn:
+            self._pictures.begin(self.lanes.lane_scenario(0))
+            self._drawn = True
+        loop = self.lanes.loop
+        now: LoopState = rebuild(loop, iter([float(leaf[0]) for leaf in leaves(loop)]))
+        return self._pictures.draw(now)
 
     def close(self) -> None:
         """End the threads, and release the resources of drawing; idempotent."""
@@ -160,5 +149,22 @@ class Environment(gymnasium.Env[Array, Array]):
         self.lanes.close()
         if self._pictures is not None:
             self._pictures.close()
-        if self.page is not None:
-            self.page.close()
+
+
+def _pictures_of(mode: Any, options: Any) -> Any:
+    """What draws pictures; None where nothing is to be drawn.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+    """
+    if mode is None:
+        return None
+    if mode not in RENDER_MODES:
+        raise ScenarioError(f"render_mode = {shown(mode)}: must be rgb_array or None")
+    if not isinstance(options, (Mapping, type(None))):
+        raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
+    drawing = import_module(PICTURES)
+    try:
+        return drawing.EpisodePictures(drawing.picture_settings(options or {}))
+    except ValueError as error:
+        raise ScenarioError(f"render_options: {error}") from None

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import logger
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
-from skyarm.envs.env_task import (
-    KEYS,
-    Task,
-    make_task,
-    require_arguments,
-    require_lanes,
-    require_open,
-    require_options,
-    seed_of,
-    seeds_of,
-)
-from skyarm.envs.rendering import RENDER_MODES, LanePictures, lane_pictures, options_of_modes
+from skyarm.envs.env_task import KEYS, Task, make_task, require_open, seed_of, seeds_of
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_numbers import lane_mask, require_count
@@ -41,13 +29,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
     Args:
         num_envs: how many.
         scenario: record, name or path of a file.
-        autoreset_mode: ``"NextStep"``, ``"SameStep"`` or ``"Disabled"``, or :class:`gymnasium.vector.AutoresetMode`.
+        autoreset_mode: ``"NextStep"`` or ``"SameStep"``, or :class:`gymnasium.vector.AutoresetMode`.
         copy: give observations that stay; else views on one buffer, which every call writes anew.
         threads: most that work.
-        render_mode: None, or "rgb_array": :meth:`render` gives pictures.
-        render_options: of pictures: width, height, camera, ghost, fine, as a film has them; lanes: numbers of those
-            that are drawn, all of them if left out.
-        width, height: of a picture, pixels; in place of those in ``render_options``.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
     Attributes:
@@ -62,24 +46,17 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
         threads: int = 1,
-        render_mode: str | None = None,
-        render_options: Mapping[str, Any] | None = None,
-        width: int | None = None,
-        height: int | None = None,
         **task: Any,
     ) -> None:
         self._mode = _mode(autoreset_mode)
-        count = require_lanes(num_envs)
-        options, _ = options_of_modes(render_options, width, height)
-        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, options, count)
+        count = require_count("num_envs", num_envs)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
-        require_arguments(task, make_task, "render_mode", "render_options", "width", "height")
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
         rate = made.scenario.rates.control
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate, "autoreset_mode": self._mode}
+        self.metadata = {"render_modes": [], "render_fps": rate, "autoreset_mode": self._mode}
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
@@ -108,7 +85,6 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             options: ``{"reset_mask": (num_envs,) True or False}``.
         """
         require_open("reset", closed=self.closed)
-        require_options(options, ("reset_mask",))
         mask = (options or {}).get("reset_mask")
         chosen = lane_mask(mask, self.num_envs)
         if mask is not None and not chosen.any():
@@ -152,15 +128,10 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         infos: dict[str, Any] = {}
         if not over.size:
             ending = lanes.step()
-        elif self._mode is AutoresetMode.NEXT_STEP:
+        else:
             lanes.step()
             lanes.begin(over)
             ending = bool(lanes.ended.any() or lanes.truncated.any())
-        else:
-            held = lanes.hold(over)
-            lanes.step()
-            lanes.put_back(over, held)
-            ending = True
         rewards = lanes.reward.copy()
         ended, truncated = lanes.ended.copy(), lanes.truncated.copy()
         if ending:
@@ -174,31 +145,10 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             self._over = over[:0]
         return self._observe(), rewards, ended, truncated, infos
 
-    def render(self) -> tuple[Any, ...] | None:
-        """Draw the present state of the chosen lanes, each as a frame of a film without its texts.
-
-        Returns:
-            (height, width, 3) bytes for each; None, with a warning, of environments made without ``render_mode``.
-
-        Raises:
-            ScenarioError: before the first ``reset()``, or after ``close()``.
-            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
-        """
-        require_open("render", closed=self.closed)
-        if self._pictures is None:
-            logger.warn('render: gives nothing; make the environments with render_mode="rgb_array"')
-            return None
-        if not self._begun:
-            raise ScenarioError("render: must come after reset()")
-        return self._pictures.draw(self.lanes)
-
     def close_extras(self, **_: Any) -> None:
-        """End the threads, and release the resources of drawing; also after a failed construction."""
+        """End the threads; also after a failed construction."""
         if hasattr(self, "lanes"):
             self.lanes.close()
-        pictures: LanePictures | None = getattr(self, "_pictures", None)
-        if pictures is not None:
-            pictures.close()
 
     def _observe(self) -> Array:
         return self._view.copy(order="C") if self._copy else self._view
@@ -230,9 +180,8 @@ def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
 
 
 def _mode(given: Any) -> AutoresetMode:
-    if isinstance(given, AutoresetMode):
-        return given
-    known = {mode.value: mode for mode in AutoresetMode}
-    if given not in known:
-        raise ScenarioError(f"autoreset_mode = {shown(given)}: {must_be_one_of(known, given)}")
-    return known[given]
+    known = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
+    name = getattr(given, "value", given)
+    if name not in known:
+        raise ScenarioError(f"autoreset_mode = {shown(name)}: {must_be_one_of(known, name)}")
+    return known[name]

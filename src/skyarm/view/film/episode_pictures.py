@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -70,15 +70,15 @@ class InstantLog(Log):
         return self.flown
 
 
-def picture_settings(given: Mapping[str, Any], also: Iterable[str] = ()) -> FilmSettings:
-    """Settings of pictures; ``also`` names options of something else, for the message.
+def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
+    """Settings of pictures.
 
     Raises:
         ValueError: one line: an option that there is not, or a value that cannot be.
     """
     for name in given:
         if name not in OPTIONS:
-            raise ValueError(f"{shown(name)}: {must_be_one_of((*OPTIONS, *also), name)}")
+            raise ValueError(f"{shown(name)}: {must_be_one_of(OPTIONS, name)}")
     return FilmSettings(plot=False, **{**OPTIONS, **given})
 
 
