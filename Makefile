@@ -130,7 +130,7 @@ mutants: $(VENV)/.test
 	$(BIN)/python tests/mutation/mutants.py score
 
 bench: $(VENV)/.core
-	$(BIN)/python -m skyarm bench --out $(BENCH)
+	$(BIN)/python tests/studies/bench/measure_engines.py --out $(BENCH)
 
 hooks: $(VENV)/.test
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit

@@ -66,7 +66,6 @@ def test_the_page_on_the_command_line_shows_commands():
         "sweep",
         "stats",
         "export",
-        "bench",
         "compare",
         "margins",
         "basin",

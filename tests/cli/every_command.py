@@ -26,7 +26,6 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "sweep": ("study.toml", "--out", "rows"),
     "stats": ("rows",),
     "compare": ("short.toml", "--laws", "paper_pd"),
-    "bench": ("--quick",),
     "reproduce": (),
 }
 """Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""

@@ -40,7 +40,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 
     monkeypatch.setattr("skyarm.paper.inferred_settings.infer", search)
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", perform)
-    monkeypatch.setattr("skyarm.cli.bench_command._headline", lambda _table: "")
+    monkeypatch.setattr("skyarm.cli.reproduce_command._headline", lambda _table: "")
     return found
 
 

@@ -65,12 +65,6 @@ def documented() -> dict[str, set[str]]:
     return {command: set(re.findall(r"\(?`\w+`\)?", keys)) for command, keys in rows}
 
 
-def measured(**_options: Any) -> dict[str, Any]:
-    """In place of a benchmark of a minute."""
-    names = ("schema", "machine", "scenario", "speed", "accuracy_m", "latency", "start_s", "operations")
-    return dict.fromkeys(names, 1)
-
-
 def reproduced(out: str, **_options: Any) -> dict[str, Any]:
     """In place of a reproduction of a minute: every cell the paper's."""
     plants = {"rigid_body": 1.0, "mujoco": 1.0}
@@ -99,8 +93,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("skyarm.studies.bench.bench_report.measure", measured)
-    monkeypatch.setattr("skyarm.studies.bench.bench_report.text", lambda _found: "measured")
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
     monkeypatch.setattr("skyarm.cli.doctor.TRIALS", {})  # tried in test_doctor.py
 

@@ -47,7 +47,7 @@ def test_help_says_every_variable_with_its_value() -> None:
     ("words", "part"),
     [
         (("reproduce", "OUT=here"), "-m skyarm reproduce --out here"),
-        (("bench", "BENCH=there.json"), "-m skyarm bench --out there.json"),
+        (("bench", "BENCH=there.json"), "measure_engines.py --out there.json"),
         (("mutants", "WORKERS=7"), "mutants.py run --workers 7"),
         (("test", "TESTS=tests/plant -k wind"), "pytest tests/plant -k wind"),
         (("fresh", "PYTHON=python9"), "python9 tests/release.py install"),

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from bench_engines import Flight
 
 from simulate_flights import document
 from skyarm.compile.llvm.kernel import Kernel
@@ -13,7 +14,6 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop import run
-from skyarm.studies.bench.engines import Flight
 from thorough import sampled
 
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")

@@ -44,8 +44,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "basin": ("margins_commands:basin", "Map what initial attitudes and rates are caught."),
     "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
     "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),
-    "reproduce": ("bench_command:reproduce", "Fly the paper; write tables, figures, report."),
-    "bench": ("bench_command:bench", "Measure every engine beside MuJoCo."),
+    "reproduce": ("reproduce_command:reproduce", "Fly the paper; write tables, figures, report."),
     "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
 }
 """Command -> its function, and its line of the help."""

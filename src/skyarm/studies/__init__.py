@@ -1,1 +1,1 @@
-"""Studies of many flights: sweeps, comparisons, gains, identification, margins, assessment, benches."""
+"""Studies of many flights: sweeps, comparisons, gains, identification, margins, assessment."""

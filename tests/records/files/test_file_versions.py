@@ -5,9 +5,10 @@ from __future__ import annotations
 import platform
 from importlib import metadata
 
+from bench_timing import describe
+
 import skyarm
 from skyarm.records.files.packages import ABSENT, versions
-from skyarm.studies.bench.timing import describe
 
 
 def test_skyarm_s_version_is_that_of_the_source_that_runs(monkeypatch) -> None:

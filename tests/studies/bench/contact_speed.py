@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from bench_engines import Flight, rollout_of, stepped_model
+from bench_timing import Contender
+
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.plant.compiled import RigidBodyPlant
@@ -16,8 +19,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.session import Session
-from skyarm.studies.bench.engines import Flight, rollout_of, stepped_model
-from skyarm.studies.bench.timing import Contender
 
 PATHS = ("plant.vehicle.base.mass",)
 """Numbers that differ from lane to lane."""

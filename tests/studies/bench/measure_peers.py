@@ -2,7 +2,7 @@
 
 python tests/studies/bench/measure_peers.py [--quick]
 
-Ratios within each round, as ``skyarm bench``: MuJoCo, MJX, Pinocchio, crazyflow, RotorPy and JAX beside the paper's
+Ratios within each round, as ``make bench``: MuJoCo, MJX, Pinocchio, crazyflow, RotorPy and JAX beside the paper's
 vehicle; a six-joint arm; a quadrotor without an arm; contact; environments; growth of a step with the arm's joints.
 """
 
@@ -13,14 +13,14 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import bench_engines as engines
 import contact_speed
 import growth
 import peers
+from bench_timing import Contender, contest, cores
+from measure_engines import SCENARIO, speed_lines
 
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.bench import engines
-from skyarm.studies.bench.bench_report import SCENARIO, speed_lines
-from skyarm.studies.bench.timing import Contender, contest, cores
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 WORLDS = (1024, 4096, 16384)

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_engines import MUJOCO_STEP as STEP
+from bench_engines import Flight, model_of, steps_of
+from bench_timing import Contender
 
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.bench.engines import MUJOCO_STEP as STEP
-from skyarm.studies.bench.engines import Flight, model_of, steps_of
-from skyarm.studies.bench.timing import Contender
 from skyarm.vehicle.vehicle_records import Vehicle
 
 WORLDS, STEPS, SINGLE_STEPS = 1024, 64, 500

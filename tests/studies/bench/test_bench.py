@@ -5,21 +5,21 @@ from __future__ import annotations
 import json
 import os
 
+import bench_counts as counts
+import bench_engines as ours
+import bench_timing as room
 import growth
+import measure_engines as report
 import numpy as np
 import peers
 import pytest
+from bench_engines import accuracy
+from bench_timing import Contender, contest
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.bench import bench_report as report
-from skyarm.studies.bench import counts
-from skyarm.studies.bench import engines as ours
-from skyarm.studies.bench import timing as room
-from skyarm.studies.bench.engines import accuracy
-from skyarm.studies.bench.latency import latency
-from skyarm.studies.bench.timing import Contender, contest
+from skyarm.studies.compare.step_times import latency
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 

@@ -1,4 +1,4 @@
-"""``skyarm bench`` as a shell runs it."""
+"""``make bench`` as a shell runs it."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bench_engines as engines
+import measure_engines
 import pytest
-
-from commanded import skyarm
-from skyarm.studies.bench import bench_report, engines
-from skyarm.studies.bench.timing import Contender
+from bench_timing import Contender
 
 
 def shell(*arguments: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-m", "skyarm", *arguments]
+    command = [sys.executable, "-W", "error", measure_engines.__file__, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
 
 
 def test_a_file_that_cannot_be_written_is_said_before_anything_is_measured(tmp_path: Path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    done = shell("bench", "--quick", "--out", str(blocked / "bench.json"))
+    done = shell("--quick", "--out", str(blocked / "bench.json"))
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "must be writable" in done.stderr
@@ -39,26 +38,26 @@ def instant(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "flights", lambda _scenario: {"rk4": None})
     monkeypatch.setattr(engines, "straight_line", lambda _flight: one()[0])
     monkeypatch.setattr(engines, "accuracy", lambda *_: {"rk4 f64": 1.5e-9})
-    monkeypatch.setattr(bench_report, "latency", lambda *_: {"compiled": {"p50_us": 0.25, "p99_us": 0.31}})
-    monkeypatch.setattr(bench_report, "start", lambda _rounds: {"python_alone": 0.12})
+    monkeypatch.setattr(measure_engines, "latency", lambda *_: {"compiled": {"p50_us": 0.25, "p99_us": 0.31}})
+    monkeypatch.setattr(measure_engines, "start", lambda _rounds: {"python_alone": 0.12})
 
 
 @pytest.mark.usefixtures("instant")
-def test_bench_prints_and_writes_what_it_measured(tmp_path: Path):
-    done = skyarm("bench", "--quick", "--out", str(tmp_path / "bench.json"))
-    assert (done.code, done.err) == (0, "")
+def test_bench_prints_and_writes_what_it_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    measure_engines.main(["--quick", "--out", str(tmp_path / "bench.json")])
+    out = capsys.readouterr().out
     found = json.loads((tmp_path / "bench.json").read_text("utf-8"))
-    assert f"MuJoCo {found['machine']['mujoco-core']}\n" in done.out
-    assert "1.50e-09" in done.out
+    assert f"MuJoCo {found['machine']['mujoco-core']}\n" in out
+    assert "1.50e-09" in out
     assert all(score["rate"] > 0.0 for score in found["speed"])
     for score in found["speed"]:
-        assert f"  {score['name']:<26} {score['rate']:10.4g}" in done.out
+        assert f"  {score['name']:<26} {score['rate']:10.4g}" in out
 
 
 @pytest.mark.thorough
 def test_a_quick_bench_measures_everything(tmp_path: Path):
     """Two minutes on two cores, nearly all of them compilers."""
-    done = shell("bench", "--quick", "--out", str(tmp_path / "bench.json"), seconds=900)
+    done = shell("--quick", "--out", str(tmp_path / "bench.json"), seconds=900)
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "bench.json").read_text("utf-8"))
     assert all(found.values()), {name for name in found if not found[name]}

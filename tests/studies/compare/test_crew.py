@@ -9,7 +9,6 @@ import numpy as np
 
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
-from skyarm.studies.bench.latency import flown_latency
 from skyarm.studies.compare import comparison
 from skyarm.studies.compare.cells import Cell, Flights, fly
 from skyarm.studies.compare.comparison import Comparison
@@ -17,6 +16,7 @@ from skyarm.studies.compare.comparison_report import comparison_report, plants_r
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.run_suite import fly_all
+from skyarm.studies.compare.step_times import flown_latency
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
 

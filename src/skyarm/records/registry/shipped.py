@@ -155,7 +155,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
-            *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
+            *("sweep", "stats", "margins", "basin", "compare", "studio"),
             *("check", "new", "doctor", "attach", "export-mjcf", "tune", "identify"),
         ),
     },

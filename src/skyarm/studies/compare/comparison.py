@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from skyarm.studies.bench.latency import flown_latency, latency
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.step_times import flown_latency, latency
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.figures.comparison_figures import Share, laws_figure

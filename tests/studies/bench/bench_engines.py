@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from bench_timing import Contender
 
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
@@ -25,7 +26,6 @@ from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
-from skyarm.studies.bench.timing import Contender
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]

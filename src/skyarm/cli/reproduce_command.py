@@ -1,4 +1,4 @@
-"""``skyarm bench`` and ``skyarm reproduce``: the engines measured, and the paper flown."""
+"""``skyarm reproduce``: the paper flown."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.arguments import Out, workers
-from skyarm.cli.output import aligned_lines, bar, give, table_of, tell, waiting, write_json
-from skyarm.records.files import must_be_one_of, output_file
+from skyarm.cli.output import aligned_lines, bar, give, table_of, tell
+from skyarm.records.files import must_be_one_of
 
 HEADLINE = (
     ("case1", "PD", "held_position_error"),
@@ -23,25 +23,6 @@ HEADLINE = (
     ("case3_wind", "PD", "ee_error_mean"),
 )
 """Cells of the short table that ``reproduce`` prints; all others are in table2.md."""
-
-
-def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
-    name: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,
-) -> None:
-    """Measure every engine beside MuJoCo.
-
-    Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
-    """
-    from skyarm.studies.bench.bench_report import measure, text
-
-    file = None if name is None else output_file(name, "--out")
-    with waiting("measuring") as at:
-        found = measure(quick=quick, progress=at)
-    give(found)
-    tell(text(found))
-    if file is not None:
-        tell(f"written: {write_json(file, found)}")
 
 
 def reproduce(

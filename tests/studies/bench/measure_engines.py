@@ -1,17 +1,25 @@
-"""Benchmark of the engines: speed against MuJoCo, accuracy, latency, start and operations, as a record and as text."""
+"""Benchmark of the engines: speed against MuJoCo, accuracy, latency, start and operations, as a record and as text.
+
+python tests/studies/bench/measure_engines.py [--quick] [--out FILE.json]
+"""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
+import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import bench_engines as engines
+from bench_counts import counts
+from bench_timing import contest, cores, describe, start
+
 from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.records.files import output_file, write_atomically
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.bench import engines
-from skyarm.studies.bench.counts import counts
-from skyarm.studies.bench.latency import latency
-from skyarm.studies.bench.timing import contest, cores, describe, start
+from skyarm.studies.compare.step_times import latency
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SCENARIO, LONG_ARM = "case2_gust", "hexarotor_arm6"
@@ -90,3 +98,23 @@ def speed_lines(scores: Sequence[Mapping[str, Any]]) -> list[str]:
         f"{s['work_ratio']:8.4g}x  {s['what']}"
         for s in scores
     ]
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Measure, print, and write the numbers where a file is named; exit code 2 where it cannot be written."""
+    parser = argparse.ArgumentParser(description="Measure every engine beside MuJoCo.")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter flights: about a minute")
+    parser.add_argument("--out", help="write the numbers there too, as JSON")
+    options = parser.parse_args(words)
+    try:
+        file = options.out and output_file(options.out, "--out")
+    except OSError as error:
+        parser.exit(2, f"{error}\n")
+    found = measure(quick=options.quick, progress=lambda name: print(name, file=sys.stderr))
+    print(text(found))
+    if file:
+        write_atomically(file, (json.dumps(found, indent=1) + "\n").encode())
+
+
+if __name__ == "__main__":
+    main()
