@@ -173,7 +173,6 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
             ("export", "--to", "c", "case1", "--out", "x.c", "--rate", "1e300"),
             "--rate = 1e+300: must be from 0.001 to 1000000 Hz",
         ),
-        (("bench", "--out", ""), "--out = ''"),
     ],
 )
 def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, ...], words: str) -> None:

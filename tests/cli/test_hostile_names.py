@@ -110,7 +110,6 @@ REFUSED: list[tuple[str, ...]] = [
     ("reproduce", "--plant", EVIL),
     ("export", EVIL, "--to", "c", "--out", "x.c"),
     ("export", "paper_ct", "--to", "c", "--vehicle", "evil.toml", "--name", EVIL, "--out", "x.c"),
-    ("bench", "--out", f"{EVIL}/"),
     ("doctor", EVIL),
 ]
 
@@ -118,8 +117,6 @@ REFUSED: list[tuple[str, ...]] = [
 @pytest.mark.parametrize("words", REFUSED, ids=[ascii(" ".join(words))[:40] for words in REFUSED])
 def test_a_refusal_shows_what_it_refuses_as_text(words: tuple[str, ...], folder: Path) -> None:
     (folder / "taken").write_text("")
-    if words[0] == "bench":
-        words = (*words[:2], f"taken/{EVIL}")
     outcome = terminal(*words)
     assert outcome.code == 2, outcome
     assert inert(outcome).startswith("skyarm: ")

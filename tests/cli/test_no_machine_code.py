@@ -118,7 +118,6 @@ NEED_IT = {
     "margins along": ("margins", "case1", "--instants", "2"),
     "compare": ("compare", "--laws", "paper_ct", "--conditions", "perfect", "--workers", "1"),
     "compare in mujoco": ("compare", "--laws", "paper_ct", "--conditions", "perfect", "--plant", "mujoco"),
-    "bench": ("bench", "--quick"),
     "nmpc": ("run", "case1", "--controller", "nmpc", "--duration", "0.1"),
     "nmpc in mujoco": ("run", "case1", "--controller", "nmpc", "--duration", "0.1", "--plant", "mujoco"),
     "reproduce": ("reproduce", "--workers", "1"),

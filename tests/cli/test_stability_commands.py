@@ -216,11 +216,7 @@ def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> Non
 
 
 def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) -> None:
-    for words in (
-        ("margins", "short.toml", "--out", ""),
-        ("bench", "--out", ""),
-    ):
-        refused(skyarm(*words), "--out = '': must be the path of a file")
+    refused(skyarm("margins", "short.toml", "--out", ""), "--out = '': must be the path of a file")
     export = ("export", "paper_ct", "--to", "c", "--vehicle", "hummingbird_arm2")
     refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
     (folder / "there").mkdir()

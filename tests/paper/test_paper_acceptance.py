@@ -13,10 +13,10 @@ import pytest
 from log_metrics import motion
 from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import STEADY, Flight, results, scenario, settings
-from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, PRINTED
-from skyarm.paper.report_tables import short_markdown
+from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPER, PRINTED, digits, published_number
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
+from skyarm.view.pages import markdown
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
 PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
@@ -185,8 +185,39 @@ def test_the_hover_offset_is_the_imu_the_controller_does_not_know(table: dict[st
         assert _cell(table, case, "PD", "hover_offset", "rigid_body") == pytest.approx(expected, abs=3e-4)
 
 
-def _rows(markdown: str) -> list[list[str]]:
-    lines = [line for line in markdown.splitlines() if line.startswith("|")]
+SHORT = (
+    ("case2", "hover_offset", "height offset in hover"),
+    ("case1", "held_position_error", "Case 1, position while the arm is held"),
+    ("case2", "position_error_mean", "Case 2, position mean"),
+    ("case2", "pitch_rms", "Case 2, pitch RMS"),
+    ("case2", "joint_error_mean", "Case 2, joint error mean (as stated: order reversed)"),
+    ("case3", "position_error_mean", "Case 3, position mean"),
+    ("case3", "ee_error_mean", "Case 3, tip mean"),
+    ("case3", "joint_error_mean", "Case 3, joint error mean (as stated: order reversed)"),
+    ("case2_gust", "peak_x", "Case 2 gust, peak along x"),
+    ("case3_wind", "position_error_mean", "Case 3 wind, position mean"),
+    ("case3_wind", "ee_error_mean", "Case 3 wind, tip mean"),
+    ("case3_wind", "ee_error_max", "Case 3 wind, tip max"),
+)
+"""Rows of the short table of docs/the_paper.md: case, metric, words."""
+
+
+def short_markdown(results: dict[str, Any]) -> str:
+    """The short table: paper, as stated and inferred, each rigid_body / mujoco, for CT and PD."""
+    rows = []
+    for case, name, words in SHORT:
+        row = [words, METRICS[name].unit]
+        for controller in ("CT", "PD"):
+            cell = results["experiments"][case][controller][name]
+            row.append(published_number(case, controller, name) or "-")
+            row += [" / ".join(digits(each.get(plant)) for plant in PLANTS) for each in (cell, cell["inferred"])]
+        rows.append(row)
+    head = ["", "unit", *(f"{law} {what}" for law in ("CT", "PD") for what in ("paper", "as stated", "inferred"))]
+    return markdown(head, rows)
+
+
+def _rows(written: str) -> list[list[str]]:
+    lines = [line for line in written.splitlines() if line.startswith("|")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 

@@ -14,7 +14,7 @@ from rich.text import Text
 from skyarm.cli.arguments import is_scenario, name_completion
 from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import give, heading, shown_number, tell, waiting
-from skyarm.records.files import output_file, printable, shown
+from skyarm.records.files import printable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
@@ -33,9 +33,6 @@ def check(
         ),
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
-    page: Annotated[
-        str | None, typer.Option("--html", metavar="PAGE", help="write a page with pictures there, too (.html)")
-    ] = None,
     poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses; the worst is then searched for")] = 1024,
     seed: Annotated[int, typer.Option(help="of the poses and of the states compared with MuJoCo")] = 0,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
@@ -48,9 +45,6 @@ def check(
 
     Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.
     """
-    file = None if page is None else output_file(page, "--html")
-    if file is not None and file.suffix not in (".html", ".htm"):
-        raise ValueError(f"--html = {shown(page)}: must end in .html")
     options: dict[str, Any] = {"payload": payload, "poses": poses, "seed": seed}
     with waiting(f"{what}: checking"):
         if not is_scenario(what):
@@ -59,14 +53,8 @@ def check(
             raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
         else:
             found = assess_scenario(load_scenario(what), **options)
-        if file is not None:
-            from skyarm.studies.assess.assessment_page import write_page
-
-            write_page(found, file)
-    give(found.plain(), page=file)
+    give(found.plain())
     tell(*_sheet(found))
-    if file is not None:
-        tell(f"page: {file}")
     if not found.flies:
         raise typer.Exit(DIFFERENT)
 

@@ -29,9 +29,6 @@ def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
-    compare: Annotated[
-        bool, typer.Option("--compare", help="compare all laws, fly the envelope: half an hour")
-    ] = False,
     infer: Annotated[
         bool, typer.Option("--infer", help="search for the settings that the paper leaves open anew: minutes")
     ] = False,
@@ -39,10 +36,8 @@ def reproduce(
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and one page, report.html; the centroidal law beside the paper's on the same cases into OUT/compare.
-    With --compare all of 'skyarm compare' there and its envelope into OUT/envelope; the same command continues it. With
-    --infer the settings that the paper leaves open are searched for anew, into OUT/unstated_settings.json, in place of
-    those that ship; the same command continues that too.
+    Figures 3-18 and report.html. With --infer the settings that the paper leaves open are searched for anew, into
+    OUT/unstated_settings.json, in place of those that ship; the same command continues it.
     """
     from skyarm.paper.counted_cells import sentence
     from skyarm.paper.reproduce import prepare_folder
@@ -53,9 +48,6 @@ def reproduce(
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")
     processes = workers(flying)
     plants = PLANTS if plant == "both" else (plant,)
-    if compare:
-        from skyarm.studies.compare.comparison import Comparison
-        from skyarm.studies.compare.envelope import Envelope
     prepare_folder(out, plants)
     evidence = _evidence(out, processes) if infer else None
     with bar("flying") as advance:
@@ -63,7 +55,6 @@ def reproduce(
             out,
             plants=plants,
             workers=processes,
-            suites={"compare": Comparison(), "envelope": Envelope()} if compare else None,
             evidence=evidence,
             progress=advance,
             note=tell,

@@ -74,6 +74,11 @@ def in_group(group: str) -> Callable[[Cell], bool]:
     return lambda cell: (cell.flight, cell.name) in names
 
 
+def in_case(case: str) -> Callable[[Cell], bool]:
+    """True if a cell belongs to a case."""
+    return lambda cell: cell.flight.rpartition(" ")[0] == case
+
+
 def sentence(results: Mapping[str, Any]) -> str:
     """The counts of all columns, in words."""
     experiments = results.get("experiments", {})

@@ -77,53 +77,6 @@ def metric(name: str) -> Metric:
     return found if base == name else replace(found, label=f"{found.label}, continuous reference")
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """A headline number: a metric that must lie in [low, high] for every (case, law) of ``cells``."""
-
-    title: str
-    name: str
-    cells: list[tuple[str, str]]
-    low: float
-    high: float
-
-    def values(self, experiments: Experiments, plant: str) -> list[float]:
-        """The numbers of a plant that are there."""
-        every = [experiments.get(case, {}).get(law, {}).get(self.name, {}).get(plant) for case, law in self.cells]
-        return [value for value in map(finite_or_none, every) if value is not None]
-
-    def meets(self, experiments: Experiments, plant: str) -> bool | None:
-        """True if a plant meets the claim; None if one of its numbers is missing."""
-        found = self.values(experiments, plant)
-        return None if len(found) < len(self.cells) else all(self.low <= value <= self.high for value in found)
-
-
-CLAIMS = tuple(Claim(**row) for row in _TABLES["claims"])
-
-ORDERED = (
-    *((case, name) for name in ("position_error_mean", "ee_error_mean") for case in CASES),
-    *(("case2", "pitch_rms"), ("case3", "pitch_rms")),
-)
-"""Where CT must lie below PD."""
-
-
-def count_ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
-    """Count where CT lies below PD: (how often, of how many that were flown)."""
-    pairs = [
-        [finite_or_none(experiments.get(case, {}).get(law, {}).get(name, {}).get(plant)) for law in ("CT", "PD")]
-        for case, name in ORDERED
-    ]
-    flown = [(ct, pd) for ct, pd in pairs if ct is not None and pd is not None]
-    return sum(ct < pd for ct, pd in flown), len(flown)
-
-
-def tally(experiments: Experiments, plant: str) -> tuple[int, int]:
-    """Count claims met, the order of the laws among them: (met, judged)."""
-    count, total = count_ordered(experiments, plant)
-    verdicts = [*(claim.meets(experiments, plant) for claim in CLAIMS), count == total if total else None]
-    return sum(verdict is True for verdict in verdicts), sum(verdict is not None for verdict in verdicts)
-
-
 def finite_or_none(value: Number) -> float | None:
     """Return the value as a float; None if it is missing or not finite."""
     return float(value) if value is not None and math.isfinite(value) else None

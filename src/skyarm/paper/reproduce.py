@@ -15,24 +15,18 @@ from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markd
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
 from skyarm.paper.published import CASES
 from skyarm.paper.reasons import Reasons, reasons
-from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages, vehicle_section
+from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import variations
 from skyarm.records.files import require_replaceable, require_writable, write_atomically
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.compare.comparison import Comparison
-from skyarm.studies.compare.entrants import ENTRANTS
-from skyarm.studies.compare.run_suite import PAGE, Progress, Suite, fly_suite, prepare
-from skyarm.studies.compare.suite import conditions
+from skyarm.studies.compare.run_suite import Progress
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import details, image
+from skyarm.view.pages import image
 
 Note = Callable[[str], None]
-
-LAWS = ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip")
-"""The paper's laws and this library's, which fly the comparison's cases beside the report."""
 
 NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")
 
@@ -45,7 +39,6 @@ def reproduce(
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
-    suites: Mapping[str, Suite] | None = None,
     evidence: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
@@ -54,17 +47,14 @@ def reproduce(
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
     case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first
-    plant), ``logs/PLANT/CASE_CONTROLLER.npz``, and a folder for each suite; each file appears whole or not at all.
+    plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
 
     Args:
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
         workers: processes that fly.
-        suites: folder -> suite, flown after the paper, continued if interrupted, and shown by their tables; the paper's
-            laws and the centroidal law on the comparison's cases if left out.
-        evidence: of a search for the paper's unstated settings
-        (:func:`skyarm.studies.identify.identification.identify`); that
-            of the package if left out.
+        evidence: of a search for the paper's unstated settings (:func:`skyarm.paper.inferred_settings.infer`); that of
+            the package if left out.
         progress: called after every episode.
         note: called with one line before each stage.
 
@@ -73,15 +63,11 @@ def reproduce(
 
     Raises:
         ValueError: an unknown plant.
-        NoMachineCodeError: before any flight; suites fly in batches.
+        NoMachineCodeError: before any flight; as Python floats all flights take hours.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
-    flown = usual_suites() if suites is None else suites
-    if flown:
-        require_machine_code()
+    require_machine_code()
     folder = prepare_folder(out, plants)
-    for name in flown:
-        prepare(folder / name)
     say = note or (lambda _line: None)
     chosen: dict[str, Any] = {} if evidence is None else {"evidence": evidence}
     campaign = run_campaign(plants, workers=workers, progress=progress, **chosen)
@@ -100,16 +86,11 @@ def reproduce(
     overview = overview_figure(first, STEADY)
     for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
-    further = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
-    for name, suite in flown.items():
-        say(f"flying {suite.name}")
-        title, further_section = _suite_section(suite, folder / name, workers, progress)
-        further[title] = further_section
+    inferred = inferred_section(table, predicted, evidence, plants[0]) if campaign.found else ""
     say("writing report.html")
-    further["The vehicle"] = vehicle_section()
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
     opening = image(caption, caption, image_bytes(overview), kind="single opening")
-    pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, further, opening)
+    pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, inferred, opening)
     for name, page in pages.items():
         write_atomically(folder / name, page.encode())
     return table
@@ -134,36 +115,12 @@ def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
     return folder
 
 
-def usual_suites() -> dict[str, Suite]:
-    """The paper's laws and the centroidal law on the comparison's cases, perfect and noisy."""
-    entrants = {name: ENTRANTS[name] for name in LAWS}
-    chosen = {name: each for name, each in conditions().items() if name in ("perfect", "noisy")}
-    return {"compare": Comparison(entrants=entrants, conditions=chosen)}
-
-
-def _suite_section(suite: Suite, folder: Path, workers: int, progress: Progress | None) -> tuple[str, str]:
-    """Fly a suite; its title, and HTML of its sections, folded, with a link to its own page."""
-    found = fly_suite(suite, folder, threads=workers, progress=progress)
-    report = suite.report(found)
-    link = f'<p>{report.facts}; <a href="{folder.name}/{PAGE}">its own page, with its picture</a>.</p>'
-    return report.title, link + "".join(details(each.title or each.name, each.content()) for each in report.sections)
-
-
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     """Every file that will be written."""
-    pages = [
-        folder / name
-        for name in (
-            *("results.json", "sensitivity.json", "table2.md", "inference.md"),
-            *(MAIN, *case_files(CASES).values()),
-        )
-    ]
-    drawn = [folder / "figures" / f"{name}.png" for name in NAMED]
-    return (
-        pages
-        + drawn
-        + [folder / "logs" / each.plant / f"{each.case}_{each.controller}.npz" for each in flights(plants)]
-    )
+    names = ["results.json", "sensitivity.json", "table2.md", "inference.md", MAIN, *case_files(CASES).values()]
+    names += [f"figures/{name}.png" for name in NAMED]
+    names += [f"logs/{each.plant}/{each.case}_{each.controller}.npz" for each in flights(plants)]
+    return [folder / name for name in names]
 
 
 def _json(value: Any) -> bytes:

@@ -82,9 +82,6 @@ AXES = ("roll", "pitch", "yaw")
 FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
 """rad/s^2: below the first it cannot be held against a breeze, below the second it is slow; yaw can be weaker."""
 
-RAYS = 72
-"""Directions in which the boundary of attainable roll and pitch torque is found."""
-
 
 def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float) -> list[Finding]:
     """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose.
@@ -127,15 +124,6 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
         turned = M[:, free, 3:6]
         return np.asarray(M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned))
     return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
-
-
-def roll_pitch_boundary(vehicle: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
-    """Corners (RAYS, 2) of the roll and pitch torques that can be added to hover in a pose, N m."""
-    squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints[None]))
-    angles = 2.0 * math.pi * np.arange(RAYS) / RAYS
-    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    far = [allocation.room(squared, np.array([*ray, 0.0, 0.0]))[0] for ray in rays]
-    return np.asarray(np.maximum(far, 0.0)[:, None] * rays, dtype=float)
 
 
 def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Finding]:

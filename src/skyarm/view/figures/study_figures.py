@@ -346,9 +346,6 @@ SPAN = (-3.2, 1.2, -2.2, 2.2)
 
 CURVE, DISK = "#0b4f8a", "#b2182b"
 
-BOUNDARIES = ((CURVE, "-"), (DISK, "--"))
-"""Colour and dash of the first and the second boundary: either tells them apart."""
-
 
 def nyquist_figure(loci: Sequence[Locus]) -> Figure:
     """Draw each loop's response, the point -1 and the disk that the symmetric disk margin keeps it out of.
@@ -384,22 +381,3 @@ def _diagram(ax: Axes, locus: Locus) -> None:
     ax.set_aspect("equal")
     title = f"{margin.name}: {margin.disk:.2f} at {margin.frequency:.3g} rad/s"
     ax.set_title(title, **PAPER.small_words)
-
-
-def attainable_torque_figure(boundaries: Sequence[tuple[str, Array]]) -> Figure:
-    """Draw boundaries of attainable torque over each other.
-
-    Args:
-        boundaries: (label, corners (K, 2)) of at most two arm poses: roll and pitch torque, N m.
-    """
-    figure, ax = PAPER.single(PAPER.width, 3.0)
-    for (label, corners), (color, dash) in zip(boundaries, BOUNDARIES, strict=False):
-        closed = np.vstack([corners, corners[:1]])
-        ax.plot(closed[:, 0], closed[:, 1], dash, color=color, linewidth=1.2, label=label)
-        ax.fill(closed[:, 0], closed[:, 1], color=color, alpha=0.08)
-    ax.plot([0.0], [0.0], "+", color=PAPER.frame, markersize=6)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("roll torque, N m", **PAPER.small_words)
-    ax.set_ylabel("pitch torque, N m", **PAPER.small_words)
-    figure.legend(loc="outside upper center", ncols=2, frameon=False, prop=PAPER.prop)
-    return figure
