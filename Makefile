@@ -50,8 +50,8 @@ reproduce: $(VENV)/.core
 	$(BIN)/python -m skyarm reproduce --out $(OUT)
 
 lint: $(VENV)/.test
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests research
+	$(BIN)/ruff format --check src tests research
 	$(BIN)/lint-imports
 
 types: $(VENV)/.test

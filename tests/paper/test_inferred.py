@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from infer import infer
+from inference.candidates import Candidates
 from skyarm.paper import inference_tables as shown
 from skyarm.paper.campaign import Campaign
 from skyarm.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
@@ -16,7 +18,6 @@ from skyarm.paper.flights import Flight, results, scenario, settings
 from skyarm.paper.inferred_settings import (
     INFERRED,
     PREDICTED,
-    infer,
     inferred_scenario,
     is_of_this_study,
     settings_in,
@@ -28,7 +29,6 @@ from skyarm.paper.report_pages import inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables as markdown
 from skyarm.paper.report_text import OPEN
 from skyarm.simulate import run
-from skyarm.studies.identify.candidates import Candidates
 
 PLANTS = ("rigid_body", "mujoco")
 
@@ -104,7 +104,7 @@ def test_the_settings_reach_every_flight() -> None:
 
 
 def test_the_evidence_that_ships_is_of_this_study() -> None:
-    assert is_of_this_study(shipped_evidence()), "run skyarm reproduce --infer and ship what it writes"
+    assert is_of_this_study(shipped_evidence()), "run research/infer.py and ship what it writes"
     assert not is_of_this_study({"study_digest": "another"})
 
 
@@ -167,7 +167,7 @@ def test_results_hold_the_column_and_what_it_depends_on(table: dict[str, Any]) -
     assert abs(cell["inferred"]["rigid_body"] - 0.049) < 0.3 * abs(cell["rigid_body"] - 0.049)
     facts = table["settings"]["inferred"]
     study = unstated_study()
-    assert (facts["numbers"], facts["choices"]) == (len(study.free), len(study.family))
+    assert (facts["numbers"], facts["choices"]) == (len(study.plan.fit.free), len(study.plan.fit.choices))
 
 
 def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> None:
@@ -177,7 +177,7 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
         assert f"{first['within_25%']} lie within 25 %, {first['within_10%']} within 10 %" in words
         assert f"(on mujoco {second['within_25%']}, {second['within_10%']} and {second['within_5%']})" in words
     assert "103 numeric cells" in words
-    assert f"{len(unstated_study().free)} numbers" in words
+    assert f"{len(unstated_study().plan.fit.free)} numbers" in words
     text = markdown(table, {})
     assert text.index(words) < text.index("Not reproduced")
     page = report_pages(table, {}, {}, {})["report.html"]
@@ -205,14 +205,14 @@ def test_the_evidence_reads_as_tables() -> None:
     tables = shown.evidence_tables(evidence)
     assert all(len(row) == len(each.head) for each in tables for row in each.rows)
     ladder = next(each for each in tables if each.caption.startswith("Ladder"))
-    assert len(ladder.rows) == 1 + len(unstated_study().ladder)
+    assert len(ladder.rows) == 1 + len(unstated_study().plan.ladder)
     rivals = next(each for each in tables if each.caption.startswith("Rivals"))
-    assert len(rivals.rows) == len(unstated_study().rivals)
+    assert len(rivals.rows) == len(unstated_study().plan.rivals)
     assert shown.markdown_of(tables).count("\n## ") == len(tables)
 
 
 def test_evidence_that_is_there_is_not_searched_for_again(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from skyarm.studies.identify import identification
+    from inference import identification
 
     def flown(*_: Any, **__: Any) -> None:
         raise AssertionError("flown")

@@ -1,17 +1,19 @@
-"""``skyarm reproduce`` and its ``--infer`` of few candidates: from command to report."""
+"""``skyarm reproduce`` and a search that is continued, of few candidates: from command to report."""
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from test_reproduce import _few
 
+import infer
 from commanded import skyarm
+from inference.identification import result_digest
 from skyarm.paper import inferred_settings, reproduce
-from skyarm.studies.identify.identification import result_digest
 
 
 @pytest.mark.thorough
@@ -31,8 +33,8 @@ def test_a_search_is_continued_and_shown_in_the_report(tmp_path: Path, monkeypat
     file.write_text(json.dumps(there), "utf-8")
     flown: list[Any] = []
     monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: flown.append(evidence) or _few(*a, **k))
-    done = skyarm("reproduce", "--infer", "--plant", "rigid_body", "--out", str(tmp_path))
-    assert done.code == 0, done.err
+    monkeypatch.setattr(sys, "argv", ["infer.py", "--plant", "rigid_body", "--out", str(tmp_path)])
+    infer.main()
     (evidence,) = flown
     assert evidence == json.loads(file.read_text("utf-8"))
     assert list(evidence["stages"]) == list(shipped["stages"])

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.arguments import Out, workers
-from skyarm.cli.output import aligned_lines, bar, give, table_of, tell
+from skyarm.cli.output import bar, give, table_of, tell
 from skyarm.records.files import must_be_one_of
 
 HEADLINE = (
@@ -29,15 +29,11 @@ def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
-    infer: Annotated[
-        bool, typer.Option("--infer", help="search for the settings that the paper leaves open anew: minutes")
-    ] = False,
 ) -> None:
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and report.html. With --infer the settings that the paper leaves open are searched for anew, into
-    OUT/unstated_settings.json, in place of those that ship; the same command continues it.
+    Figures 3-18 and report.html.
     """
     from skyarm.paper.counted_cells import sentence
     from skyarm.paper.reproduce import prepare_folder
@@ -49,31 +45,17 @@ def reproduce(
     processes = workers(flying)
     plants = PLANTS if plant == "both" else (plant,)
     prepare_folder(out, plants)
-    evidence = _evidence(out, processes) if infer else None
     with bar("flying") as advance:
         table = perform(
             out,
             plants=plants,
             workers=processes,
-            evidence=evidence,
             progress=advance,
             note=tell,
         )
     give(table, folder=out)
     tell(sentence(table), _headline(table))
     tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")
-
-
-def _evidence(out: str, threads: int) -> dict[str, Any]:
-    """Search for the settings that the paper leaves open, and print them."""
-    from skyarm.paper.inference_tables import evidence_tables
-    from skyarm.paper.inferred_settings import infer
-
-    with bar("inferring") as advance:
-        evidence = infer(out, threads=threads, progress=advance)
-    for table in evidence_tables(evidence):
-        tell(f"\n{table.caption}", *aligned_lines([[name.removeprefix(">") for name in table.head], *table.rows]))
-    return evidence
 
 
 def _headline(results: dict[str, Any]) -> Any:

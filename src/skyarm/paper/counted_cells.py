@@ -11,8 +11,7 @@ import numpy as np
 from skyarm.paper.inferred_settings import unstated_study
 from skyarm.paper.published import PAPER, finite_or_none, rounding
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.identify.candidates import losses, tally
-from skyarm.studies.identify.study import Cell
+from skyarm.studies.identify.study import Cell, losses, tally
 
 SHARES = (0.05, 0.10, 0.25)
 
@@ -64,7 +63,7 @@ def counts(
     values, study = column_values(experiments, column, cells), unstated_study()
     if np.isnan(values).all():
         return {}
-    loss = float(losses(values[None, :], cells, study.width, study.knee).sum())
+    loss = float(losses(values[None, :], cells, study.plan.loss.width, study.plan.loss.knee).sum())
     return {"loss": loss} | tally(values, cells, SHARES)
 
 

@@ -27,11 +27,11 @@ def settings_table(evidence: Mapping[str, Any]) -> Table:
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
-    for name in study.free:
+    for name in study.plan.fit.free:
         each = study.parameter(name)
         low, high = stages[f"profile {name}"]["within_1"]
         rows.append((each.words, number(settings[name]), each.unit, f"{number(low)} ... {number(high)}"))
-    for name, option in study.family.items():
+    for name, option in study.plan.fit.choices.items():
         choice = study.choice(name)
         others = [each.words for each in choice.options if each.name != option]
         rows.append((choice.words, choice.option(option).words, "choice", f"not: {'; '.join(others)}"))
@@ -63,7 +63,7 @@ def choices_table(evidence: Mapping[str, Any]) -> Table:
 def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
     """Loss over each free number."""
     study, found = unstated_study(), []
-    for name in study.free:
+    for name in study.plan.fit.free:
         stage, each = evidence["stages"][f"profile {name}"], study.parameter(name)
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
         rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
@@ -75,10 +75,10 @@ def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
 def rivals_table(evidence: Mapping[str, Any]) -> Table:
     """Every alternative alone on the steady cells of Cases 2 and 3, and on top of the fit."""
     study, rows = unstated_study(), []
-    for rival in study.rivals:
+    for rival in study.plan.rivals:
         stage = evidence["stages"][f"rival {rival.name}"]
         row = [rival.words]
-        for group in study.rival_cells:
+        for group in study.plan.rival_cells:
             alone = stage["alone"][group]
             values = ", ".join(number(value) for value in alone["numbers"].values())
             row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
@@ -86,7 +86,7 @@ def rivals_table(evidence: Mapping[str, Any]) -> Table:
         row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_loss_cells(top)] if top else ["-"] * 5
         rows.append(row)
     head = ["alternative"]
-    for group in study.rival_cells:
+    for group in study.plan.rival_cells:
         law = group.removeprefix("steady_")
         head += [f">{law}: loss alone, from to", ">best value"]
     return _table("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
@@ -98,7 +98,7 @@ def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], p
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """
     study, rows = unstated_study(), []
-    seen = next(each.seen for each in study.predictions if each.name == PREDICTION)
+    seen = next(each.seen for each in study.plan.predictions if each.name == PREDICTION)
     columns = (
         (results["experiments"], stated_value),
         (predicted, inferred_value),
@@ -151,5 +151,5 @@ def inferred_facts(evidence: Mapping[str, Any]) -> dict[str, Any]:
     """Dependencies of the inferred column, for ``settings`` of the results."""
     study = unstated_study()
     settings = evidence["stages"]["fit"]["settings"]
-    facts = {"numbers": len(study.free), "choices": len(study.family), "settings": settings}
+    facts = {"numbers": len(study.plan.fit.free), "choices": len(study.plan.fit.choices), "settings": settings}
     return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}

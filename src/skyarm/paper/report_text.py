@@ -76,7 +76,7 @@ INFERRED = (
     "for all flights. What speaks for them is what they say of flights that the search has not seen."
 )
 
-OTHER_STUDY = "This search was made with another version of the study: skyarm reproduce --infer makes it anew."
+OTHER_STUDY = "This search was made with another version of the study: research/infer.py of the source makes it anew."
 
 ASSUMED = (
     "Assumed, since the paper does not say: commands reach rotors and joints without latency (RotorS has about three "

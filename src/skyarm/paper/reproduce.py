@@ -53,8 +53,8 @@ def reproduce(
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
         workers: processes that fly.
-        evidence: of a search for the paper's unstated settings (:func:`skyarm.paper.inferred_settings.infer`); that of
-            the package if left out.
+        evidence: of a search for the paper's unstated settings (``research/infer.py`` of the source); that of the
+            package if left out.
         progress: called after every episode.
         note: called with one line before each stage.
 

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from test_identification import METRICS, STUDY, THICK
 
-from skyarm.studies.identify.candidates import losses
-from skyarm.studies.identify.evidence import Evidence, _range
-from skyarm.studies.identify.study import read_identification
+from inference.evidence import Evidence, _range
+from skyarm.studies.identify.study import losses, read_identification
 
 TEXT = STUDY.replace("CELLS", "\n".join(f'{name} = "1.000"' for name in METRICS)).replace("[fit]", f"{THICK}[fit]")
-STUDIED = dataclasses.replace(read_identification(TEXT.encode(), Path(), "small.toml"), generations=0, population=8)
+STUDIED = read_identification(
+    TEXT.replace("generations = 10", "generations = 0").replace("population = 16", "population = 8").encode(),
+    Path(),
+    "small.toml",
+)
 
 
 class Formulas:
@@ -93,8 +96,9 @@ def test_a_rival_alone_is_judged_against_what_is_stated_and_on_top_against_the_f
     assert stiffness["on_top"]["loss"] < alone["loss"]
     measured, _ = stage("rival measured")
     assert measured["alone"]["joints"]["loss"] > measured["alone"]["joints"]["stated"]
-    replaced = dataclasses.replace(STUDIED.rivals[0], without=("friction",))
-    other, _ = stage("rival stiffness", study=dataclasses.replace(STUDIED, rivals=(replaced,)))
+    replaced = dataclasses.replace(STUDIED.plan.rivals[0], without=("friction",))
+    plan = dataclasses.replace(STUDIED.plan, rivals=(replaced,))
+    other, _ = stage("rival stiffness", study=dataclasses.replace(STUDIED, plan=plan))
     assert other["on_top"]["loss"] > stiffness["on_top"]["loss"] + 1.0
 
 

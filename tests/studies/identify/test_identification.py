@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 import skyarm
+from inference.candidates import Candidates
+from inference.checks import checked_study
+from inference.evidence import Evidence
+from inference.identification import identify, result_digest
 from skyarm.log.metrics.score import score
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.studies.identify.candidates import Candidates
-from skyarm.studies.identify.evidence import Evidence
-from skyarm.studies.identify.identification import identify, result_digest, study_digest
-from skyarm.studies.identify.study import IdentificationError, IdentificationStudy, laid_over, read_identification
+from skyarm.studies.identify.study import IdentificationError, IdentificationStudy, laid_over
 
 METRICS = ("joint_error_mean", "joint_error_max", "position_error_mean", "pitch_rms", "tau1_rms", "tau2_rms")
 
@@ -126,7 +127,7 @@ TRUE = {"clock": "early", "friction": 0.04, "late": 0.012}
 
 
 def study_of(cells: str) -> IdentificationStudy:
-    return read_identification(STUDY.replace("CELLS", cells).encode(), Path(), "small.toml")
+    return checked_study(STUDY.replace("CELLS", cells).encode(), Path(), "small.toml")
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +145,7 @@ def found(study: IdentificationStudy, tmp_path_factory: pytest.TempPathFactory) 
 
 def test_candidates_are_flights_with_those_numbers(study: IdentificationStudy) -> None:
     values = Candidates(study).cells(study.cells, TRUE)[0]
-    planned = with_numbers(scenario_from(study.tables("sines", TRUE)), study.numbers("sines", TRUE))
+    planned = with_numbers(scenario_from(study.scenario_tables("sines", TRUE)), study.numbers("sines", TRUE))
     scored = score(skyarm.run(planned), METRICS, planned.windows)
     # in single precision
     assert values == pytest.approx([scored[name] for name in METRICS], rel=2e-3)
@@ -232,7 +233,7 @@ def test_a_stopped_study_goes_on_and_a_finished_one_flies_nothing(
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"digest": 3}', '{"stages": {"fit": {}}}'])
 def test_a_file_that_is_of_no_study_is_begun_anew(study: IdentificationStudy, tmp_path: Path, content: str) -> None:
-    from skyarm.studies.identify.identification import _stages_there
+    from inference.identification import _stages_there
 
     file = tmp_path / "found.json"
     file.write_text(content, "utf-8")
@@ -241,10 +242,10 @@ def test_a_file_that_is_of_no_study_is_begun_anew(study: IdentificationStudy, tm
 
 def test_the_digest_is_of_study_cells_and_scenarios(study: IdentificationStudy) -> None:
     other = study_of("\n".join(f'{name} = "1.0"' for name in METRICS))
-    assert study_digest(other) != study_digest(study)
+    assert other.digest != study.digest
     assert result_digest(other) != result_digest(study)
     same = study_of("\n".join(f'{cell.name} = "{cell.measured:.6f}"' for cell in study.cells))
-    assert study_digest(same) == study_digest(study)
+    assert same.digest == study.digest
 
 
 @pytest.mark.parametrize(
@@ -277,7 +278,7 @@ def test_a_wrong_study_is_refused_in_one_line(old: str, new: str, words: str) ->
     text = STUDY.replace("CELLS", "\n".join(f'{name} = "1.0"' for name in METRICS))
     assert old in text
     with pytest.raises(IdentificationError, match=words) as caught:
-        read_identification(text.replace(old, new, 1).encode(), Path(), "small.toml")
+        checked_study(text.replace(old, new, 1).encode(), Path(), "small.toml")
     assert "\n" not in str(caught.value)
 
 
@@ -294,7 +295,7 @@ def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pyte
     Of two settings with the same paths one has the stiffer joints, which choose the integration step.
     """
     text = STUDY.replace("CELLS", "\n".join(f'{name} = "1.0"' for name in METRICS)).replace("[fit]", f"{THICK}[fit]")
-    study = read_identification(text.encode(), Path(), "small.toml")
+    study = checked_study(text.encode(), Path(), "small.toml")
 
     class Asked:
         def __init__(self, scenario: Any, paths: Any, metrics: Any, stiffest: Any, effort: int) -> None:
@@ -305,7 +306,7 @@ def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pyte
             told.append(self.made)
             return np.ones((len(columns), len(METRICS)))
 
-    monkeypatch.setattr("skyarm.studies.identify.candidates.Flown", Asked)
+    monkeypatch.setattr("inference.candidates.Flown", Asked)
     settings: list[dict[str, Any]] = [
         {},
         {"friction": 0.02},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.search import compass, decode, differential_evolution, encode
+from inference.search import compass, decode, differential_evolution, encode
 from skyarm.studies.identify.study import Parameter
 
 

@@ -2,7 +2,7 @@
 
 A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
 
-    [loss]          width, knee: of the logarithms (skyarm.studies.identify.candidates.losses)
+    [loss]          width, knee: of the logarithms (:func:`losses`)
     [search]        population, generations: of the differential evolution
     [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table takes a field away
     [[flights]]     name, scenario (of the library, or a path beside the file), over = [NAMES of tables],
@@ -24,32 +24,27 @@ is allowed.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from skyarm.log.metrics.metric_catalogue import metric_names
+import numpy as np
+import numpy.typing as npt
+
 from skyarm.records.files import Fields, all_wrong_words, one_line, read_toml, shown, unreadable
 from skyarm.records.read_table import record_from
-from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, scenario_from
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+
+Array = npt.NDArray[np.float64]
 
 Settings = Mapping[str, Any]
 """Parameter -> number, choice -> option. What is not named stays as the flights' scenarios have it."""
-
-Record = TypeVar("Record")
-
-LARGEST_SEED = 2**32 - 1
-
-LARGEST_SEARCH = 100_000
-"""Candidates of a generation, and generations."""
-
-FINEST = 1e-6
-"""Least resolution of a parameter, of its range: single precision tells no more values apart."""
 
 
 class IdentificationError(ValueError):
@@ -93,6 +88,15 @@ class Options(dict[str, str]):
     def from_table(cls, value: Any, at: str) -> Options:
         """Check the value of a file."""
         return cls(Fields(value, at).table)
+
+
+class Overlays(dict[str, Mapping[str, Any]]):
+    """Tables of a scenario file by name."""
+
+    @classmethod
+    def from_table(cls, value: Any, at: str) -> Overlays:
+        """Check the value of a file."""
+        return cls({name: Fields(each, f"{at}.{name}").table for name, each in Fields(value, at).table.items()})
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,46 +242,77 @@ class Prediction:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Loss:
+    """Width and knee of :func:`losses`."""
+
+    width: float
+    knee: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Search:
+    """Size of the differential evolution."""
+
+    population: int
+    generations: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fit:
+    """Names of the free parameters, and the option of each choice."""
+
+    free: Names = Names()
+    choices: Options = field(default_factory=Options)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """The fields of a study's file that do not depend on its flights; see the module."""
+
+    schema: int = 1
+    name: Name
+    title: str = ""
+    seed: int = 0
+    loss: Loss
+    search: Search
+    tables: Overlays = field(default_factory=Overlays)
+    rival_cells: Names = Names()
+    parameters: tuple[Parameter, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    fit: Fit = field(default_factory=Fit)
+    ladder: tuple[Rung, ...] = ()
+    rivals: tuple[Rival, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class IdentificationStudy:
     """Everything that an identification needs.
 
     Attributes:
-        name: short. seed: of the search. width, knee: of the loss (:func:`skyarm.studies.identify.candidates.losses`).
-        flights, cells: measured ones. groups: name -> cells by place. overlays: name -> table for scenarios.
-        parameters, choices: what may vary. family: choice -> option of the fit. free: names of the fit.
-        ladder, rivals, predictions: what is tried. rival_cells: group on which rivals are tried alone.
-        population, generations: of the search.
+        plan: what is searched and tried.
+        flights, cells: measured ones. groups: name -> cells by place.
         document: the file, plain; its digest is part of the study's identity.
     """
 
-    name: str
-    title: str
-    seed: int
-    width: float
-    knee: float
+    plan: Plan
     flights: tuple[Flight, ...]
     cells: tuple[Cell, ...]
     groups: Mapping[str, tuple[int, ...]]
-    overlays: Mapping[str, Mapping[str, Any]]
-    parameters: tuple[Parameter, ...]
-    choices: tuple[Choice, ...]
-    free: Names
-    family: Options
-    ladder: tuple[Rung, ...]
-    rivals: tuple[Rival, ...]
-    rival_cells: Names
-    predictions: tuple[Prediction, ...]
-    population: int
-    generations: int
     document: Mapping[str, Any]
+
+    @property
+    def digest(self) -> str:
+        """Digest of the study's file and of the scenarios of its flights, as plain tables."""
+        return digest_of({"study": self.document, "flights": {each.name: each.document for each in self.flights}})
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name."""
-        return next(each for each in self.parameters if each.name == name)
+        return next(each for each in self.plan.parameters if each.name == name)
 
     def choice(self, name: str) -> Choice:
         """A choice by its name."""
-        return next(each for each in self.choices if each.name == name)
+        return next(each for each in self.plan.choices if each.name == name)
 
     def among(self, group: str) -> tuple[Cell, ...]:
         """Cells of a group; "" is all of them."""
@@ -289,7 +324,7 @@ class IdentificationStudy:
 
     def options_of(self, settings: Settings) -> list[Option]:
         """Options of the choices that settings name."""
-        return [each.option(settings[each.name]) for each in self.choices if each.name in settings]
+        return [each.option(settings[each.name]) for each in self.plan.choices if each.name in settings]
 
     def numbers(self, flight: str, settings: Settings) -> dict[str, Any]:
         """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
@@ -300,31 +335,36 @@ class IdentificationStudy:
 
         sets = [each for option in self.options_of(settings) for each in option.sets]
         found: dict[str, Any] = {str(each.path): each.value for each in sets if acts(each)}
-        for parameter in self.parameters:
+        for parameter in self.plan.parameters:
             if parameter.name in settings:
                 value = settings[parameter.name]
                 found |= {str(t.path): t.factor * value + t.offset for t in parameter.targets if acts(t)}
         return found
 
-    def tables(self, flight: str, settings: Settings) -> dict[str, Any]:
+    def scenario_tables(self, flight: str, settings: Settings) -> dict[str, Any]:
         """The scenario of a flight as plain tables, with those of the options laid over it."""
         found = dict(self.flight(flight).document)
         for option in self.options_of(settings):
             for each in option.tables:
                 if each.flights.fit(flight):
-                    found = laid_over(found, self.overlays[each.table])
+                    found = laid_over(found, self.plan.tables[each.table])
         return found
+
+
+def digest_of(facts: Mapping[str, Any]) -> str:
+    """Digest of plain values."""
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 def laid_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """Plain tables with others over them: tables merge, else the upper counts; an empty table takes a field away."""
     found = dict(below)
     for name, value in above.items():
-        held = found.get(name)
+        stored = found.get(name)
         if value == {}:
             found.pop(name, None)
             continue
-        found[name] = laid_over(held, value) if isinstance(held, Mapping) and isinstance(value, Mapping) else value
+        found[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
     return found
 
 
@@ -347,92 +387,37 @@ def read_identification(content: bytes, folder: Path, source: str) -> Identifica
 
 
 def _study(top: Fields, folder: Path) -> IdentificationStudy:
-    document = dict(top.table)
-    schema, title = top.take("schema", 1), top.take("title", "")
-    if schema != 1 or isinstance(schema, bool):
-        raise ValueError(f"schema = {shown(schema)}: must be 1")
-    if not isinstance(title, str):
-        raise ValueError(f"title = {shown(title)}: must be text")
-    overlays = {name: Fields(each, f"tables.{name}").table for name, each in _table(top, "tables").items()}
+    document, groups, entries = dict(top.table), top.inner("groups"), top.tables("flights")
+    plan = record_from(Plan, top)
+    if plan.schema != 1:
+        raise ValueError(f"schema = {plan.schema}: must be 1")
     flights, cells = list[Flight](), list[Cell]()
-    for fields in _tables(top, "flights"):
-        flight = _flight(fields, overlays, folder)
-        flights.append(flight)
-        cells += _cells(fields, flight.name)
+    for fields in entries:
+        flights.append(_flight(fields, plan.tables, folder))
+        cells += _cells(fields, flights[-1].name)
         fields.done()
-    loss, search, fit = (Fields(_table(top, name), name) for name in ("loss", "search", "fit"))
-    study = IdentificationStudy(
-        name=Name.from_table(top.take("name"), "name"),
-        title=title,
-        seed=_whole(top, "seed", 0, LARGEST_SEED, 0),
-        width=loss.number("width", low=0.0, strict=True),
-        knee=loss.number("knee", low=0.0, strict=True),
-        population=_whole(search, "population", 4, LARGEST_SEARCH),
-        generations=_whole(search, "generations", 0, LARGEST_SEARCH),
-        flights=tuple(flights),
-        cells=tuple(cells),
-        groups={name: _group(f"groups.{name}", each, cells) for name, each in _table(top, "groups").items()},
-        overlays=overlays,
-        parameters=_records(top, "parameters", Parameter),
-        choices=_records(top, "choices", Choice),
-        free=Names.from_table(fit.take("free", []), "fit.free"),
-        family=Options.from_table(fit.take("choices", {}), "fit.choices"),
-        ladder=_records(top, "ladder", Rung),
-        rivals=_records(top, "rivals", Rival),
-        rival_cells=Names.from_table(top.take("rival_cells", []), "rival_cells"),
-        predictions=_records(top, "predictions", Prediction),
-        document=document,
-    )
-    for fields in (loss, search, fit, top):
-        fields.done()
-    _require_consistent(study)
-    _require_flyable(study)
-    return study
-
-
-def _whole(fields: Fields, name: str, low: int, high: int, *default: int) -> int:
-    value = fields.number(name, *default, low=float(low))
-    if value != int(value) or value > high:
-        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be a whole number from {low} to {high}")
-    return int(value)
-
-
-def _table(top: Fields, name: str) -> dict[str, Any]:
-    """A table of names, {} if it is left out."""
-    return Fields(top.take(name, {}), top.at(name)).table
-
-
-def _tables(top: Fields, name: str) -> list[Fields]:
-    """A list of tables, each with its number in messages."""
-    entries = top.take(name, [])
-    if not isinstance(entries, list):
-        raise ValueError(f"{top.at(name)} = {shown(entries)}: must be a list of tables")
-    return [Fields(entry, f"{top.at(name)}[{i}]") for i, entry in enumerate(entries)]
-
-
-def _records(top: Fields, name: str, kind: type[Record]) -> tuple[Record, ...]:
-    return tuple(record_from(kind, fields) for fields in _tables(top, name))
+    places = {name: _group(f"groups.{name}", each, cells) for name, each in groups.table.items()}
+    return IdentificationStudy(plan=plan, flights=tuple(flights), cells=tuple(cells), groups=places, document=document)
 
 
 def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight:
     """A flight, its scenario's tables with others laid over them."""
-    name, scenario = Name.from_table(fields.take("name"), fields.at("name")), fields.take("scenario")
+    name, scenario = fields.text("name"), fields.take("scenario")
     over = Names.from_table(fields.take("over", []), fields.at("over"))
     for each in over:
         if each not in overlays:
             raise ValueError(f"{fields.at('over')} = {shown(each)}: must be one of the tables: {', '.join(overlays)}")
-    if scenario in list_scenarios():
-        document, beside = dict(read_toml((LIBRARY / f"{scenario}.toml").read_bytes())), Path()
-    else:
-        at = f"{fields.at('scenario')} = {shown(scenario)}"
+    file, beside = LIBRARY / f"{scenario}.toml", Path()
+    if scenario not in list_scenarios():
         reason = unreadable(folder / scenario) if isinstance(scenario, str) else "no text"
         if reason:
-            known = ", ".join(list_scenarios())
-            raise ValueError(f"{at}: must be a file beside this one ({reason}), or one of {known}")
-        try:
-            document, beside = dict(read_toml((folder / scenario).read_bytes())), (folder / scenario).parent
-        except ValueError as error:
-            raise ValueError(f"{at}: {error}") from None
+            words = f"must be a file beside this one ({reason}), or one of {', '.join(list_scenarios())}"
+            raise ValueError(f"{fields.at('scenario')} = {shown(scenario)}: {words}")
+        file, beside = folder / scenario, (folder / scenario).parent
+    try:
+        document = dict(read_toml(file.read_bytes()))
+    except ValueError as error:
+        raise ValueError(f"{fields.at('scenario')} = {shown(scenario)}: {error}") from None
     for each in over:
         document = laid_over(document, overlays[each])
     return Flight(name, document, beside)
@@ -440,7 +425,7 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
 
 def _cells(flight: Fields, name: str) -> Iterator[Cell]:
     """The measured numbers of a flight."""
-    for cell, value in _table(flight, "cells").items():
+    for cell, value in flight.inner("cells").table.items():
         fields = Fields(value if isinstance(value, dict) else {"measured": value}, f"{flight.where}.cells.{cell}")
         text, metric = fields.take("measured"), fields.take("metric", cell)
         fields.done()
@@ -455,154 +440,58 @@ def _cells(flight: Fields, name: str) -> Iterator[Cell]:
         yield Cell(name, cell, str(metric), measured, 0.5 * 10.0 ** int(last))
 
 
-def _group(at: str, patterns: Any, cells: Sequence[Cell]) -> tuple[int, ...]:
+def _group(at: str, patterns: Sequence[str], cells: Sequence[Cell]) -> tuple[int, ...]:
     """Places of the cells that patterns fit; a pattern with "!" takes away what came before it."""
     chosen: list[int] = []
-    for pattern in patterns if isinstance(patterns, list) else [patterns]:
-        text = str(pattern)
-        fits = [i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", text.removeprefix("!"))]
+    for pattern in patterns:
+        fits = [i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))]
         if not fits:
             raise ValueError(f"{at} = {shown(pattern)}: must fit a cell, as FLIGHT/CELL")
-        chosen = [i for i in chosen if i not in fits] if text.startswith("!") else [*chosen, *fits]
+        chosen = [i for i in chosen if i not in fits] if pattern.startswith("!") else [*chosen, *fits]
     return tuple(sorted(set(chosen)))
 
 
-def _acting(study: IdentificationStudy) -> Iterator[tuple[str, Target | Constant | Overlay]]:
-    """(field, target) of all that acts on flights."""
-    for i, parameter in enumerate(study.parameters):
-        yield from ((f"parameters[{i}].targets[{j}]", each) for j, each in enumerate(parameter.targets))
-    for i, choice in enumerate(study.choices):
-        for j, option in enumerate(choice.options):
-            at = f"choices[{i}].options[{j}]"
-            yield from ((f"{at}.sets[{k}]", each) for k, each in enumerate(option.sets))
-            yield from ((f"{at}.tables[{k}]", each) for k, each in enumerate(option.tables))
+WORST = 1e6
+"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
 
 
-def _require_consistent(study: IdentificationStudy) -> None:
-    """Names are there once, what is referred to is there, and the ladder climbs to the fit.
+def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
+    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
+    measured, half = _columns(cells)
+    apart = np.maximum(np.abs(ours - measured) - half, 0.0)
+    return np.where(np.isfinite(ours), apart, np.inf)
 
-    Raises:
-        ValueError: one line with field, value and what is allowed.
+
+def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
+    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
+    measured, _ = _columns(cells)
+    # 1e-9: a number on the very edge is within
+    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
+    return found
+
+
+def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
+    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
+
+    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
+    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
+    first; another sign and a missing number are as far as can be.
     """
-    if not study.cells:
-        raise ValueError("flights: must have cells, at least one")
-    _require_meant(study)
-    for at, names, allowed, what in _references(study):
-        for k, name in enumerate(names):
-            if allowed is not None and name not in allowed:
-                raise ValueError(f"{at} = {shown(name)}: must be {what}: {', '.join(allowed) or 'none'}")
-            if name in names[:k]:
-                raise ValueError(f"{at} = {shown(name)}: must be there once")
-    options = {str(choice.name): [str(option.name) for option in choice.options] for choice in study.choices}
-    for at, taken in _taken_options(study):
-        for choice_name, option_name in taken.items():
-            if option_name not in options.get(choice_name, []):
-                there = ", ".join(options.get(choice_name, options)) or "none"
-                raise ValueError(f"{at}.{choice_name} = {shown(option_name)}: must be one of {there}")
+    measured, half = _columns(cells)
+    nearest = np.clip(measured, ours - half, ours + half)
+    with np.errstate(all="ignore"):
+        u = np.log(nearest / measured) / width
+    u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
+    found: Array = u**2 / (1.0 + (u / knee) ** 2)
+    return found
 
 
-def _require_meant(study: IdentificationStudy) -> None:
-    """Every search has something to find, every choice an option, every range a width, every pattern a flight."""
-    for at, free in (("fit", study.free), *((f"predictions[{i}]", p.free) for i, p in enumerate(study.predictions))):
-        if not free:
-            raise ValueError(f"{at}.free = []: must have at least one parameter")
-    for i, choice in enumerate(study.choices):
-        if not choice.options:
-            raise ValueError(f"choices[{i}].options: must have at least one, the first of which leaves all as it is")
-    for i, parameter in enumerate(study.parameters):
-        _require_range(f"parameters[{i}]", parameter)
-    flights = [flight.name for flight in study.flights]
-    for at, target in _acting(study):
-        for pattern in target.flights:
-            if not any(map(Names((pattern,)).fit, flights)):
-                raise ValueError(f"{at}.flights = {shown(pattern)}: must fit one of {', '.join(flights)}")
+def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
+    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
 
 
-Reference = tuple[str, Sequence[Any], Sequence[str] | None, str]
-"""Field, names that it lists, names that it may, what those are; no two of the listed names are alike."""
-
-
-def _references(study: IdentificationStudy) -> Iterator[Reference]:
-    for table in ("flights", "parameters", "choices", "rivals", "predictions"):
-        yield f"{table}.name", [each.name for each in getattr(study, table)], None, ""
-    parameters, choices = ([str(each.name) for each in some] for some in (study.parameters, study.choices))
-    settings, groups = [*parameters, *choices], list(study.groups)
-    yield "parameters.name, choices.name", settings, None, ""
-    for i, choice in enumerate(study.choices):
-        yield f"choices[{i}].options.name", [option.name for option in choice.options], None, ""
-    yield "fit.free", study.free, parameters, "a parameter"
-    for i, rival in enumerate(study.rivals):
-        yield f"rivals[{i}].adds", rival.adds, parameters, "a parameter"
-        yield f"rivals[{i}].without", rival.without, settings, "a parameter or a choice"
-    yield "rival_cells", study.rival_cells, groups, "one of the groups"
-    for i, each in enumerate(study.predictions):
-        yield f"predictions[{i}].free", each.free, parameters, "a parameter"
-        yield f"predictions[{i}].seen", [each.seen], groups, "one of the groups"
-        yield f"predictions[{i}].unseen", each.unseen, groups, "one of the groups"
-    climbed = [name for rung in study.ladder for name in rung.adds]
-    yield "ladder.adds", climbed, [*study.free, *study.family], "of the fit"
-    for at, target in _acting(study):
-        if isinstance(target, Overlay):
-            yield f"{at}.table", [target.table], list(study.overlays), "one of the tables"
-
-
-def _taken_options(study: IdentificationStudy) -> Iterator[tuple[str, Options]]:
-    """(field, choice -> option) of all that takes options."""
-    yield "fit.choices", study.family
-    yield from ((f"rivals[{i}].choices", each.choices) for i, each in enumerate(study.rivals))
-    yield from ((f"predictions[{i}].choices", each.choices) for i, each in enumerate(study.predictions))
-    yield from ((f"{at}.when", each.when) for at, each in _acting(study) if not isinstance(each, Overlay))
-
-
-def _require_range(at: str, parameter: Parameter) -> None:
-    low, high, step = parameter.low, parameter.high, parameter.step
-    if parameter.scale not in ("linear", "log"):
-        raise ValueError(f"{at}.scale = {shown(parameter.scale)}: must be one of linear, log")
-    if not low < high or (parameter.scale == "log" and low <= 0.0):
-        raise ValueError(f"{at}.high = {high!r}: must be above low = {low!r}, which is above 0 on a log scale")
-    if not (high - low) * FINEST <= step <= high - low:
-        raise ValueError(f"{at}.step = {step!r}: must be from a millionth of high - low to all of it, {high - low:g}")
-
-
-def _require_flyable(study: IdentificationStudy) -> None:
-    """Every flight reads, every metric is one, every path is there.
-
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    for flight in study.flights:
-        where = f"flights.{flight.name}"
-        try:
-            scenario = scenario_from(flight.document, flight.folder)
-            for cell in study.cells:
-                if cell.flight == flight.name:
-                    metric_names([cell.metric], scenario.plant.vehicle.n, scenario.commands_setpoints)
-            for at, target in _acting(study):
-                where = f"{at}: flights.{flight.name}"
-                if not isinstance(target, Overlay) and target.flights.fit(flight.name):
-                    number_at(scenario, target.path)
-        except ValueError as error:
-            raise ValueError(f"{where}: {error}") from None
-
-
-def require_searchable(study: IdentificationStudy) -> None:
-    """The ends of every range are numbers that the flights can have, each alone, under the choices it is searched with.
-
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    searched = [("fit", study.free, study.family)]
-    searched += [(f"rivals.{each.name}", each.adds, each.choices) for each in study.rivals]
-    searched += [(f"predictions.{each.name}", each.free, each.choices) for each in study.predictions]
-    for flight in study.flights:
-        stated = scenario_from(flight.document, flight.folder)
-        for searcher, free, choices in searched:
-            tables = study.tables(flight.name, choices)
-            scenario = stated if tables == flight.document else scenario_from(tables, flight.folder)
-            for each in map(study.parameter, free):
-                for end in (each.low, each.high):
-                    try:
-                        with_numbers(scenario, study.numbers(flight.name, {**choices, each.name: end}))
-                    except ValueError as error:
-                        where = f"{searcher}: {each.name} = {end:g}: flights.{flight.name}"
-                        raise ValueError(f"{where}: {error}") from None
+def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
+    """Counts of one lane: how many cells, and how many within each share."""
+    lane = np.asarray(ours, dtype=float).reshape(1, -1)
+    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.identify.candidates import Candidates, tally
-from skyarm.studies.identify.search import compass, decode, differential_evolution, encode
-from skyarm.studies.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings
+from inference.candidates import Candidates
+from inference.search import compass, decode, differential_evolution, encode
+from skyarm.studies.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings, tally
 
 Array = npt.NDArray[np.float64]
 
@@ -39,15 +39,15 @@ class Evidence:
         study = self.study
         found: dict[str, Stage] = {
             "stated": lambda _: self._evaluate({}, study.cells),
-            "fit": lambda _: self._fit(study.free, study.family, study.cells),
+            "fit": lambda _: self._fit(study.plan.fit.free, study.plan.fit.choices, study.cells),
             "ladder": lambda done: self._ladder(_fitted_settings(done)),
         }
-        of_rivals = {name for rival in study.rivals for name in rival.choices} - set(study.family)
-        flipped = [choice.name for choice in study.choices if choice.name not in of_rivals]
+        of_rivals = {name for rival in study.plan.rivals for name in rival.choices} - set(study.plan.fit.choices)
+        flipped = [choice.name for choice in study.plan.choices if choice.name not in of_rivals]
         found |= {f"choice {name}": partial(self._try_options, name) for name in flipped}
-        found |= {f"profile {name}": partial(self._profile, name) for name in study.free}
-        found |= {f"rival {rival.name}": partial(self._rival, rival) for rival in study.rivals}
-        return found | {f"prediction {each.name}": partial(self._prediction, each) for each in study.predictions}
+        found |= {f"profile {name}": partial(self._profile, name) for name in study.plan.fit.free}
+        found |= {f"rival {rival.name}": partial(self._rival, rival) for rival in study.plan.rivals}
+        return found | {f"prediction {each.name}": partial(self._prediction, each) for each in study.plan.predictions}
 
     def _evaluate(self, settings: Settings, cells: Sequence[Cell]) -> Record:
         """Loss and counts of all these cells and of every group that lies among them."""
@@ -79,9 +79,13 @@ class Evidence:
 
     def _search(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
         """The best numbers next to fixed settings, by differential evolution and a compass search from its end."""
-        study, cost = self.study, self._cost(parameters, fixed, cells)
+        plan, cost = self.study.plan, self._cost(parameters, fixed, cells)
         begun = differential_evolution(
-            cost, len(parameters), population=study.population, generations=study.generations, seed=study.seed
+            cost,
+            len(parameters),
+            population=plan.search.population,
+            generations=plan.search.generations,
+            seed=plan.seed,
         )
         point, _ = compass(cost, begun[None, :])
         return dict(fixed) | _plain(decode(parameters, point))
@@ -96,7 +100,7 @@ class Evidence:
         settings: dict[str, Any] = {}
         first: Record = {"name": "as stated", "numbers": 0, "choices": 0}
         rungs = [first | self._evaluate({}, self.study.cells)]
-        for rung in self.study.ladder:
+        for rung in self.study.plan.ladder:
             settings |= {name: fitted[name] for name in rung.adds}
             numbers = sum(not isinstance(value, str) for value in settings.values())
             row: Record = {"name": rung.name, "numbers": numbers, "choices": len(settings) - numbers}
@@ -105,29 +109,29 @@ class Evidence:
 
     def _try_options(self, name: str, done: Mapping[str, Record]) -> Record:
         """Each option of a choice, the numbers fitted again from where they were."""
-        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted_settings(done)
+        study, parameters, fitted = self.study, self._parameters(self.study.plan.fit.free), _fitted_settings(done)
         rows: list[Record] = []
-        start = encode(parameters, [fitted[each] for each in study.free])
+        start = encode(parameters, [fitted[each] for each in study.plan.fit.free])
         for option in study.choice(name).options:
-            fixed = {**{k: v for k, v in fitted.items() if k not in study.free}, name: option.name}
+            fixed = {**{k: v for k, v in fitted.items() if k not in study.plan.fit.free}, name: option.name}
             point, _ = compass(self._cost(parameters, fixed, study.cells), start[None, :])
             settings = fixed | _plain(decode(parameters, point))
             taken = fitted.get(name, study.choice(name).options[0].name) == option.name
-            numbers = {each: settings[each] for each in study.free}
+            numbers = {each: settings[each] for each in study.plan.fit.free}
             row: Record = {"option": option.name, "words": option.words, "taken": taken, "numbers": numbers}
             rows.append(row | self._evaluate(settings, study.cells))
         return {"words": study.choice(name).words, "options": rows}
 
     def _profile(self, name: str, done: Mapping[str, Record]) -> Record:
         """Loss over one number, the others held, and fitted again."""
-        study, parameters, fitted = self.study, self._parameters(self.study.free), _fitted_settings(done)
-        place = study.free.index(name)
-        best = encode(parameters, [fitted[each] for each in study.free])
+        study, parameters, fitted = self.study, self._parameters(self.study.plan.fit.free), _fitted_settings(done)
+        place = study.plan.fit.free.index(name)
+        best = encode(parameters, [fitted[each] for each in study.plan.fit.free])
         points = np.repeat(best[None, :], GRID, axis=0)
         points[:, place] = np.linspace(0.0, 1.0, GRID)
         points = np.vstack([points, best])
         points = points[np.argsort(points[:, place], kind="stable")]
-        cost = self._cost(parameters, study.family, study.cells)
+        cost = self._cost(parameters, study.plan.fit.choices, study.cells)
         held = np.zeros_like(points, dtype=bool)
         held[:, place] = True
         _, refitted = compass(cost, points, held)
@@ -144,7 +148,7 @@ class Evidence:
         study, fitted = self.study, _fitted_settings(done)
         parameters = self._parameters(rival.adds)
         alone = {}
-        for group in study.rival_cells:
+        for group in study.plan.rival_cells:
             cells = study.among(group)
             settings = self._line(parameters, dict(rival.choices), cells)
             numbers = {name: settings[name] for name in rival.adds}

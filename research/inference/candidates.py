@@ -14,55 +14,9 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.studies.identify.study import Cell, Constant, IdentificationStudy, Settings, Target
+from skyarm.studies.identify.study import Cell, Constant, IdentificationStudy, Settings, Target, losses
 
 Array = npt.NDArray[np.float64]
-
-WORST = 1e6
-"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
-
-
-def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
-    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
-    measured, half = _columns(cells)
-    apart = np.maximum(np.abs(ours - measured) - half, 0.0)
-    return np.where(np.isfinite(ours), apart, np.inf)
-
-
-def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
-    measured, _ = _columns(cells)
-    # 1e-9: a number on the very edge is within
-    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
-    return found
-
-
-def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
-    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
-
-    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
-    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
-    first; another sign and a missing number are as far as can be.
-    """
-    measured, half = _columns(cells)
-    nearest = np.clip(measured, ours - half, ours + half)
-    with np.errstate(all="ignore"):
-        u = np.log(nearest / measured) / width
-    u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
-    found: Array = u**2 / (1.0 + (u / knee) ** 2)
-    return found
-
-
-def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
-    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]
-
-
-def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Counts of one lane: how many cells, and how many within each share."""
-    lane = np.asarray(ours, dtype=float).reshape(1, -1)
-    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}
-
 
 AT_ONCE = 8192
 """Lanes of one call."""
@@ -120,8 +74,10 @@ class Candidates:
         self.study, self._threads = study, threads
         self._flights: dict[tuple[Any, ...], Flown] = {}
         self._bounds: dict[tuple[Any, ...], tuple[Scenario, Scenario, float]] = {}
-        self._family = tuple(dict.fromkeys([*study.free, *(name for each in study.predictions for name in each.free)]))
-        self._rivals = tuple(dict.fromkeys(name for rival in study.rivals for name in rival.adds))
+        self._family = tuple(
+            dict.fromkeys([*study.plan.fit.free, *(name for each in study.plan.predictions for name in each.free)])
+        )
+        self._rivals = tuple(dict.fromkeys(name for rival in study.plan.rivals for name in rival.adds))
 
     def cells(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
         """(lanes, cells): what each candidate makes of each cell.
@@ -145,7 +101,9 @@ class Candidates:
     def loss(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
         """(lanes,): summed loss of each candidate."""
         study = self.study
-        summed: Array = losses(self.cells(cells, fixed, varied), cells, study.width, study.knee).sum(axis=1)
+        summed: Array = losses(
+            self.cells(cells, fixed, varied), cells, study.plan.loss.width, study.plan.loss.knee
+        ).sum(axis=1)
         return summed
 
     def _metrics(self, flight: str) -> tuple[str, ...]:
@@ -154,7 +112,7 @@ class Candidates:
     def _flight(self, flight: str, fixed: Settings, columns: Mapping[str, Array], count: int) -> Array:
         """(lanes, metrics) of a flight, whose machine code serves every setting of the study's own family."""
         numbers = self.study.numbers(flight, {**fixed, **columns})
-        table = self.study.tables(flight, fixed)
+        table = self.study.scenario_tables(flight, fixed)
         names = self._family
         if not set(numbers) <= self._paths(flight, names):  # a rival's may be faster, and has code of its own
             names = tuple(dict.fromkeys([*names, *(name for name in (*fixed, *columns) if name in self._rivals)]))
@@ -190,7 +148,7 @@ class Candidates:
     def _paths(self, flight: str, names: Sequence[str]) -> set[str]:
         """Paths of a flight that some parameters, and every choice, set."""
         targets: list[Target | Constant] = [t for name in names for t in self.study.parameter(name).targets]
-        targets += [target for choice in self.study.choices for option in choice.options for target in option.sets]
+        targets += [target for choice in self.study.plan.choices for option in choice.options for target in option.sets]
         return {str(target.path) for target in targets if target.flights.fit(flight)}
 
     def _ends(self, flight: str, fixed: Settings, names: Sequence[str]) -> list[dict[str, Any]]:

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from inference.candidates import Candidates
+from inference.checks import require_searchable
+from inference.evidence import Evidence
 from skyarm.records.files import versions, write_atomically
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.studies.identify.candidates import Candidates
-from skyarm.studies.identify.evidence import Evidence
-from skyarm.studies.identify.study import IdentificationStudy, require_searchable
+from skyarm.studies.identify.study import IdentificationStudy, digest_of
 
 Progress = Callable[[int, int, str], None]
 """Called with (stages done, stages in all, what comes next)."""
 
 
-def study_digest(study: IdentificationStudy) -> str:
-    """Digest of a request: the study's file and the scenarios of its flights, as plain tables."""
-    return _digest({"study": study.document, "flights": {each.name: each.document for each in study.flights}})
-
-
 def result_digest(study: IdentificationStudy) -> str:
     """Digest of all that results depend on: request, records that fly, and their laws."""
     scenarios = {flight.name: identity(scenario_from(flight.document, flight.folder)) for flight in study.flights}
-    return _digest({"study": study_digest(study), "scenarios": scenarios, "version": versions()["skyarm"]})
-
-
-def _digest(facts: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    return digest_of({"study": study.digest, "scenarios": scenarios, "version": versions()["skyarm"]})
 
 
 def identify(
@@ -82,7 +73,7 @@ def _json(study: IdentificationStudy, digest: str, done: Mapping[str, Any]) -> b
 
 
 def _content(study: IdentificationStudy, digest: str, done: Mapping[str, Any]) -> dict[str, Any]:
-    asked = {"study": study.name, "study_digest": study_digest(study), "version": versions()["skyarm"]}
+    asked = {"study": study.plan.name, "study_digest": study.digest, "version": versions()["skyarm"]}
     return {"schema": 1} | asked | {"digest": digest, "stages": dict(done)}
 
 
