@@ -21,7 +21,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "export": ("flight.npz", "--to", "csv"),
     "identify": ("flight.npz", "--end", "2"),
     "margins": ("short.toml", "--instants", "0"),
-    "tune": ("hummingbird", "--controller", "decoupled_pd", "--explain"),
+    "tune": ("hummingbird", "--controller", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
     "basin": ("short.toml", "--flights", "16"),
     "sweep": ("study.toml", "--out", "rows"),
     "stats": ("rows",),

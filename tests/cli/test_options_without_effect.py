@@ -10,8 +10,6 @@ from commanded import refused, skyarm
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("tune", "case3", "--explain", "--plants", "24"), "--plants: must be left out beside --explain"),
-        (("tune", "case3", "--explain", "--out", "here"), "--out: must be left out beside --explain"),
         (("run", "case3", "--log", "a.npz", "--out", "out/run"), "--out: must be left out beside --log"),
         (("film", "case3", "a.viser", "--size", "640x360"), "--size: must be left out of a recording"),
         (("film", "case3", "folder", "--no-plot"), "--plot: must be left out of a recording"),

@@ -26,12 +26,12 @@ def test_every_hook_is_local_and_of_the_version_that_make_lint_runs() -> None:
 
 def test_the_hooks_run_what_make_lint_runs() -> None:
     recipe = "".join(re.findall(r"^(?:lint|types):.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.M))
-    lint = {line.split("/")[1].replace(" --check src tests", "").replace(" src tests", "") for line in
+    lint = {line.split("/")[1].replace(" --check src tests research", "").replace(" src tests research", "") for line in
             recipe.replace("$(BIN)", "B").split("\n") if line}  # fmt: skip
     hooks = {hook["entry"].removeprefix(".venv/bin/").removesuffix(" --force-exclude")
              for hook in HOOKS.values() if hook["language"] != "pygrep"}  # fmt: skip
     assert hooks == lint == {"ruff check", "ruff format", "mypy", "lint-imports"}
-    assert {HOOKS[name]["files"] for name in ("ruff", "ruff-format")} == {"^(src|tests)/"}
+    assert {HOOKS[name]["files"] for name in ("ruff", "ruff-format")} == {"^(src|tests|research)/"}
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""``skyarm tune``: gains of a law for a vehicle, and why a loop is short of margin."""
+"""``skyarm tune``: gains of a law for a vehicle."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from skyarm.cli.arguments import (
     Controller,
     Flying,
     kind_of_file,
-    require_left_out,
     require_within,
     shipped_names,
     words_of,
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting
+from skyarm.cli.output import aligned_lines, bar, give, heading, tell
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.records.files import read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
@@ -37,7 +36,6 @@ BOUNDS = {"--candidates": (64, 100_000), "--plants": (4, 1000), "--seed": (0, 2*
 
 
 def tune(
-    context: typer.Context,
     target: Annotated[
         str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
     ],
@@ -48,7 +46,6 @@ def tune(
     knobs: Annotated[
         list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")
     ] = None,
-    explain: Annotated[bool, typer.Option("--explain", help="say what is short of margin, and tune nothing")] = False,
     seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
     flying: Flying = 0,
 ) -> None:
@@ -56,10 +53,6 @@ def tune(
 
     The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
     """
-    if explain:
-        searching = ("--out", "--candidates", "--plants", "--seed", "--workers")
-        require_left_out(context, searching, " beside --explain, which tunes nothing")
-        return _explain(wanted_of(target, controller), knobs)
     for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
         require_within(option, value, *bounds)
     threads, wanted = workers(flying), wanted_of(target, controller)
@@ -107,21 +100,6 @@ def tune(
     give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
     if not found.meets:
         raise typer.Exit(NOT_COMPLETED)
-
-
-def _explain(wanted: Wanted, knobs: list[str] | None) -> None:
-    """Print which part of the loop is short of margin, and what would help."""
-    from skyarm.studies.tune.explain import explain as look
-    from skyarm.studies.tune.explain import words
-    from skyarm.studies.tune.law_knobs import find_knobs
-
-    scenario = wanted.scenario
-    say_suspicious(scenario)
-    scenario.controller.require_compiled("skyarm tune")
-    with waiting(f"{wanted.label} in {scenario.name}"):
-        found = look(scenario, find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)))
-    tell(heading(f"{wanted.label} in {scenario.name}"), *words(found))
-    give(plain(found), short=found.short, parts=found.parts, controller=wanted.label, scenario=scenario.name)
 
 
 @dataclass(frozen=True, kw_only=True)

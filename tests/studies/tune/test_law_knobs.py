@@ -15,7 +15,6 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.leaves import is_leaf, part, walk
 from skyarm.records.units import Unit
-from skyarm.studies.tune.explain import group_of, slow_gains
 from skyarm.studies.tune.law_knobs import KnobError, find_knobs
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -89,13 +88,3 @@ def test_the_flagships_limits_and_lengths_are_no_knobs():
     assert {"base.position", "base.rate", "tip.position", "observer.force"} <= found
     assert not {"tip.reach", "tip.shift_limit", "thrust_floor", "tip_mass_limit", "reference_period", "tilt"} & found
     assert len([at for at, value in walk(made.par) if is_leaf(value)]) > 5 * len(found)
-
-
-def test_a_groups_bandwidth_takes_stiffness_by_its_square():
-    made = make_named("hybrid_computed_torque", MODEL)
-    knobs = find_knobs(made, made.name)
-    half = slow_gains([knob for knob in knobs if group_of(knob) == "arm"], 0.5)
-    stiffness, damping = made.par.joint_gains.stiffness[0], made.par.joint_gains.damping[0]
-    assert half["controller.joint_gains.stiffness.0"] == pytest.approx(0.25 * stiffness)
-    assert half["controller.joint_gains.damping.0"] == pytest.approx(0.5 * damping)
-    assert {group_of(knob) for knob in knobs} == {"base position", "base attitude", "arm"}

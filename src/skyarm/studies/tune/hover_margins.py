@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,9 +34,6 @@ DELAY_SHARE, PERIODS = 1.5, 2
 
 GAIN = 1.5
 """Required gain margin of all rotors, and of all joints, up and down: 3.5 dB."""
-
-UNSTABLE = 10.0
-"""Shortness of a loop that is just unstable; a stable one is never shorter."""
 
 FAILED = 2.0
 """Cost of a failed test, plus the excess of the spectral radius: as much as an error seven times as large."""
@@ -75,29 +71,6 @@ def calm(flight: Scenario) -> Scenario:
     """The flight of candidates without the drawn wind, and with known delays only."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
     return flight.with_words(forces=flight.forces[:-1], delays=delays)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Edges:
-    """Stability of a loop: growth, 1/s (negative if stable), frequency (Hz) of its fastest or most delicate swing."""
-
-    growth: float
-    frequency: float
-    margins: LoopMargins
-
-    @classmethod
-    def of(cls, hover: Instant) -> Edges:
-        """By the worse of a hover's linearisations in every number."""
-        worst = max(hover.by_lag.values(), key=lambda each: each.radius)
-        unstable, weakest = worst.s[0], min(worst.loops, key=lambda loop: loop.disk)
-        swing = abs(unstable.imag) if unstable.real > 0.0 else weakest.frequency
-        return cls(growth=float(unstable.real), frequency=swing / (2.0 * math.pi), margins=margins_of(hover))
-
-    def shortness(self, required: Required) -> float:
-        """Shortfall against the required margins, as a factor; an unstable loop by its growth, above any stable one."""
-        if self.growth > 0.0:
-            return UNSTABLE * (1.0 + self.growth)
-        return min(self.margins.shortness(required), UNSTABLE)
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:
