@@ -18,7 +18,6 @@ from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.log.viewer_layouts import plots
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.view.figures.flight_facts import flight_facts
 from skyarm.view.figures.flight_panels import panels_of
 
 SERVOS = Path(__file__).resolve().parents[1] / "data" / "servo_arm.toml"
@@ -56,14 +55,12 @@ def test_messages_have_setpoints_in_the_field_of_their_kind():
 
 def test_a_torque_arm_beside_an_arm_of_servos_has_panels_of_its_own():
     torques = drawn(dataclasses.replace(skyarm.load_vehicle(SERVOS), drives=()))
-    facts = [dataclasses.replace(flight_facts(each), joint_limits=((-1.0, 2.0),) * 2) for each in (log(), torques)]
-    panels = panels_of("efforts", facts)
+    panels = panels_of("efforts", [log(), torques])
     assert [panel.unit for panel in panels] == ["rad", "N m", "rad", "N m"]
     assert [panel.label.split()[-1] for panel in panels] == ["setpoint", "torque"] * 2
     assert np.array_equal(panels[2].of(log()), log().efforts[:, 1])
     assert panels[2].of(torques) is None
     assert panels[3].of(log()) is None
-    assert panels[0].limits(facts[0]) == (-1.0, 2.0)
 
 
 def test_layouts_plot_setpoints_by_their_unit():

@@ -44,7 +44,6 @@ def plot(
         tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="of a sweep: shares; 0.05 0.95 if left out")
     ] = None,
     style: Annotated[str, typer.Option(help="paper (a column, readable in grey) or talk (a slide)")] = "paper",
-    dark: Annotated[bool, typer.Option("--dark", help="of a talk, light on dark")] = False,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
@@ -62,8 +61,8 @@ def plot(
             raise ValueError(f"{option} = {shown(value)}: must come with {where}")
     if not folders:
         target = picture_file(file, "--out")
-        picture_style(style, dark=dark)
-        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, style=style, dark=dark, window=window)
+        picture_style(style)
+        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, style=style, window=window)
     elif not metric or not over:
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
@@ -72,7 +71,7 @@ def plot(
         from skyarm.view.figures.study_figures import plot_sweep
 
         target, middle = picture_file(file, "--out"), "median" if center is None else center
-        plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style, dark=dark)
+        plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style)
     give(picture=target)
     tell(f"picture: {target}")
 

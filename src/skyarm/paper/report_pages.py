@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from skyarm.log.flight_log import Log
 from skyarm.paper import report_text as prose
 from skyarm.paper.counted_cells import RULE, sentence
-from skyarm.paper.flights import WINDOWS, first_plant
+from skyarm.paper.flights import first_plant
 from skyarm.paper.inference_tables import (
     choices_table,
     ladder_table,
@@ -30,15 +30,9 @@ from skyarm.paper.report_tables import (
 )
 from skyarm.records.files import file_names
 from skyarm.view.figures.flight_plot import plot as flight_plot
-from skyarm.view.figures.interactive import (
-    experiment_figure,
-    figure_json,
-    plot_script,
-    plot_style,
-)
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import bullets, details, image, page, paragraph, plot, table
+from skyarm.view.pages import bullets, details, image, page, paragraph, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,14 +51,13 @@ CIRCLE = (7.5, 21.0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """A page: title, lead and facts as text; opening, sections (name, title, HTML) and data of its plots."""
+    """A page: title, lead and facts as text; opening and sections (name, title, HTML)."""
 
     title: str
     lead: str
     facts: str
     opening: str = ""
     sections: Sequence[tuple[str, str, str]]
-    data: str = ""
 
 
 def report_pages(
@@ -81,7 +74,7 @@ def report_pages(
     Args:
         results: as in ``results.json``: "experiments" and "settings".
         sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
-        logs: plant -> case -> law -> log, for the interactive plots.
+        logs: plant -> case -> law -> log, for the plots of flights.
         reasons: case -> law -> metric -> why it differs from the paper, one line.
         figures: the paper's number -> static figure, put into the page of its case as an image.
         inferred: HTML of the section on inferred settings.
@@ -111,16 +104,16 @@ def report_pages(
     footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
     return {
         file: page(
-            each.title, each.facts, style={"": style, "plot-style": plot_style()}, script=page_script(), pages=titles,
-            sections=each.sections, name=file, lead=each.lead, footer=footer, opening=each.opening, data=each.data,
+            each.title, each.facts, style={"": style}, script=page_script(), pages=titles,
+            sections=each.sections, name=file, lead=each.lead, footer=footer, opening=each.opening,
         )
         for file, each in pages.items()
     }  # fmt: skip
 
 
 def page_script() -> str:
-    """The script of a page: it draws the interactive plots, and unfolds everything for the printer."""
-    return plot_script() + (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
+    """The script of a page: it unfolds everything for the printer."""
+    return (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
 
 
 def case_files(cases: Iterable[str]) -> dict[str, str]:
@@ -139,27 +132,27 @@ def _case_page(
 ) -> _Page:
     """The page of a case: its flights as curves, its numbers, the paper's figures."""
     flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
-    drawn, data = _flights(case, flown) if flown else ("", "")
     numbers = paragraph(prose.LEGEND, "note") + experiment_table(case, laws, reasons)
     sections = [
-        *([("flights", "Flights", drawn)] if drawn else []),
+        *([("flights", "Flights", _flights(case, flown))] if flown else []),
         ("numbers", "Numbers", numbers),
         *([("figures", "The paper's figures", _paper_figures(figures, plant))] if figures else []),
     ]
-    return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), facts="", sections=sections, data=data)
+    return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), facts="", sections=sections)
 
 
-def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> tuple[str, str]:
-    """Pictures of a case's flights, and the data of the interactive one."""
-    shown, *others = flown
-    drawn = f"{shown}; {', '.join(others)} can be chosen in the legend" if others else shown
-    caption = f"{title_of(case)}: errors of base, joints and tip, roll and pitch over time, on {drawn}. {prose.HOLDS}"
-    found = plot("flights-data", caption)
+def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
+    """Base, joints and tip of the first plant over time; of the circle also the path."""
+    plant, laws = next(iter(flown.items()))
+    kinds = {"tracking": "base and joints", "tip": "tip and its error"}
     if case == "case3":
-        caption = f"{title_of(case)}: path of the tip, desired and flown, on {shown}."
-        found += image(caption, caption, image_bytes(flight_plot(flown[shown], kind="path", window=CIRCLE)), wide=True)
-    data = figure_json(experiment_figure(flown, WINDOWS.get(case)))
-    return found, f'<script type="application/json" id="flights-data">{data}</script>'
+        kinds["path"] = "path of the tip"
+    found = ""
+    for kind, words in kinds.items():
+        caption = f"{title_of(case)}: {words}, desired and flown, on {plant}."
+        drawn = flight_plot(laws, kind=kind, window=CIRCLE if kind == "path" else None)
+        found += image(caption, caption, image_bytes(drawn), wide=kind == "path")
+    return found
 
 
 def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:

@@ -48,8 +48,6 @@ ASSUMPTIONS = (
 
 LEGEND = "Symbols: a full disc is within 5 % of the paper, a half disc within 20 %, an open circle beyond."
 
-HOLDS = "CT solid, PD dashed; each point is the mean over one hold of the reference."
-
 BANDS = "A line is the mean over each hold of the reference, a light band its range."
 
 LOOK = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."

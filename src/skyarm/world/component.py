@@ -71,6 +71,10 @@ Column = tuple[str, str, str]
 """Array of a log, label of one of its columns, and its unit where it is not that of the array."""
 
 
+Event = tuple[str, float, float]
+"""Words, start and stop, s."""
+
+
 class Component:
     """Base of the components of the surroundings. A subclass is a frozen dataclass and overrides what it needs."""
 
@@ -194,6 +198,9 @@ class Component:
             gravity: m/s^2, along -z.
         """
         return memory
+
+    events: tuple[Event, ...] = ()
+    """Intervals that pictures of a flight mark; may be a property."""
 
     columns: tuple[Column, ...] = ()
     """Columns of a log, one for each number of ``logged``; may be a property."""

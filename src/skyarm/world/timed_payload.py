@@ -24,7 +24,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Column, Component, require_frame
+from skyarm.world.component import Column, Component, Event, require_frame
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,6 +82,13 @@ class TimedPayload(Component):
     drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
     drop_place: Reach | None = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+
+    @property
+    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
+        """The interval in which it is held, where that is known beforehand."""
+        if self.pick_place is not None or self.drop_place is not None:
+            return ()
+        return ((f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),)
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]

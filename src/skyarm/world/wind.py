@@ -15,7 +15,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.world import dryden
-from skyarm.world.component import Air, Component, Force, Wrench
+from skyarm.world.component import Air, Component, Event, Force, Wrench
 from skyarm.world.dryden import Dryden
 from skyarm.world.effectiveness import Effectiveness
 from skyarm.world.gust import Gust
@@ -69,6 +69,11 @@ class ForceWind(Force):
             if gust.shape != "step":
                 raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
 
+    @property
+    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
+        """Its gusts."""
+        return gust_events(self)
+
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The constant wind at the rotors."""
         return self.air_velocity_W
@@ -116,6 +121,11 @@ class MovingAir(Air):
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
 
+    @property
+    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
+        """Its gusts."""
+        return gust_events(self)
+
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Mean + gust + turbulence."""
         velocity = self.velocity_W
@@ -127,6 +137,12 @@ class MovingAir(Air):
 def all_gusts(wind: Any) -> tuple[Gust, ...]:
     """Every gust of a wind: the one, then the others."""
     return wind.gusts if wind.gust is None else (wind.gust, *wind.gusts)
+
+
+def gust_events(wind: Any) -> tuple[Event, ...]:
+    """Intervals of the gusts of a wind."""
+    blowing = (gust for gust in all_gusts(wind) if any(float(c) for c in gust.peak))
+    return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
 
 
 Wind = ForceWind | MovingAir

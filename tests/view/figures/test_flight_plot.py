@@ -18,10 +18,10 @@ from matplotlib.transforms import Bbox
 import skyarm
 from estimated_flight import estimated
 from logs_synthetic import synthetic_log
-from skyarm.view.figures.flight_facts import LONGEST, flight_facts, flight_labels
-from skyarm.view.figures.flight_panels import KINDS
+from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels
+from skyarm.view.figures.flight_panels import KINDS, panels_of
 from skyarm.view.figures.flight_plot import MOST, plot
-from skyarm.view.figures.style import PAPER, TALK, TALK_DARK
+from skyarm.view.figures.style import PAPER, TALK
 
 GUST = (0.3, 0.7)
 FAULT = 0.8
@@ -181,15 +181,6 @@ def test_a_flight_of_one_instant_is_a_point() -> None:
         assert line.get_marker() == marker
 
 
-def test_of_a_limit_to_both_sides_one_that_is_drawn_says_the_other() -> None:
-    whole = with_efforts(0.4)
-    one_sided = dataclasses.replace(whole, efforts=np.abs(whole.efforts))
-    near, far = plot(one_sided, kind="efforts").axes
-    assert [float(line.get_ydata()[0]) for line in near.get_lines() if line.get_label() == "limit"] == [0.5]
-    assert not near.texts
-    assert far.texts
-
-
 def test_a_log_without_its_scenario_still_shows_its_gust() -> None:
     figure = plot(synthetic_log("case2_gust", "rigid_body", "CT", seconds=12.0), kind="tracking")
     assert [" ".join(ax.get_ylabel().split()) for ax in figure.axes][-2:] == ["Joint 1 [rad]", "Joint 2 [rad]"]
@@ -200,30 +191,6 @@ def with_efforts(scale: float) -> skyarm.Log:
     log = flights()["paper_ct"]
     wave = np.sin(20.0 * log.time)[:, None] * np.array([scale, 0.01])
     return dataclasses.replace(log, efforts=wave)
-
-
-def test_a_limit_that_a_curve_comes_near_is_drawn_and_another_is_said() -> None:
-    """The paper's arm saturates at 0.5 N m, the Hummingbird's rotors at 838 rad/s."""
-    near, far = plot(with_efforts(0.4), kind="efforts").axes
-    assert [float(line.get_ydata()[0]) for line in near.get_lines() if line.get_label() == "limit"] == [-0.5, 0.5]
-    assert near.get_ylim()[0] < -0.5
-    assert near.get_ylim()[1] > 0.5
-    assert not near.texts
-    assert "limit" not in curves(far)
-    assert [text.get_text() for text in far.texts] == ["limits \N{PLUS-MINUS SIGN}0.5 N m"]
-    for ax in plot(flights(), kind="rotors").axes:
-        assert float(curves(ax)["limit"].get_ydata()[0]) == 838.0
-        assert ax.get_ylim()[0] < 480.0
-        assert ax.get_ylim()[1] > 838.0
-
-
-def test_limits_of_joints_are_those_of_the_vehicle() -> None:
-    scenario = skyarm.load_scenario("case2", duration=0.2)
-    vehicle = scenario.plant.vehicle.with_joints(lower=-0.4, upper=1.0)
-    world = dataclasses.replace(scenario.plant, vehicle=vehicle)
-    facts = flight_facts(skyarm.run(dataclasses.replace(scenario, plant=world)))
-    assert facts.joint_limits == ((-0.4, 1.0),) * 2
-    assert facts.effort_limits == ((-0.5, 0.5),) * 2
 
 
 def test_the_window_sets_both_axes() -> None:
@@ -307,7 +274,7 @@ def luminance(color: str) -> float:
 
 
 def test_flights_are_told_apart_in_grey_and_on_their_ground() -> None:
-    for style in (PAPER, TALK, TALK_DARK):
+    for style in (PAPER, TALK):
         assert len({look.dash for look in style.looks}) == len(style.looks)
         assert len({style.look(i) for i in range(MOST)}) == MOST
         for look in (*style.looks, style.desired, style.limit):
@@ -316,19 +283,9 @@ def test_flights_are_told_apart_in_grey_and_on_their_ground() -> None:
             assert (high + 0.05) / (low + 0.05) > 2.8
 
 
-def test_styles_differ_in_size_and_ground() -> None:
-    paper, talk, dark = (
-        plot(flights(), kind="tip", style=s, dark=d) for s, d in (("paper", False), ("talk", False), ("talk", True))
-    )
-    assert paper.get_size_inches()[0] == 3.5
-    assert talk.get_size_inches()[0] == dark.get_size_inches()[0] == 13.33
-    assert mpl.colors.to_hex(dark.get_facecolor()) == TALK_DARK.face
-    assert talk.axes[0].yaxis.label.get_fontsize() > 1.5 * paper.axes[0].yaxis.label.get_fontsize()
-
-
 def test_nothing_global_is_touched() -> None:
     before = dict(mpl.rcParams)
-    plot(flights(), style="talk", dark=True)
+    plot(flights(), style="talk")
     assert dict(mpl.rcParams) == before
 
 
@@ -356,7 +313,6 @@ def test_labels_are_what_tells_flights_apart() -> None:
         ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
         ({"style": "poster"}, "style = 'poster': must be one of paper, talk"),
-        ({"dark": True}, "dark: must come with style = 'talk'"),
         ({"window": (2.0, 1.0)}, "window = [2, 1]: must start before it stops"),
         ({"window": (40.0, 50.0)}, "window = [40, 50]: must overlap the flights, which last 1 s"),
         ({"window": (float("nan"), 1.0)}, "window[0] = nan: must be a finite number"),
@@ -386,38 +342,49 @@ def test_flights_without_joints_have_no_efforts_and_too_many_flights_are_refused
         plot([])
 
 
-def changed_flight(*changes: skyarm.Change) -> skyarm.Log:
-    return skyarm.run(dataclasses.replace(skyarm.load_scenario("case2_gust", duration=1.0), changes=changes))
+def test_a_limit_that_a_curve_comes_near_is_drawn() -> None:
+    """The paper's arm saturates at 0.5 N m, the Hummingbird's rotors at 838 rad/s."""
+    near, far = plot(with_efforts(0.4), kind="efforts").axes
+    assert [float(line.get_ydata()[0]) for line in near.get_lines() if line.get_label() == "limit"] == [-0.5, 0.5]
+    assert near.get_ylim()[0] < -0.5
+    assert near.get_ylim()[1] > 0.5
+    assert "limit" not in curves(far)
+    for ax in plot(flights(), kind="rotors").axes:
+        assert float(curves(ax)["limit"].get_ydata()[0]) == 838.0
+        assert ax.get_ylim()[0] < 480.0
+        assert ax.get_ylim()[1] > 838.0
 
 
-def test_changes_in_flight_are_lines_and_gusts_that_they_bring_are_shaded() -> None:
-    gust = {"force": [2.0, 0.0, 0.0], "start": 0.2, "duration": 0.4}
-    wind = {"mode": "force_wind", "gust": gust}
-    log = changed_flight(
-        skyarm.Change(at=0.3, path="environment.wind", value=wind),
-        skyarm.Change(at=0.5, path="plant.payload.mass", value=0.02),
-        skyarm.Change(at=0.7, path="plant.payload.mass", value=0.01),
-        skyarm.Change(at=3.0, path="plant.payload.mass", value=0.0),
-    )
+def test_limits_of_joints_are_those_of_the_vehicle() -> None:
+    scenario = skyarm.load_scenario("case2", duration=0.2)
+    vehicle = scenario.plant.vehicle.with_joints(lower=-0.4, upper=1.0)
+    log = skyarm.run(dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle)))
+    assert [panel.limits for panel in panels_of("tracking", [log])][3:] == [(-0.4, 1.0)] * 2
+    assert [panel.limits for panel in panels_of("efforts", [log])] == [(-0.5, 0.5)] * 2
+
+
+def test_a_talk_is_a_slide_in_larger_letters() -> None:
+    paper, talk = (plot(flights(), kind="tip", style=style) for style in ("paper", "talk"))
+    assert (paper.get_size_inches()[0], talk.get_size_inches()[0]) == (3.5, 13.33)
+    assert talk.axes[0].yaxis.label.get_fontsize() > 1.5 * paper.axes[0].yaxis.label.get_fontsize()
+
+
+def test_changes_in_flight_are_lines_and_many_are_counted() -> None:
+    scenario = skyarm.load_scenario("case2_gust", duration=1.0)
+    wind = dataclasses.replace(scenario.wind, gust=skyarm.Gust(peak=[2.0, 0.0, 0.0], start=0.3, duration=0.4))
+    masses = [skyarm.Change(at=at, path="plant.payload.mass", value=0.02) for at in (0.5, 0.7, 3.0)]
+    log = skyarm.run(dataclasses.replace(scenario, wind=wind, changes=tuple(masses)))
     figure = plot(log, kind="attitude")
-    # the gust began before the change that brought it
-    assert spans(figure.axes[0]) == [(0.3, 0.6)]
+    assert spans(figure.axes[0]) == [(0.3, 0.7)]
     instants = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("_plant")]
     assert [line.get_xdata()[0] for line in instants] == [0.5, 0.7]
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert words[2] == "gust"
-    assert words[3] == "environment.wind replaced"
-    assert words[4] == "plant.payload.mass, 2 changes"
+    assert words[2:] == ["gust", "plant.payload.mass, 2 changes"]
     require_words_apart(figure)
-
-
-def test_a_gust_goes_on_through_a_change_of_something_else_and_many_changes_are_counted() -> None:
-    scenario = skyarm.load_scenario("case2_gust", duration=1.0)
-    wind = dataclasses.replace(scenario.wind, gust=skyarm.Gust(peak=[2.0, 0.0, 0.0], start=0.3, duration=0.4))
     paths = ("plant.payload.mass", "environment.wind.force_W.x", "sensors.position", "controller.gains.position.x")
     changes = tuple(skyarm.Change(at=0.5, path=path, value=1e-3) for path in paths)
-    facts = flight_facts(skyarm.run(dataclasses.replace(scenario, wind=wind, changes=changes)))
-    assert [(event.label, event.start, round(event.stop, 9)) for event in facts.events] == [
+    many = flight_events(skyarm.run(dataclasses.replace(scenario, wind=wind, changes=changes)))
+    assert [(event.label, event.start, round(event.stop, 9)) for event in many] == [
         ("gust", 0.3, 0.7),
         *[("4 changes of 4 numbers", 0.5, 0.5)] * 4,
     ]

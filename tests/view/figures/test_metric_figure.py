@@ -169,7 +169,7 @@ def test_the_picture_shows_the_curves_and_the_lost_ones(folder: Path, tmp_path: 
 
 
 def test_several_laws_by_a_number_stand_side_by_side_and_one_law_in_one_panel(folder: Path) -> None:
-    figure = plot_sweep(folder, METRIC, MASS, by=LOADS, style="talk", dark=True)
+    figure = plot_sweep(folder, METRIC, MASS, by=LOADS, style="talk")
     titles = [ax.get_title() for ax in figure.axes[:3]]
     assert titles == [f"payload mass (plant)\n{value} kg" for value in ("0", "0.05", "0.1")]
     found = banded_curves(Rows(folder), METRIC, MASS, by=LOADS)

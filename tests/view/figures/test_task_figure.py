@@ -11,8 +11,8 @@ import pytest
 
 from skyarm.reference.signals import Constant, Windowed
 from skyarm.reference.tip_motion import TipPush
-from skyarm.view.figures.flight_facts import wanted_push
-from skyarm.view.figures.path_views import _view, task_figure
+from skyarm.view.figures.flight_facts import desired_push
+from skyarm.view.figures.path_views import task_figure, widest_view
 from skyarm.view.figures.projection import BEHIND, SIDE, TOP
 from world_flights import touching
 
@@ -26,7 +26,7 @@ def test_forces_are_those_of_the_log_beside_the_wanted_one() -> None:
     np.testing.assert_array_equal(wanted.get_ydata(), np.where(log.time >= 0.1, 1.0, 0.0))
     assert above.get_ylim()[0] == 0.0
     words = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert words == {"normal force", "wanted force", "tip"}
+    assert words == {"normal force", "desired force", "tip"}
 
 
 def test_what_is_gripped_without_a_touch_is_drawn_alone() -> None:
@@ -47,7 +47,7 @@ def test_what_is_gripped_without_a_touch_is_drawn_alone() -> None:
 def test_the_view_leaves_out_the_way_that_the_tip_goes_least(wide: tuple[float, ...], view: Any) -> None:
     log = touching()
     path = np.linspace(0.0, 1.0, log.time.size)[:, None] * np.array(wide)
-    assert _view(dataclasses.replace(log, tool=path)) is view
+    assert widest_view(dataclasses.replace(log, tool=path)) is view
 
 
 def test_from_behind_left_is_left() -> None:
@@ -61,10 +61,10 @@ def test_the_wanted_force_of_a_task_that_waits_stands_at_its_own_time() -> None:
     time, late = np.array([0.0, 1.5, 3.0]), np.array([0.0, 0.5, 1.5])
     waits = SimpleNamespace(reference=SimpleNamespace(push=push, guards=(1,)))
     log: Any = SimpleNamespace(scenario=waits, time=time, path_time=late)
-    found = wanted_push(log)
+    found = desired_push(log)
     assert found is not None
     assert found.tolist() == [0.0, 0.0, 2.0]
     waits.reference.guards = ()
-    assert wanted_push(log).tolist() == [0.0, 2.0, 0.0]  # type: ignore[union-attr]
+    assert desired_push(log).tolist() == [0.0, 2.0, 0.0]  # type: ignore[union-attr]
     waits.reference.push = None
-    assert wanted_push(log) is None
+    assert desired_push(log) is None

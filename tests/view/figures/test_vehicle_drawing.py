@@ -15,7 +15,6 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
-from skyarm.view.figures.style import TALK_DARK
 from skyarm.view.figures.vehicle_drawing import AZIMUTH, BENT, ELEVATION, drawing_angles, pose, vehicle_drawing
 from skyarm.world.scene.shapes import shape_between
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
@@ -31,11 +30,11 @@ def words(ax: Any) -> list[str]:
 @pytest.mark.parametrize("name", sampled(list_vehicles(), 6))
 def test_everything_of_a_vehicle_is_named_and_no_word_covers_another(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
-    figure = vehicle_drawing(vehicle, style="talk", dark=True)
+    figure = vehicle_drawing(vehicle, style="talk")
     solid, side, top = figure.axes
     said = ", ".join(words(solid)).split(", ")
     wanted = ["world", "base", *(link.joint.name for link in vehicle.links), *(f.name for f in vehicle.frames)]
-    assert sorted(each for each in said if each not in ("x", "y", "z", "p_WB") and not each.isdigit()) == sorted(wanted)
+    assert sorted(each for each in said if each not in ("x", "y", "z") and not each.isdigit()) == sorted(wanted)
     assert {each for each in said if each.isdigit()} == {str(i + 1) for i in range(len(vehicle.rotors))}
     senses = [f"{i + 1} {r.name}\n{'ccw' if r.direction > 0 else 'cw'}" for i, r in enumerate(vehicle.rotors)]
     assert [each for each in words(top) if "\n" in each] == senses
@@ -163,8 +162,5 @@ def test_a_wrong_number_of_joints_and_a_wrong_style_are_one_line() -> None:
         ValueError, match=r"joints = \[0.1\]: must be 2 numbers, one a joint of hummingbird_arm2_rotors"
     ):
         vehicle_drawing(vehicle, [0.1])
-    with pytest.raises(ValueError, match="dark: must come with style = 'talk'"):
-        vehicle_drawing(vehicle, dark=True)
-    assert vehicle_drawing(vehicle, style="talk", dark=True).get_facecolor()[:3] == pytest.approx(
-        [int(TALK_DARK.face[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    )
+    with pytest.raises(ValueError, match="style = 'slide': must be one of paper, talk"):
+        vehicle_drawing(vehicle, style="slide")

@@ -12,8 +12,6 @@ from matplotlib.colors import to_rgba
 
 from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
-from skyarm.log.flight_log import Log
-from skyarm.view.figures.flight_facts import APART, touchings
 from skyarm.view.figures.flight_plot import plot
 from skyarm.view.film import camera_paths
 from skyarm.view.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, looking_towards
@@ -178,33 +176,13 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
     assert place_at(messages, ground["name"], "SetPositionMessage", "position", 0.0)[2] == -0.3
 
 
-def test_contact_figures_have_forces_wanted_forces_and_touches() -> None:
+def test_contact_figures_have_forces_desired_forces() -> None:
     log = touching()
     (ax,) = plot({"a": log}, kind="contact").axes
     lines = {line.get_label(): line for line in ax.get_lines()}
     assert ax.get_ylabel() == "wall, tip [N]"
     np.testing.assert_array_equal(lines["a"].get_ydata(), log.contact_force[:, PAIR])
     np.testing.assert_array_equal(lines["desired"].get_ydata(), np.where(log.time >= 0.1, 1.0, 0.0))
-    first = log.time[np.flatnonzero(log.contact_force[:, PAIR])[0]]
-    assert lines["_touch"].get_xdata()[0] == first
-    legend = {text.get_text() for text in plot({"a": log}, kind="contact").legends[0].get_texts()}
-    assert {"a", "desired", "touch"} <= legend
-
-
-def forced(*periods: tuple[float, float], pair: int = PAIR) -> Log:
-    """The flight with other instants of contact between the wall and the tip."""
-    log, force = touching(), np.zeros_like(touching().contact_force)
-    for start, stop in periods:
-        force[(log.time >= start - 1e-9) & (log.time < stop - 1e-9), pair] = 1.0
-    return dataclasses.replace(log, contact_force=force)
-
-
-def test_a_short_gap_between_two_touches_is_no_loss() -> None:
-    (one,) = touchings(forced((0.2, 0.4), (0.4 + APART - 0.01, 0.6), (0.6 + APART + 0.01, 5.0)))
-    np.testing.assert_allclose(one.starts, (0.2, 0.65), atol=1e-9)
-    np.testing.assert_allclose(one.ends, (0.6,), atol=1e-9)
-    assert one.at_tip
-    assert touchings(flight()) == ()
 
 
 def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> None:
@@ -215,10 +193,6 @@ def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> Non
         lines = {line.get_label(): line for line in ax.get_lines()}
         np.testing.assert_array_equal(lines["a"].get_xydata(), log.tip[:, columns])
         np.testing.assert_array_equal(lines["desired"].get_xydata(), log.tip_reference[:, columns])
-        touch = lines["_touch"].get_xydata()[0]
-        np.testing.assert_array_equal(touch, log.tip[np.flatnonzero(log.contact_force[:, PAIR])[0], columns])
-    skid = plot({"a": forced((0.2, 0.4), pair=PAIR + 1)}, kind="path").axes[0]
-    assert "_touch" not in {line.get_label() for line in skid.get_lines()}, "where the tip was says nothing of a skid"
     # a plane is drawn where it is seen from its edge
     sides = [[patch.get_label() for patch in ax.patches].count("world/side") for ax in (above, right)]
     assert sides == [1, 0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,9 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import names_of
+from skyarm.log.flown_scenario import written_part
+from skyarm.log.log_columns import names_of, unit_of_kind
+from skyarm.log.periods import contact_pairs
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.view.figures.flight_facts import FlightFacts, Touching, contact_force, wanted_force
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.figures.flight_facts import desired_push, scenario_of
 
 Array = npt.NDArray[np.float64]
 
@@ -32,10 +36,9 @@ class Panel:
     Attributes:
         label: words for the axis. unit: of all that it shows.
         of: curve. desired: its reference, drawn dotted.
-        limits: flight -> values that it must not pass, in the unit of the panel.
+        limits: values that it must not pass, in the unit of the panel.
         magnitude: never negative, so the axis begins at zero.
         span: least extent of the axis, so that rounding noise does not fill a panel.
-        touching: (surface, point) of the pairs whose touches and losses are marked below; empty for none, None for all.
         letter: names the part of a figure that begins here, "" within a part.
         scale: panels with the same name share their limits, "" for its own.
     """
@@ -44,10 +47,9 @@ class Panel:
     unit: str
     of: Read
     desired: Read | None = None
-    limits: Callable[[FlightFacts], tuple[float, ...]] = lambda _facts: ()
+    limits: tuple[float, ...] = ()
     magnitude: bool = False
     span: float = 0.02
-    touching: tuple[tuple[str, str], ...] | None = ()
     letter: str = ""
     scale: str = ""
 
@@ -70,60 +72,100 @@ def distance(name: str, reference: str, factor: float = 1.0) -> Read:
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
-def peaks(time: Array, values: Array, every: int) -> tuple[Array, Array]:
-    """Largest value of each stretch of so many samples, and when the stretches begin."""
-    whole = len(values) // every * every
-    return time[:whole:every], values[:whole].reshape(-1, every).max(axis=1)
-
-
-def _tracking(flight: FlightFacts) -> list[Panel]:
-    base = [
-        Panel(label=f"Base {axis}", unit="m", of=column("position", i), desired=column("position_reference", i))
-        for i, axis in enumerate(AXES)
-    ]
-    return base + [
-        Panel(
-            label=name,
-            unit="rad" if turns else "m",
-            of=column("joints", i),
-            desired=column("joints_reference", i),
-            limits=_finite("joint_limits", i),
-        )
-        for i, (name, turns) in enumerate(zip(flight.joints, flight.revolute, strict=True))
-    ]
-
-
-def _tip(_flight: FlightFacts) -> list[Panel]:
-    at = [
-        Panel(label=f"Tip {axis}", unit="m", of=column("tip", i), desired=column("tip_reference", i))
-        for i, axis in enumerate(AXES)
-    ]
-    error = distance("tip", "tip_reference", MILLIMETRES)
-    return [*at, Panel(label="Tip error", unit="mm", of=error, magnitude=True, span=1.0, touching=None)]
-
-
-def _contact(flight: FlightFacts) -> list[Panel]:
-    """Normal force of every pair of a surface and a point that touched in any flight."""
+def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[Panel]:
+    """A panel for each axis of the world: values with the ``desired`` ones, or errors against a reference."""
     return [
         Panel(
-            label=f"{each.surface}, {each.point}",
-            unit="N",
-            of=contact_force(each.surface, each.point),
-            desired=wanted_force(each.point),
-            magnitude=True,
-            span=0.1,
-            touching=((each.surface, each.point),),
+            label=f"{label} {axis}",
+            unit="m",
+            of=column(array, i, error),
+            desired=column(desired, i) if desired else None,
         )
-        for each in flight.touching
+        for i, axis in enumerate(AXES)
     ]
 
 
-def _attitude(_flight: FlightFacts) -> list[Panel]:
-    angle, yaw = math.degrees(1.0), Panel(label="Yaw", unit="deg", of=_yaw, span=1.0)
+def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
+    """Number, label and kind of each joint of the longest arm, and its records in the vehicles that flew."""
+    names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
+    for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
+        label = name[:1].upper() + name[1:] if kind else f"Joint {i + 1}"
+        yield i, label, kind, [each.links[i].joint for each in _vehicles(logs) if i < each.n]
+
+
+def _vehicles(logs: Sequence[Log]) -> list[Vehicle]:
+    return [scenario.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
+
+
+def _finite(values: Iterable[Any]) -> tuple[float, ...]:
+    return tuple(sorted({float(each) for each in values if math.isfinite(each)}))
+
+
+def _tracking(logs: Sequence[Log]) -> list[Panel]:
+    return by_axis("Base", "position", "position_reference") + [
+        Panel(
+            label=label,
+            unit=unit_of_kind(Unit("rad or m"), kind or "revolute"),
+            of=column("joints", i),
+            desired=column("joints_reference", i),
+            limits=_finite(end for joint in joints for end in (joint.lower, joint.upper)),
+        )
+        for i, label, kind, joints in _joints(logs)
+    ]
+
+
+def _tip(logs: Sequence[Log]) -> list[Panel]:
+    error = distance("tip", "tip_reference", MILLIMETRES)
+    norm = Panel(label="Tip error", unit="mm", of=error, magnitude=True, span=1.0)
+    return [*by_axis("Tip", "tip", "tip_reference"), norm]
+
+
+def _contact(logs: Sequence[Log]) -> list[Panel]:
+    """Normal force of every pair of a surface and a point that touched in any flight."""
+    pairs = dict.fromkeys(
+        pair
+        for log in logs
+        for pair, force in zip(contact_pairs(log), log.contact_force.T, strict=False)
+        if np.any(force > 0.0)
+    )
+    return [
+        Panel(
+            label=f"{surface}, {point}",
+            unit="N",
+            of=_pair_force(surface, point),
+            desired=lambda log, point=point: desired_push(log) if point in _at_tip(log) else None,  # type: ignore[misc]
+            magnitude=True,
+            span=0.1,
+        )
+        for surface, point in pairs
+    ]
+
+
+def _pair_force(*pair: str) -> Read:
+    """Log -> normal force (N,) of a surface on a point, N."""
+
+    def read(log: Log) -> Array | None:
+        pairs = contact_pairs(log)
+        if pair not in pairs or log.contact_force.shape[1] != len(pairs):
+            return None
+        return np.asarray(log.contact_force[:, pairs.index(pair)])
+
+    return read
+
+
+def _at_tip(log: Log) -> set[str]:
+    """Names of the points at the vehicle's tip, as the log's record has them."""
+    points = written_part(log.info, "environment", "world", "points") or ()
+    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
+    return {str(each.get("name")) for each in points if tip and each.get("frame") == tip}
+
+
+def _attitude(logs: Sequence[Log]) -> list[Panel]:
+    angle = math.degrees(1.0)
     return [
         Panel(label="Roll", unit="deg", of=column("euler", 0, factor=angle), span=1.0),
         Panel(label="Pitch", unit="deg", of=column("euler", 1, factor=angle), span=1.0),
-        replace(yaw, desired=lambda log: np.degrees(log.yaw_reference)),
+        Panel(label="Yaw", unit="deg", of=_yaw, desired=lambda log: np.degrees(log.yaw_reference), span=1.0),
     ]
 
 
@@ -133,49 +175,44 @@ def _yaw(log: Log) -> Array:
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
-def _efforts(flight: FlightFacts) -> list[Panel]:
-    named = zip(flight.joints, flight.revolute, flight.setpoints, strict=True)
-    return [_command(i, name, turns, unit) for i, (name, turns, each) in enumerate(named) for unit in each]
+def _efforts(logs: Sequence[Log]) -> list[Panel]:
+    """Command of each joint, a panel for each of its kinds: a torque or force, or a setpoint in a unit."""
+    found = []
+    for i, label, kind, joints in _joints(logs):
+        for setpoint in dict.fromkeys(names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]):
+            words, unit, limits = f"{label} setpoint", setpoint or "", _finite(())
+            if setpoint is None:
+                words = f"{label} {'force' if kind == 'prismatic' else 'torque'}"
+                unit = unit_of_kind(Unit("N m or N"), kind or "revolute")
+                limits = _finite(sign * joint.effort_limit for joint in joints for sign in (-1.0, 1.0))
+            elif setpoint in ("rad", "m"):
+                limits = _finite(end for joint in joints for end in (joint.lower, joint.upper))
+            found.append(Panel(label=words, unit=unit, of=_command(i, setpoint), limits=limits))
+    return found
 
 
-def _command(i: int, name: str, turns: bool, setpoint: str | None) -> Panel:
+def _command(i: int, setpoint: str | None) -> Read:
     """Command of joint ``i``, of the flights in which that is a torque or a setpoint in this unit."""
     efforts = column("efforts", i)
-
-    def read(log: Log) -> Array | None:
-        return efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
-
-    if setpoint is None:
-        word, unit = ("torque", "N m") if turns else ("force", "N")
-        return Panel(label=f"{name} {word}", unit=unit, of=read, limits=_finite("effort_limits", i))
-    limits = _finite("joint_limits", i) if setpoint in ("rad", "m") else lambda _facts: ()
-    return Panel(label=f"{name} setpoint", unit=setpoint, of=read, limits=limits)
+    return lambda log: efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 
 
-def _rotors(flight: FlightFacts) -> list[Panel]:
+def _rotors(logs: Sequence[Log]) -> list[Panel]:
+    names = names_of(max(logs, key=lambda log: log.rotor_speeds.shape[1])).rotors
+    turning = [vehicle.rotors for vehicle in _vehicles(logs)]
     return [
         Panel(
             label=f"Rotor {name}",
             unit="rad/s",
             of=column("rotor_speeds", i),
-            limits=_finite("rotor_limits", i),
+            limits=_finite(rotors[i].max_speed for rotors in turning if i < len(rotors)),
             span=5.0,
         )
-        for i, name in enumerate(flight.rotors)
+        for i, name in enumerate(names)
     ]
 
 
-def _finite(field: str, i: int) -> Callable[[FlightFacts], tuple[float, ...]]:
-    """Limits of joint or rotor ``i`` that are numbers."""
-
-    def read(flight: FlightFacts) -> tuple[float, ...]:
-        table: Sequence[tuple[float, ...]] = getattr(flight, field)
-        return tuple(limit for limit in table[i] if math.isfinite(limit)) if i < len(table) else ()
-
-    return read
-
-
-KINDS: Mapping[str, Callable[[FlightFacts], list[Panel]]] = {
+KINDS: Mapping[str, Callable[[Sequence[Log]], list[Panel]]] = {
     "tracking": _tracking,
     "attitude": _attitude,
     "tip": _tip,
@@ -198,12 +235,12 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
     sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
     for word, fields in sources:
         fitting = (name for name in RECEIVED if name in fields and fields[name].shape == log[name].shape)
-        shown: dict[str, Any] = {name: fields[name] for name in fitting}
-        if shown:
-            yield word, replace(log, **shown)
+        received: dict[str, Any] = {name: fields[name] for name in fitting}
+        if received:
+            yield word, replace(log, **received)
 
 
-def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[Panel]:
+def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
     """The panels of a kind, named after the flight with most joints and the one with most rotors.
 
     Raises:
@@ -211,23 +248,9 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[Panel]:
     """
     if kind not in (*KINDS, ALL):
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
-    arm = max(flights, key=lambda flight: len(flight.joints))
-    touching: dict[tuple[str, str], Touching] = {}
-    for each in (each for flight in flights for each in flight.touching):
-        touching[each.surface, each.point] = each
-    most = FlightFacts(
-        joints=arm.joints,
-        revolute=arm.revolute,
-        setpoints=tuple(
-            tuple(dict.fromkeys(unit for each in flights for units in each.setpoints[i : i + 1] for unit in units))
-            for i in range(len(arm.joints))
-        ),
-        rotors=max((flight.rotors for flight in flights), key=len),
-        tip=any(flight.tip for flight in flights),
-        touching=tuple(touching.values()),
-    )
-    kinds = [name for name in KINDS if name != "tip" or most.tip] if kind == ALL else [kind]
-    found = [panel for each in kinds for panel in KINDS[each](most)]
+    has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
+    kinds = [name for name in KINDS if name != "tip" or has_tip] if kind == ALL else [kind]
+    found = [panel for each in kinds for panel in KINDS[each](logs)]
     if not found:
         missing = {"efforts": "joints", "contact": "contact"}.get(kind, "rotors")
         raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.view.figures.flight_facts import (
-    FlightFacts,
-    Touching,
-    end_time,
-    ending_of,
-    flight_facts,
-    scenario_of,
-    wanted_push,
-)
-from skyarm.view.figures.flight_panels import Panel
+from skyarm.view.figures.flight_facts import desired_push, end_time, ending_of, scenario_of
 from skyarm.view.figures.projection import BEHIND, SIDE, TOP, View, hull, surface
 from skyarm.view.figures.style import PAPER, Picture, PictureStyle
 from skyarm.world.scene.shapes import Solid
@@ -34,9 +25,6 @@ HEIGHTS = {"paper": 3.0, "talk": 6.2}
 ROOM, LEAST = 0.3, 0.15
 """Room about the paths, as a share of how far they go, and m."""
 
-TOUCH_WORDS = ("touch", "loss")
-"""Words of the legend for a filled mark and an open one."""
-
 TASK_SIZE = 3.6, 3.9
 """in: of the picture of a task."""
 
@@ -48,18 +36,15 @@ TIP = "tip"
 FACE_ON = 0.5
 """A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
 
-FILLS = {False: {"surface": "#cfc9bd", "object": "#d9b48f"}, True: {"surface": "#4a4740", "object": "#7a5a3a"}}
-"""Role of a shape -> fill, on light and on dark ground."""
+FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
+"""Role of a shape -> fill."""
 
 
-def path_figure(
-    named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle, span: tuple[float, float]
-) -> Picture:
+def path_figure(named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]) -> Picture:
     """Draw the tips' paths over a stretch of time, from above and from the right.
 
     Args:
         named: words of the legend -> log.
-        facts: the same flights.
         style: of the picture.
         span: first and last instant, s.
 
@@ -72,9 +57,8 @@ def path_figure(
     handles: dict[str, Any] = {}
     world = world_of(named, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
-        handles |= draw_view(ax, view, named, facts, style, span, world)
-    last = [each for each in ("desired", *TOUCH_WORDS) if each in handles]
-    style.legend(figure, {each: handles[each] for each in [*(each for each in handles if each not in last), *last]})
+        handles |= draw_view(ax, view, named, style, span, world)
+    style.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
     return figure
 
 
@@ -84,8 +68,8 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 
 def draw_view(
-    ax: Axes, view: View, named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle,
-    span: tuple[float, float], world: tuple[tuple[Solid, ...], float | None],
+    ax: Axes, view: View, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float],
+    world: tuple[tuple[Solid, ...], float | None],
 ) -> dict[str, Any]:  # fmt: skip
     """Draw the tips' paths and the world in one view; returns what a legend has of it.
 
@@ -93,19 +77,17 @@ def draw_view(
         ax: empty.
         view: one of TOP, SIDE and BEHIND.
         named: words of the legend -> log.
-        facts: the same flights.
         style: of the picture.
         span: first and last instant, s.
         world: as :func:`world_of` has it.
     """
     style.dress(ax)
     handles = _paths(ax, view, named, style, span)
-    handles |= touch_places(ax, view, named, facts, style, span)
     _frame(ax)
     for solid in world[0]:
         _draw_solid(ax, view, solid, style)
     if world[1] is not None and view is not TOP:
-        ax.axhspan(-1e3, world[1], facecolor=_fill(style, "surface"), edgecolor="none", zorder=0.5)
+        ax.axhspan(-1e3, world[1], facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
     title, right, up = SEEN[view]
     ax.set_xlabel(right, **style.words)
     ax.set_ylabel(up, **style.words)
@@ -168,60 +150,9 @@ def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None
         points = surface(solid.shape) @ solid.rotation[k].T + solid.position[k]
         corners = hull(view.flat(points))
         drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
-        fill = "none" if k else _fill(style, solid.shape.role)
+        fill = "none" if k else FILLS[solid.shape.role]
         drawn.set(facecolor=fill, edgecolor=style.frame, linewidth=0.09 * style.small, linestyle="--" if k else "-")
         ax.add_patch(drawn)
-
-
-def _fill(style: PictureStyle, role: str) -> str:
-    return FILLS[style.dark][role]
-
-
-def mark_touches(ax: Axes, panel: Panel, facts: Mapping[str, FlightFacts], style: PictureStyle) -> dict[str, Any]:
-    """Marks on the time axis of a panel where points touch and let go; words of the legend -> artist."""
-    handles: dict[str, Any] = {}
-    for i, flight in enumerate(facts.values()):
-        chosen = flight.touching
-        if panel.touching is not None:
-            chosen = tuple(each for each in chosen if (each.surface, each.point) in panel.touching)
-        at: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 5.0}
-        for word, times, look in _touch_marks(chosen, style, i):
-            (mark,) = ax.plot(times, [0.0] * len(times), markeredgewidth=0.08 * style.small, **look, **at)
-            handles.setdefault(word, mark)
-    return handles
-
-
-def touch_places(
-    ax: Axes,
-    view: View,
-    named: Mapping[str, Log],
-    facts: Mapping[str, FlightFacts],
-    style: PictureStyle,
-    span: tuple[float, float],
-) -> dict[str, Any]:
-    """Places on the tip's path where it touched and let go."""
-    handles: dict[str, Any] = {}
-    for i, (label, log) in enumerate(named.items()):
-        for word, times, look in _touch_marks([e for e in facts[label].touching if e.at_tip], style, i):
-            inside = [t for t in times if span[0] <= t <= span[1]]
-            if inside:
-                at = view.flat(log.tip[np.searchsorted(log.time, inside).clip(max=log.time.size - 1)]).T
-                (handles[word],) = ax.plot(*at, zorder=4.5, **look)
-    return handles
-
-
-def _touch_marks(
-    touching: Sequence[Touching], style: PictureStyle, i: int
-) -> Iterator[tuple[str, list[float], dict[str, Any]]]:
-    """Word, instants and look of touches, then of losses, in the colour of the i-th flight."""
-    color = style.look(i).color
-    for word, marker, face, times in (
-        (TOUCH_WORDS[0], "^", color, [t for each in touching for t in each.starts]),
-        (TOUCH_WORDS[1], "v", style.face, [t for each in touching for t in each.ends]),
-    ):
-        look = {"color": color, "markerfacecolor": face, "markersize": 0.6 * style.small, "marker": marker}
-        if times:
-            yield word, times, {**look, "linestyle": "none", "label": f"_{word}"}
 
 
 def task_figure(log: Log) -> Picture:
@@ -237,21 +168,17 @@ def task_figure(log: Log) -> Picture:
     figure = style.blank(*TASK_SIZE)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
     span = 0.0, end_time(log) or 1.0
-    named, facts = {TIP: log}, {TIP: flight_facts(log)}
+    named = {TIP: log}
     handles = _forces(above, log, style)
     above.set_xlim(*span)
-    seen = draw_view(below, _view(log), named, facts, style, span, world_of(named, span))
+    seen = draw_view(below, widest_view(log), named, style, span, world_of(named, span))
     handles |= {name: seen[name] for name in seen if name.startswith(TIP)}
     style.legend(figure, handles)
     return figure
 
 
-def _view(log: Log) -> View:
-    """The view along the axis of a hinge that is gripped, or along which the tip goes least; else from the right."""
-    if log.gripper_force.size and log.gripper_force.any() and log.mechanism_position.size:
-        hinge = log.scenario.worlds[0].mechanisms[0].hinge
-        if hinge:
-            return VIEWS[int(np.argmax(np.abs([float(c) for c in hinge[3:]])))]
+def widest_view(log: Log) -> View:
+    """The view along the axis along which the tip goes least; else from the right."""
     wide = np.ptp(log.tip, axis=0) if log.time.size else np.zeros(3)
     wide[1] -= 1e-3  # m: noise
     return VIEWS[int(np.argmin(wide))]
@@ -260,18 +187,14 @@ def _view(log: Log) -> View:
 def _forces(ax: Axes, log: Log, style: PictureStyle) -> dict[str, Any]:
     """Curves of force, each in the look of its place; returns what a legend has of them."""
     style.dress(ax)
-    grip, touching = (each.sum(axis=1) if each.size else None for each in (log.gripper_force, log.contact_force))
-    curves: list[tuple[str, Array]] = []
-    if grip is None or (touching is not None and touching.any()):
-        curves.append(("normal force", np.zeros(log.time.size) if touching is None else touching))
-    if grip is not None and grip.any():
-        curves.append(("grip", grip))
     handles: dict[str, Any] = {}
-    for i, (name, force) in enumerate(curves):
-        (handles[name],) = ax.plot(log.time, force, **style.look(i).line)
-    wanted = wanted_push(log)
+    grip = log.gripper_force.sum(axis=1)
+    for name, force in (("normal force", log.contact_force.sum(axis=1)), ("grip", grip)):
+        if force.any() or not (handles or grip.any()):
+            (handles[name],) = ax.plot(log.time, force, **style.look(len(handles)).line)
+    wanted = desired_push(log)
     if wanted is not None and wanted.any():
-        (handles["wanted force"],) = ax.plot(log.time, wanted, **style.desired.line)
+        (handles["desired force"],) = ax.plot(log.time, wanted, **style.desired.line)
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time [s]", **style.words)
     ax.set_ylabel("force [N]", **style.words)

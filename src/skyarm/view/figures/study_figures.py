@@ -61,7 +61,6 @@ def plot_sweep(
     center: str = "median",
     band: tuple[float, float] = BAND,
     style: str = "paper",
-    dark: bool = False,
 ) -> Picture:
     """Draw metrics of a sweep over a varied number, or over an expression of some.
 
@@ -74,12 +73,11 @@ def plot_sweep(
         center: "median" or "mean".
         band: quantiles over the other dimensions and the noise, as shares.
         style: "paper" or "talk".
-        dark: of a talk.
 
     Raises:
         ValueError: one line. OSError: a file cannot be read or written.
     """
-    chosen = picture_style(style, dark=dark)
+    chosen = picture_style(style)
     if file is not None:
         require_suffix(Path(file))
     rows = folder if isinstance(folder, Rows) else Rows(folder)

@@ -1,4 +1,4 @@
-"""Styles of static figures: for a paper's column, for a talk, light or dark, and for a web page.
+"""Styles of figures: for a paper's column, for a talk and for a web page.
 
 Matplotlib's rc parameters are global, and a context that changes them is seen by every thread; so fonts, widths and
 colours are passed to each artist instead. Neighbours in ``looks`` differ in colour, in lightness and in dash, so that a
@@ -98,11 +98,6 @@ class PictureStyle:
     desired: Look
     limit: Look
     shades: tuple[str, ...]
-
-    @property
-    def dark(self) -> bool:
-        """Light on dark."""
-        return self.face != "#ffffff"
 
     @property
     def words(self) -> dict[str, Any]:
@@ -250,39 +245,19 @@ TALK = replace(
 )
 """A slide of 13.33 by 7.5 in, readable from the last row."""
 
-_DARK_COLORS = ("#79b0ee", "#f79a5c", "#6fce8f", "#c9a0f0", "#b8bec6", "#ff7d8b")
-_DARK_TINTS = ("#26384f", "#4d3524", "#24432f", "#3d3150", "#3a3f45", "#512b31")
-
-TALK_DARK = replace(
-    TALK,
-    face="#11151b",
-    ink="#e4e8ec",
-    frame="#8a949e",
-    grid="#323940",
-    looks=tuple(
-        replace(look, color=color, tint=tint)
-        for look, color, tint in zip(TALK.looks, _DARK_COLORS, _DARK_TINTS, strict=True)
-    ),
-    desired=replace(TALK.desired, color="#ffffff"),
-    limit=replace(TALK.limit, color="#ff8a7a"),
-    shades=("#333d49", "#4a4028", "#4b2c2c", "#233b4d"),
-)
-
 PAGE = replace(PAPER, name="page", font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
 """A figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
 
 
-def picture_style(name: str, *, dark: bool = False) -> PictureStyle:
+def picture_style(name: str) -> PictureStyle:
     """A style by its name.
 
     Raises:
-        ValueError: one line: no such style, or a dark paper.
+        ValueError: one line: no such style.
     """
     if name not in STYLES:
         raise ValueError(f"style = {shown(name)}: {must_be_one_of(STYLES, name)}")
-    if dark and name != "talk":
-        raise ValueError(f"dark: must come with style = 'talk', not {shown(name)}")
-    return (TALK_DARK if dark else TALK) if name == "talk" else PAPER
+    return TALK if name == "talk" else PAPER
 
 
 def shade_window(ax: Axes, span: tuple[float, float]) -> Patch:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,18 +23,17 @@ from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_
 
 Array = npt.NDArray[np.float64]
 
-ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload")
-
-FILLS: Mapping[bool, Mapping[str, str]] = {
-    dark: dict(zip(ROLES, colors.split(), strict=True))
-    for dark, colors in (
-        (False, "#c5cfda #aab6c2 #8fb8d8 #eab277 #6c7a89 #b2182b #8a6d3b"),
-        (True, "#3d4853 #55626f #3a6d94 #b8793c #93a1af #ff7d8b #c9a86a"),
-    )
+FILLS = {
+    "hull": "#c5cfda",
+    "boom": "#aab6c2",
+    "rotor": "#8fb8d8",
+    "link": "#eab277",
+    "joint": "#6c7a89",
+    "tip": "#b2182b",
 }
-"""Role of a shape -> fill, on light and on dark ground."""
+"""Role of a shape -> fill."""
 
-AXIS_COLORS = {False: ("#c0262d", "#1a7f37", "#1f5fbf"), True: ("#ff7d8b", "#6fce8f", "#79b0ee")}
+AXIS_COLORS = ("#c0262d", "#1a7f37", "#1f5fbf")
 """x, y, z, as in every robot viewer; letters say it without colour."""
 
 AZIMUTH, ELEVATION = -math.radians(58.0), math.radians(24.0)
@@ -67,16 +66,13 @@ GAP, LEADER = 0.12, 1.6
 """Font sizes: least gap between two labels; distance from which a thin line leads from a label to its point."""
 
 
-def vehicle_drawing(
-    vehicle: Vehicle, joints: Sequence[float] | None = None, *, style: str = "paper", dark: bool = False
-) -> Picture:
+def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None, *, style: str = "paper") -> Picture:
     """Draw a vehicle from its records: an axonometric view, one from the side, one from above.
 
     Args:
         vehicle: with concrete numbers.
         joints: rad or m; if left out, those whose motion the side view shows are bent by 0.5 rad.
         style: "paper" or "talk".
-        dark: of a talk.
 
     Returns:
         a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors and lengths are
@@ -85,7 +81,7 @@ def vehicle_drawing(
     Raises:
         ValueError: one line: an unknown style, or another number of joints.
     """
-    chosen = picture_style(style, dark=dark)
+    chosen = picture_style(style)
     posed = pose(vehicle, joints)
     figure = chosen.blank(chosen.wide, HEIGHTS[style])
     figure.set_layout_engine("none")  # every view has its place
@@ -108,7 +104,7 @@ def vehicle_drawing(
         _fit(ax, np.concatenate([corners, *ends]))
         marks = Marks(ax, view, chosen, posed.reach)
         for i, (shape, outline) in enumerate(outlines):
-            drawn = Polygon(outline, closed=True, facecolor=FILLS[chosen.dark][shape.role], edgecolor=chosen.frame)
+            drawn = Polygon(outline, closed=True, facecolor=FILLS[shape.role], edgecolor=chosen.frame)
             alpha = 0.4 if shape.role == "rotor" else 1.0
             drawn.set(linewidth=0.06 * chosen.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
             ax.add_patch(drawn)
@@ -144,9 +140,6 @@ def _fit(ax: Axes, flat: Array) -> None:
 
 def _draw_solid(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
     """Axonometric: the world, the base, every named frame, the joints' positive directions, the rotors' numbers."""
-    way = marks.view.flat(np.array([world.at, posed.frames[0].at]))
-    marks.arrow(way, marks.style.frame, 0.07, dashed=True)
-    marks.label("p_WB", way.mean(axis=0), marks.style.frame)
     marks.triad(world, letters=True)
     for i, frame in enumerate(posed.frames):
         marks.triad(frame, letters=i == 0 or frame.name == vehicle.end_effector)
@@ -319,7 +312,7 @@ class Marks:
     def triad(self, frame: Frame, *, letters: bool) -> None:
         """Axes of a frame, with the letters of those that are not seen end on."""
         size = (TRIAD if letters else 0.6 * TRIAD) * self.reach
-        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS[self.style.dark], strict=True):
+        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS, strict=True):
             ends = self.view.flat(np.array([frame.at, frame.at + size * axis]))
             if np.linalg.norm(ends[1] - ends[0]) >= SEEN * size:
                 self.arrow(ends, color, 0.13)
@@ -371,11 +364,10 @@ class Marks:
         away = float(np.linalg.norm(at))
         self.label(words, at * (1.0 + 0.95 * radius / away) if outside and away > 0.0 else at)
 
-    def arrow(self, flat: Array, color: str, width: float, *, dashed: bool = False) -> None:
+    def arrow(self, flat: Array, color: str, width: float) -> None:
         """A line through points (N, 2) with a head at its end."""
         look: dict[str, Any] = {"color": color, "linewidth": width * self.style.small, "zorder": 5.0}
-        dash = (0, (3.0, 2.0)) if dashed else "-"
-        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", linestyle=dash, **look)
+        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
         # the head alone: its shaft would end before the point
         options: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 0.9 * self.style.small, "shrinkA": 0.0}
         head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), color=color, shrinkB=0.0, **options)

@@ -15,7 +15,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.flight_facts import flight_labels, wanted_push
+from skyarm.view.figures.flight_facts import applied_force, desired_push, flight_labels
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, shape_rotation, vehicle_shapes
 from skyarm.world.scene.world_shapes import (
@@ -130,14 +130,6 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
 
 
-def _contact(log: Log) -> Array | None:
-    """Sum of the normal forces on the vehicle, or where nothing touches, of its grips, N; None without a world."""
-    if not log.contact_force.size:
-        return None
-    found: Array = np.asarray(log.contact_force.sum(axis=1))
-    return np.asarray(log.gripper_force.sum(axis=1)) if log.gripper_force.size and not found.any() else found
-
-
 def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFlight:
     """Read a log at the instants of the frames by linear interpolation; after its end the last state stays.
 
@@ -152,7 +144,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     quaternion = read(log.time, continuous(log.quaternion), times)
     poses = body_poses(vehicle, now["position"], quaternion, now["joints"])
     push, whole = getattr(scenario.reference, "push", None), log.status == "completed"
-    error, contact = _error(log, push), _contact(log)
+    error, contact = _error(log, push), applied_force(log)
     return FilmedFlight(
         label=label,
         color=color,
@@ -173,7 +165,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         error_curve=error,
         contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
         contact_curve=contact,
-        wanted_curve=wanted_push(log),
+        wanted_curve=desired_push(log),
         end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         loads=tuple(_loads(log, vehicle, scenario.payloads, poses, times)),

@@ -54,11 +54,11 @@ def page(
         script: the only script that a browser runs in the page, by its hash.
         pages: file -> title of the pages of a report, which get links between them and a table of contents.
         sections: (identifier, title, HTML) of such a page.
-        parts: of such a page: ``name`` of its file, ``lead`` and ``footer`` as text, ``opening`` and ``data`` as HTML.
+        parts: of such a page: ``name`` of its file, ``lead`` and ``footer`` as text, ``opening`` as HTML.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     named = [dict(zip(("name", "title", "content"), each, strict=True)) for each in sections]
-    empty = dict.fromkeys(("name", "lead", "footer", "opening", "data"), "")
+    empty = dict.fromkeys(("name", "lead", "footer", "opening"), "")
     return render_template(
         "view/pages/page.html",
         title=title,
@@ -140,8 +140,3 @@ def image(
     kind = kind or ("small" if small else f"wide{' whole' * whole}" if wide else "")
     address = f"data:image/{form};base64,{base64.b64encode(content).decode('ascii')}"
     return _part("figure", alternative, caption, address, kind, link, name)
-
-
-def plot(name: str, caption: str) -> str:
-    """The place of an interactive plot whose data stand under ``name`` at the end of the page."""
-    return _part("plot", name, caption)
