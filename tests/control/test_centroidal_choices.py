@@ -113,17 +113,3 @@ def test_a_delay_off_a_whole_number_of_periods_to_either_side_is_refused(whole, 
 def test_rounding_of_a_decimal_delay_loses_no_period(period):
     """0.145 / 0.005 is 28.999999999999996."""
     assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(range(101))
-
-
-def test_an_option_that_is_gone_names_what_to_use_instead():
-    gone = r"controller\.arm_scaling = 0\.1: is gone; joint_limits = true"
-    with pytest.raises(ControllerError, match=gone):
-        make_controller("centroidal", MODEL, arm_scaling=0.1)
-    document = {
-        "name": "gone",
-        "duration": 1.0,
-        "plant": {"vehicle": "hummingbird_arm2"},
-        "reference": {"base": {"kind": "signals", "z": 1.0}},
-    }
-    with pytest.raises(ValueError, match=gone):
-        skyarm.scenario_from({**document, "controller": {"law": "centroidal", "arm_scaling": 0.1}})

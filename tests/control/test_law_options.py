@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 
 import numpy as np
 import pytest
@@ -13,13 +12,11 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.catalogue import (
-    GONE,
     HUMMINGBIRD,
     LAWS,
     PRESETS,
     ControllerError,
     make_controller,
-    make_named,
     make_tuned,
     rescale,
     tuned_factors,
@@ -196,11 +193,3 @@ def test_a_scenario_refuses_what_a_law_does_not_know():
     with pytest.raises(ValueError, match=r"controller\.cutof = .*: law 'indi' has no such option"):
         scenario(law="indi", cutof=3.0)
 
-
-@pytest.mark.parametrize("gone", GONE)
-def test_a_name_of_0_2_that_is_no_more_leads_to_one_there_is(gone):
-    kind, present = re.match(r"(law|preset) '(\w+)'", GONE[gone]).groups()
-    assert gone not in {*LAWS, *PRESETS}
-    assert present in {"law": LAWS, "preset": PRESETS}[kind]
-    with pytest.raises(ControllerError, match=f"^controller = '{gone}': is {kind} '{present}'.* now; must be "):
-        make_named(gone, MODEL)

@@ -19,7 +19,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.output import bar, give, tell
-from skyarm.control.catalogue import choices, is_named, meant, require_different
+from skyarm.control.catalogue import is_named, must_be_named, require_different
 from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
 from skyarm.records.registry import names as registered
 from skyarm.simulate.user_code import check_components, check_law
@@ -206,7 +206,7 @@ def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) 
     for name in names:
         if name not in own and not is_named(name):
             theirs = f"one of {', '.join(own)}, or " if own else ""
-            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {theirs}{choices(name)}")
+            raise ValueError(f"--laws = {shown(name)}: {must_be_named(name, theirs)}")
         if names.count(name) > 1:
             raise ValueError(f"--laws = {shown(name)}: must be named once")
     return tuple(names)

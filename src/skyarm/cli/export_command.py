@@ -14,7 +14,7 @@ from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, sh
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.margins_commands import give_margin, tell_margin
 from skyarm.cli.output import give, tell, waiting
-from skyarm.control.catalogue import choices, is_named, meant
+from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
@@ -244,7 +244,7 @@ def _require_scenario(controller: str) -> None:
         return
     if Path(controller).suffix != ".toml":
         raise ValueError(
-            f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}, "
+            f"controller = {shown(controller)}: {must_be_named(controller)}, "
             f"or a scenario ({', '.join(shipped_names('scenario'))}) or a scenario's .toml file"
         )
     if not Path(controller).is_file():

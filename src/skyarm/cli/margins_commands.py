@@ -11,7 +11,7 @@ import typer
 from skyarm.cli.arguments import Controller, Flying, Out, Scenario, require_not_another, require_within, workers
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting, write_json
-from skyarm.control.catalogue import choices, is_named, meant
+from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.records.files import output_file, require_writable, shown, taken_back, write_atomically
@@ -189,7 +189,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
         ValueError: one line.
     """
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}")
+        raise ValueError(f"controller = {shown(controller)}: {must_be_named(controller)}")
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=controller)
     say_suspicious(loaded)

@@ -24,7 +24,7 @@ from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
-from skyarm.dynamics.workspace import reach, search_of, static_torques
+from skyarm.dynamics.workspace import MANY, reach, samples_of, static_torques
 from skyarm.records.files import number, read_toml
 from skyarm.records.leaves import field_names, walk
 from skyarm.records.units import units
@@ -185,7 +185,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
         names = [link.joint.name for link in vehicle.links]
         efforts = map(float, static_torques(vehicle, gravity))
         found["static_efforts"] = dict(zip(names, efforts, strict=True))
-        found["static_efforts_over_all_joint_values"] = search_of(vehicle.n, vehicle.n).whole
+        found["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
         if vehicle.end_effector and vehicle.frame().link != BASE:
             found["reach_m"] = float(reach(vehicle))
     return found
@@ -291,7 +291,7 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> list[tuple[str, str]]:
         if margin and torque > NOTHING:
             margin += f", margin {limit / torque:.3g}"
         rows.append((f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"))
-    return [*rows, ("static efforts", f"for a level base, over {_searched_joints(vehicle.n, vehicle.n)}")]
+    return [*rows, ("static efforts", f"for a level base, over {_searched_joints(vehicle.n)}")]
 
 
 def _hover_rows(hover: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -313,11 +313,10 @@ def _reach(vehicle: Vehicle, found: float | None) -> str:
     """Reach of an arm in words."""
     if found is None:
         return "none: the end effector is fixed to the base" if vehicle.end_effector else "unknown: no end effector"
-    least = "" if search_of(vehicle.n, 1).whole else f", the largest over {_searched_joints(vehicle.n, 1)}"
+    least = "" if vehicle.n <= MANY else f", the largest over {_searched_joints(vehicle.n)}"
     return f"{shown_number(found, 4)} m{least}"
 
 
-def _searched_joints(joints: int, quantities: int) -> str:
+def _searched_joints(joints: int) -> str:
     """Joint values over which a largest value was searched for, in words."""
-    search = search_of(joints, quantities)
-    return "all joint values" if search.whole else f"{search.samples} random joint values, then near the best"
+    return "all joint values" if joints <= MANY else f"{samples_of(joints)} random joint values"

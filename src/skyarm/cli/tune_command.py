@@ -20,7 +20,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, tell
-from skyarm.control.catalogue import choices, is_named, meant
+from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.records.files import read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
@@ -125,7 +125,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(
-            f"--controller = {shown(controller)}: {meant(controller)}must be {choices(controller)}; or a .toml file"
+            f"--controller = {shown(controller)}: {must_be_named(controller)}; or a .toml file"
         )
     of_a_vehicle = _is_vehicle(target)
     if of_a_vehicle:

@@ -37,25 +37,6 @@ BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
-_LADDER = ("coupled_thrust", "consistent", "observer", "feedforward", "extrapolation", "lag_inversion")
-
-GONE: Mapping[str, str] = {
-    **{f"ct_{name}": f"law 'ct_ladder' with steps = {i}" for i, name in enumerate(_LADDER, 1)},
-    "ct_level_gravity": "law 'hybrid_computed_torque' with without = ['full_gravity']",
-    "l1_adaptive_lateral": "law 'l1_adaptive' with lateral = true",
-    "hybrid_computed_torque_euler": "law 'hybrid_computed_torque', which is equal away from a pitch of 90 degrees",
-    "paper_ct_euler": "preset 'paper_ct', which is equal away from a pitch of 90 degrees",
-    "exact": "law 'centroidal'",
-    "exact_joint": "preset 'centroidal_joint'",
-    "exact_joint_stiff": "preset 'centroidal_joint_stiff'",
-    "exact_ee": "preset 'centroidal_tip'",
-    "exact_ee_stiff": "preset 'centroidal_tip_stiff'",
-    "rotors_hummingbird": "preset 'rotors_sim_hummingbird'",
-    "rotors_position": "law 'rotors_sim_position'",
-}
-"""Names in files of version 0.2 that are no more, and the present names."""
-
-
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A registered law; its module is imported when its maker is needed."""
@@ -112,14 +93,13 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not isinstance(name, str) or name not in LAWS:
-        allowed = must_be_one_of(LAWS, name, "skyarm show")
-        raise ControllerError(f"controller.law = {shown(name)}: {present_name(name)}{allowed}")
+        raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     entry = LAWS[name]
     for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, option, entry.options())}")
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
     maker = entry.function()
     check_maker(maker, name, options)
     made: Controller = made_by(maker, name, model, options)
@@ -206,8 +186,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
         ControllerError: unknown name, or gains for another number of joints.
     """
     if not isinstance(name, str) or name not in PRESETS:
-        allowed = must_be_one_of(PRESETS, name, "skyarm show")
-        raise ControllerError(f"controller.preset = {shown(name)}: {present_name(name)}{allowed}")
+        raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
         return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
@@ -268,7 +247,7 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not is_named(name):
-        raise ControllerError(f"controller = {shown(name)}: {meant(name)}must be {choices(name)}")
+        raise ControllerError(f"controller = {shown(name)}: {must_be_named(name)}")
     if name in PRESETS:
         return preset(name, model, known)
     law = name if name in LAWS else name.removesuffix(TUNED)
@@ -307,37 +286,18 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 """Texts that were probably meant as FILE.py:make and are not of that form."""
 
 
-def choices(name: Any) -> str:
-    """Allowed names in place of an unknown one, in words: the nearest, and where all are shown."""
-    near = ", ".join(nearest(name, _every_name()))
-    return f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or FILE.py:make on the command line"
-
-
-def _every_name() -> tuple[str, ...]:
-    return (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
-
-
-def meant(name: Any) -> str:
-    """A hint to what an unknown name may have meant, as a message begins; empty where nothing is alike."""
+def must_be_named(name: Any, others: str = "") -> str:
+    """What is allowed in place of an unknown name, in words; ``others`` are allowed next to presets and laws."""
+    every = (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
-        return f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
-    return present_name(name) or did_you_mean(name, _every_name())
+        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
+    else:
+        hint = did_you_mean(name, every)
+    near = ", ".join(nearest(name, every))
+    allowed = f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or FILE.py:make on the command line"
+    return f"{hint}must be {others}{allowed}"
 
 
-def present_name(name: Any) -> str:
-    """The present name of one that is no more, as a message begins; empty for any other."""
-    present = GONE.get(name.removesuffix(TUNED)) if isinstance(name, str) else None
-    return f"is {present} now; " if present else ""
-
-
-GONE_OPTIONS: Mapping[tuple[str, str], str] = {
-    ("centroidal", "arm_scaling"): "joint_limits = true keeps the joints off motions that rotors cannot hold"
-}
-"""Options of version 0.2, and what stands in their place."""
-
-
-def no_option(law: str, option: str, options: Iterable[str]) -> str:
-    """Refusal of an option that a law does not have, or has no more."""
-    if instead := GONE_OPTIONS.get((law, option)):
-        return f"is gone; {instead}"
+def no_option(law: str, options: Iterable[str]) -> str:
+    """Refusal of an option that a law does not have."""
     return f"law {law!r} has no such option; it has {', '.join(options)}"

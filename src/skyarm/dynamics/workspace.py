@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,38 +22,14 @@ Quantities = Callable[[Array], list[Any]]
 SAMPLES, ROUNDS, AROUND = 4096, 60, 256
 """Random starts, shrinking rounds of the search, and tries of each; the two-joint arm's maximum is found to 1e-9."""
 
-STEPS, LANES, WIDTH = 6000, 12_000_000, 400_000
-"""Links visited, those times the joint values tried, and these at a time: about 2 s and 200 MB at most."""
-
-FEWEST = 8
-"""Tries of a round below which it finds nothing."""
+MANY, FEW = 27, 400_000
+"""Joints up to which that takes 2 s at most. Of more, as many values as make this many links are tried, and no rounds.
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Search:
-    """Effort of a search: random joint values, then rounds of tries around the best so far."""
-
-    samples: int
-    rounds: int
-    around: int
-
-    @property
-    def whole(self) -> bool:
-        """True if many joints did not shorten it, so that what it finds may be called the largest."""
-        return self == Search(SAMPLES, ROUNDS, AROUND)
-
-
-def search_of(joints: int, quantities: int) -> Search:
-    """The search for each of some quantities over the values of some joints that ends within about 2 s."""
-    links = max(joints, 1)
-    samples = min(SAMPLES, WIDTH // links, LANES // (4 * links))
-    rounds = min(ROUNDS, STEPS // links)
-    left = LANES // links - samples
-    around = min(AROUND, WIDTH // (links * quantities), left // max(rounds * quantities, 1)) - 1
-    around = AROUND if around == AROUND - 1 else around
-    if around < FEWEST:
-        rounds = around = 0
-    return Search(max(samples, FEWEST), rounds, around)
+def samples_of(joints: int) -> int:
+    """Random joint values from which a search begins; fewer than :data:`SAMPLES` where there are :data:`MANY` joints."""
+    return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
@@ -65,23 +40,22 @@ def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
     return np.array(low), np.array(high)
 
 
-def _largest(vehicle: Vehicle, quantities: Quantities, count: int, search: Search) -> list[float]:
+def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float]:
     """Largest value of each quantity over the joint range, by random search with shrinking steps.
 
     Args:
         vehicle: its joints.
         quantities: from joint values (lanes, n) to ``count`` quantities, each (lanes,) or one number for all.
         count: how many.
-        search: how thoroughly.
     """
     rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
-    tried = rng.uniform(low, high, (search.samples, vehicle.n))
-    values = np.stack([np.broadcast_to(each, search.samples) for each in quantities(tried)])
+    tried = rng.uniform(low, high, (samples_of(vehicle.n), vehicle.n))
+    values = np.stack([np.broadcast_to(each, len(tried)) for each in quantities(tried)])
     best, most = tried[np.argmax(values, axis=1)], np.max(values, axis=1)
-    width = search.around + 1
-    for _ in range(search.rounds):
+    width = AROUND + 1
+    for _ in range(ROUNDS if vehicle.n <= MANY else 0):
         # every quantity searches around its own best, with the same steps, in lanes of its own
-        steps = spread * (high - low) * rng.normal(size=(search.around, vehicle.n))
+        steps = spread * (high - low) * rng.normal(size=(AROUND, vehicle.n))
         near = np.clip(best[:, None] + np.vstack([np.zeros((1, vehicle.n)), steps]), low, high)
         found = quantities(near.reshape(count * width, vehicle.n))
         for i, each in enumerate(found):
@@ -97,10 +71,7 @@ def _columns(joints: Array) -> tuple[Array, ...]:
 
 
 def reach(vehicle: Vehicle) -> float:
-    """Largest distance from the arm's first joint to the tip, m; 0 without an arm.
-
-    Of more joints than a hundred fewer values are tried (:func:`search_of`).
-    """
+    """Largest distance from the arm's first joint to the tip, m; 0 without an arm."""
     if not vehicle.links or not vehicle.end_effector:
         return 0.0
     frame = vehicle.frame(vehicle.end_effector)
@@ -117,14 +88,11 @@ def reach(vehicle: Vehicle) -> float:
         arm = (poses[frame.link] @ local).p - poses[first].p
         return [np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))]
 
-    return _largest(vehicle, distance, 1, search_of(vehicle.n, 1))[0]
+    return _largest(vehicle, distance, 1)[0]
 
 
 def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
-    """Largest |torque| (N m) or |force| (N) that holds each joint against gravity with a level base.
-
-    Of more joints than a few dozen fewer values are tried (:func:`search_of`), and the largest of those is returned.
-    """
+    """Largest |torque| (N m) or |force| (N) that holds each joint against gravity with a level base."""
     if not vehicle.links:
         return []
     still = (0,) * vehicle.n
@@ -134,4 +102,4 @@ def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
         _, torques = inverse_dynamics(vehicle, _columns(joints), ZERO3, still, level, still)
         return [np.abs(np.asarray(torque, dtype=float)) for torque in torques]
 
-    return _largest(vehicle, holding, vehicle.n, search_of(vehicle.n, vehicle.n))
+    return _largest(vehicle, holding, vehicle.n)

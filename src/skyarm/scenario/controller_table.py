@@ -29,7 +29,6 @@ from skyarm.control.catalogue import (
     make_named,
     make_tuned,
     no_option,
-    present_name,
     preset,
     suitable_options,
     tuned_factors,
@@ -177,12 +176,12 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
         raise ValueError(
-            f"{fields.at('law')} = {shown(law)}: {present_name(law)}{must_be_one_of(LAWS, law, 'skyarm show')}{hint}"
+            f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}"
         )
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, word, words)}")
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, words)}")
     options = suitable_options(law, known)
     for option in LAWS[law].options():
         word = WORDS.get(option, option)
