@@ -181,5 +181,5 @@ def test_the_law_keeps_what_its_filters_made_and_sends_the_command_of_that():
     for name, bandwidth in (("force", 1.5), ("torque", 7.0), ("efforts", 11.0)):
         decayed = scalars(getattr(memory, name)) * np.exp(-bandwidth * DT)
         np.testing.assert_allclose(scalars(getattr(found, name)), decayed, rtol=1e-12, err_msg=name)
-    assert (found.past.quaternion, found.past.joints) == (measured(state).quaternion, measured(state).joints)
-    np.testing.assert_allclose(scalars(found.past.measured.rate), state.velocity[3:6])
+    assert (found.quaternion, found.joints) == (measured(state).quaternion, measured(state).joints)
+    np.testing.assert_allclose(found.measured[3:6], state.velocity[3:6])

@@ -419,11 +419,11 @@ def test_the_predictor_steps_with_pinocchios_forward_dynamics_of_what_was_sent(s
     rates = np.repeat(scalars(par.predictor), [3, 3, 2])
     e = np.exp(-rates * DT)
     sigma = off * rates * e / (e - 1.0)
-    np.testing.assert_allclose(flat(after.past.error), off, atol=1e-10)
-    np.testing.assert_allclose(flat(after.past.sigma), sigma, atol=1e-8)  # off over a period of 5 ms
+    np.testing.assert_allclose(scalars(after.error), off, atol=1e-10)
+    np.testing.assert_allclose(scalars(after.sigma), sigma, atol=1e-8)  # off over a period of 5 ms
     expected = later.velocity + off + DT * (acceleration(later, after.sent) + sigma - rates * off)
-    found = predict_velocities(par.model, par.predictor, after.past, after.sent, DT)
-    np.testing.assert_allclose(flat(found), expected, atol=1e-10)
+    found = predict_velocities(par, after, DT)
+    np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 def test_the_predictor_turns_no_rotor_faster_than_it_can():
@@ -431,12 +431,7 @@ def test_the_predictor_turns_no_rotor_faster_than_it_can():
     memory, desired = soft("l1_adaptive").law(soft("l1_adaptive").memory, measured(state), wanted(3), DT, par=par)
     top = tuple(float(rotor.max_speed) for rotor in ARM.rotors)
     limited, beyond = (
-        predict_velocities(par.model, par.predictor, memory.past, dataclasses.replace(desired, rotor_speeds=speeds), DT)
+        predict_velocities(par, dataclasses.replace(memory, sent=dataclasses.replace(desired, rotor_speeds=speeds)), DT)
         for speeds in (top, tuple(2.0 * speed for speed in top))
     )
-    assert np.array_equal(flat(limited), flat(beyond))
-
-
-def flat(velocities):
-    """The predictor's three groups in one array."""
-    return np.concatenate([scalars(velocities.linear), scalars(velocities.rate), scalars(velocities.joints)])
+    assert limited == beyond

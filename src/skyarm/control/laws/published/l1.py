@@ -26,7 +26,6 @@ known.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -52,48 +51,6 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Velocities:
-    """The predictor's three groups: of the base (world axes), of its turning (base axes), of the joints.
-
-    Velocities in m/s, rad/s, rad/s or m/s; what disturbs them in m/s^2, rad/s^2, rad/s^2 or m/s^2.
-    """
-
-    linear: Annotated[Vec3, Unit("m/s", "of a disturbance m/s^2, world axes")]
-    rate: Annotated[Vec3, Unit("rad/s", "of a disturbance rad/s^2, base axes")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of a disturbance rad/s^2 or m/s^2")]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Past:
-    """Initial values of a prediction, a period ago.
-
-    Attributes:
-        quaternion, joints: attitude and joint positions (rad or m), measured. measured: velocities.
-        error: of the prediction then. sigma: what disturbed, as accelerations.
-    """
-
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, measured one period ago")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "measured one period ago")]
-    measured: Velocities
-    error: Velocities
-    sigma: Velocities
-
-
-def velocities(measurement: Measurement) -> Velocities:
-    """The measured velocities."""
-    return Velocities(linear=measurement.velocity, rate=measurement.rate, joints=measurement.joint_rates)
-
-
-def combine(function: Callable[..., Any], rates: tuple[Any, Any, Any], *records: Velocities) -> Velocities:
-    """Record of function(rate of the group, number of each record)."""
-    groups = zip(*((each.linear, each.rate, each.joints) for each in records), strict=True)
-    linear, rate, joints = (
-        [function(a, *numbers) for numbers in zip(*group, strict=True)] for a, group in zip(rates, groups, strict=True)
-    )
-    return Velocities(linear=Vec3(*linear), rate=Vec3(*rate), joints=tuple(joints))
-
-
 def adaptation(error: Any, rate: Any, dt: Any) -> Any:
     """Piecewise-constant estimate -Phi^-1 mu of one channel from its prediction error, for the predictor rate -a.
 
@@ -101,21 +58,6 @@ def adaptation(error: Any, rate: Any, dt: Any) -> Any:
     """
     e = exp(-(rate * dt))
     return error * divide(rate * e, e - 1.0)
-
-
-def predict_velocities(model: Model, rates: tuple[Any, Any, Any], past: Past, sent: Command, dt: Any) -> Velocities:
-    """Zhat one period after its past, by Euler's step as the authors take it."""
-    vehicle, was = model.vehicle, past.measured
-    speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
-    applied = Force(*rotor_thrust(vehicle, speeds))
-    proper, qdd = dynamics.forward_dynamics(vehicle, past.joints, was.rate, was.joints, applied, sent.efforts)
-    linear, angular = coordinate_acceleration(past.quaternion.rotation(), proper, model.gravity)
-
-    def advance(a: Any, measured: Any, error: Any, acceleration: Any, sigma: Any) -> Any:
-        return measured + error + dt * (acceleration + sigma - a * error)
-
-    accelerations = Velocities(linear=linear, rate=angular, joints=qdd)
-    return combine(advance, rates, was, past.error, accelerations, past.sigma)
 
 
 BANDWIDTH = Unit("rad/s", low=0.0, strict=True)
@@ -153,13 +95,18 @@ class L1Memory:
 
     Attributes:
         started: 0 before the first measurement.
-        past: what the prediction of the present instant begins from. sent: the command in between.
+        quaternion, joints: attitude and joint positions, measured one period ago. sent: the command since then.
+        measured, error, sigma: z, the error of its prediction and what disturbs it, one period ago.
         force: low-pass of the estimated force, world axes, N. thrust: along body z, N.
         torque, torque_twice: after one and two filters, N m. efforts, efforts_twice: of the joints.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
-    past: Past
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, measured one period ago")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "measured one period ago")]
+    measured: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "velocity, body rate, joint rates one period ago")]
+    error: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "of the prediction one period ago")]
+    sigma: Annotated[tuple[Scalar, ...], Unit("m/s^2, rad/s^2", "estimated disturbance one period ago")]
     sent: Command
     force: Annotated[Vec3, Unit("N", "filtered estimate, world axes")]
     thrust: Annotated[Scalar, Unit("N", "filtered estimate along body z")]
@@ -174,25 +121,48 @@ def l1_adaptive(
 ) -> tuple[L1Memory, Command]:
     """Geometric law through the coupled inverse dynamics, less the filtered estimate of what else acts."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
-    rates, measured = par.predictor, velocities(measurement)
-    predicted = predict_velocities(par.model, rates, memory.past, memory.sent, dt)
+    measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
-    error = combine(lambda _a, foreseen, seen: where(begun, foreseen - seen, 0.0), rates, predicted, measured)
-    sigma = combine(lambda a, e: adaptation(e, a, dt), rates, error)
+    pairs = zip(predict_velocities(par, memory, dt), measured, strict=True)
+    error = tuple(where(begun, predicted - seen, 0.0) for predicted, seen in pairs)
+    sigma = tuple(adaptation(e, a, dt) for e, a in zip(error, _predictor_rates(par), strict=True))
     force, efforts = dynamics.inverse_dynamics(
         vehicle,
         measurement.joints,
         ZERO3,
         (0,) * vehicle.n,
-        Motion(sigma.rate, R.apply_T(sigma.linear)),
-        sigma.joints,
+        Motion(Vec3(*sigma[3:6]), R.apply_T(Vec3(*sigma[:3]))),
+        sigma[6:],
     )
     filtered = _advance_filters(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
-    past = Past(
-        quaternion=measurement.quaternion, joints=measurement.joints, measured=measured, error=error, sigma=sigma
+    following = dataclasses.replace(
+        filtered,
+        quaternion=measurement.quaternion,
+        joints=measurement.joints,
+        measured=measured,
+        error=error,
+        sigma=sigma,
+        sent=command,
     )
-    return dataclasses.replace(filtered, past=past, sent=command), command
+    return following, command
+
+
+def _predictor_rates(par: L1Parameters) -> tuple[Any, ...]:
+    """Rate a of each channel of z, 1/s."""
+    linear, angular, joints = par.predictor
+    return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
+
+
+def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Any) -> tuple[Any, ...]:
+    """Zhat one period after the memory's measurement, by Euler's step as the authors take it."""
+    vehicle, was, sent = par.model.vehicle, memory.measured, memory.sent
+    speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
+    applied = Force(*rotor_thrust(vehicle, speeds))
+    proper, qdd = dynamics.forward_dynamics(vehicle, memory.joints, Vec3(*was[3:6]), was[6:], applied, sent.efforts)
+    linear, angular = coordinate_acceleration(memory.quaternion.rotation(), proper, par.model.gravity)
+    rows = zip(_predictor_rates(par), was, memory.error, (*linear, *angular, *qdd), memory.sigma, strict=True)
+    return tuple(z + error + dt * (zd + sigma - a * error) for a, z, error, zd, sigma in rows)
 
 
 def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
@@ -254,11 +224,14 @@ def limits(model: Model) -> dict[str, Any]:
 def first_memory(par: L1Parameters) -> L1Memory:
     """Memory before the first measurement: no error and no disturbance."""
     still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * par.model.vehicle.n
-    none = Velocities(linear=still, rate=still, joints=arm)
-    level = Quaternion(1.0, 0.0, 0.0, 0.0)
+    none = (0.0,) * (6 + len(arm))
     return L1Memory(
         started=0.0,
-        past=Past(quaternion=level, joints=arm, measured=none, error=none, sigma=none),
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        joints=arm,
+        measured=none,
+        error=none,
+        sigma=none,
         sent=no_command(par.model.vehicle),
         force=still,
         thrust=0.0,
