@@ -91,7 +91,7 @@ def cause(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mo
     # test modules may hold the library: what they hold must not be what is asked for
     with monkeypatch.context() as patch:
         native._features.cache_clear()
-        law._engine.cache_clear()
+        law.make_engine.cache_clear()
         yield BREAKAGES[request.param](patch)
     native._features.cache_clear()
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
 from skyarm.control.laws.centroidal.presets import check_entry, periods_of

@@ -14,7 +14,6 @@ from skyarm.compile import leaves
 from skyarm.control.catalogue import (
     HUMMINGBIRD,
     LAWS,
-    PRESETS,
     ControllerError,
     make_controller,
     make_tuned,
@@ -192,4 +191,3 @@ def test_a_scenario_refuses_what_a_law_does_not_know():
         scenario(law="indi", tuned="yes")
     with pytest.raises(ValueError, match=r"controller\.cutof = .*: law 'indi' has no such option"):
         scenario(law="indi", cutof=3.0)
-

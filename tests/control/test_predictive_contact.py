@@ -219,8 +219,17 @@ def test_a_tip_that_goes_in_fast_soon_after_a_loss_touches_nothing():
 
 
 def told(**changes):
-    touch = TipContact(MODEL, GAINS, DT).touch
-    numbers = {"asked": 1.0, "rising": 0.0, "shift": -0.02, "shift_rate": 0.03, "gap": 0.05, "speed": 0.1, **changes}
+    touch, _, _ = known(PUSH, 0.0 * N)
+    numbers = {
+        "asked": 1.0,
+        "rising": 0.0,
+        "shift": -0.02,
+        "shift_rate": 0.03,
+        "gap": 0.05,
+        "speed": 0.1,
+        "damping": 0.0,
+        **changes,
+    }
     return dataclasses.replace(touch, **numbers)
 
 
@@ -319,16 +328,15 @@ def test_the_base_stands_for_the_order_and_the_plan_finds_the_force_itself():
     engine = SimpleNamespace(
         solver=SimpleNamespace(steps=np.full(3, 0.1)),
         bounds=SimpleNamespace(efforts=np.full(2, 5.0)),
-        contact=SimpleNamespace(gains=GAINS),
-        stance=SimpleNamespace(at=stance),
+        stance=stance,
     )
     touch = told(
         normal=tuple(N), asked=0.0, free=(1.0, *(0.0,) * 7), pressed=(3.0, *(0.0,) * 7), shift=0.02, shift_rate=0.0
     )
     still = np.zeros(6)
-    sample = preview.Sample(still, still, still, still, 0.0, still, still)
+    sample = preview.Sample(np.zeros((3, 6)), still, 0.0, still, still)
     state, *_ = examples(2, 4)
-    par = make_controller("nmpc", MODEL).par
+    par = dataclasses.replace(make_controller("nmpc", MODEL).par, interaction=GAINS)
     problem = problem_at(engine, np.array(leaves(state)), np.full(8, 9.0), sample, 0.0, 0.0, par, touch)
     np.testing.assert_array_equal(problem.disturbance, touch.free)
     s, rate, bend = shift_ahead(GAINS, touch, np.array([0.0, 0.1, 0.2, 0.3]))
@@ -346,11 +354,12 @@ def test_the_law_remembers_touch_and_loss_and_tells_the_tips_force():
     seen = case.measurement()
     first, _ = own.law(own.memory, seen, reference, DT, par=own.par)
     assert [*first.tip_force] == pytest.approx([0.0, 0.0, 0.0])
-    estimate = first.estimate.copy()
+    estimate = first.past.estimate.copy()
     estimate[-8:-5] = 0.5 * N  # of a force at the base alone the tip's is a small part, in its direction
-    following, _ = own.law(dataclasses.replace(own.memory, estimate=estimate), seen, reference, DT, par=own.par)
+    past = dataclasses.replace(first.past, estimate=estimate)
+    following, _ = own.law(dataclasses.replace(own.memory, past=past), seen, reference, DT, par=own.par)
     assert 0.0 < N @ [*following.tip_force] < 0.5
-    assert not np.array_equal(following.interaction, first.interaction)
+    assert following.interaction != first.interaction
     free = dataclasses.replace(reference, push=())
     without, _ = own.law(own.memory, seen, free, DT, par=own.par)
     assert without.interaction is None

@@ -19,7 +19,7 @@ from flown import MODEL, cases
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import floor, where
 from skyarm.control.catalogue import make_controller
-from skyarm.control.laws.predictive.law import Purpose, engine_for
+from skyarm.control.laws.predictive.law import engine_key, make_engine
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.scenario.scenario_record import Change, Delays
@@ -94,7 +94,7 @@ def test_what_the_engine_was_made_for_is_what_the_law_is_told_now(change):
     }[change]()
     ((before, _),) = steps(own, [free])
     ((after, _),) = steps(other, [free], before)
-    assert after.engine is engine_for(other.par, DT)
+    assert after.engine is make_engine(engine_key(other.par, DT, False))
     assert after.engine is not before.engine
     assert len(after.plan.u) == other.par.stages
     assert after.since == 1
@@ -109,9 +109,9 @@ def test_options_that_are_equal_keep_engine_and_plan():
     assert after.engine is before.engine
     assert after.plan is before.plan
     assert after.since == 2
-    assert Purpose(one.par, DT, False).serves(Purpose(twin.par, DT, False))
-    assert not Purpose(one.par, DT, False).serves(Purpose(one.par, 2.0 * DT, False))
-    assert not Purpose(one.par, DT, False).serves(Purpose(one.par, DT, True))
+    assert engine_key(one.par, DT, False) == engine_key(twin.par, DT, False)
+    assert engine_key(one.par, DT, False) != engine_key(one.par, 2.0 * DT, False)
+    assert engine_key(one.par, DT, False) != engine_key(one.par, DT, True)
 
 
 def test_a_copied_memory_shares_the_engine_and_nothing_of_the_flight():
@@ -120,7 +120,6 @@ def test_a_copied_memory_shares_the_engine_and_nothing_of_the_flight():
     ((memory, _),) = steps(own, [pressing])
     other = copy.deepcopy(memory)
     assert other.engine is memory.engine
-    assert other.purpose is memory.purpose
     assert other.plan is not memory.plan
     # what flies on with an engine leaves nothing in it
     steps(own, [free, pressing, pressing], memory)

@@ -19,12 +19,14 @@ from flown import ARM2, MODEL, cases, vec
 from law_flights import scalars
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
+from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.law import PredictiveMemory, _estimate_state, make_predictive_controller, nmpc
+from skyarm.control.laws.predictive.law import PredictiveMemory, engine_key, make_predictive_controller, nmpc
+from skyarm.control.laws.predictive.observer import Observation, Past, first_lateness
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, advance, motors
 from skyarm.control.laws.predictive.solver import Bounds, Plan
 from skyarm.control.model import Model
@@ -39,11 +41,11 @@ DT = 0.005
 NX, NU = 21, 6
 
 
-class Notes:
+class Notes(Observation):
     """Observer and solver that write down what they are given; the estimate carries the state in its own numbers."""
 
     def __init__(self, stages):
-        self.steps = np.full(stages, DT)
+        self.steps, self.dt, self.joints, self.motors = np.full(stages, DT), DT, 2, motors(ARM2.rotors, DT)
         self.seen, self.since, self.problems = [], [], []
 
     def at(self, before, command, reading):
@@ -63,12 +65,11 @@ class Notes:
         return Plan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)), cost=0.0)
 
 
-def engine(stages=14):
-    notes = Notes(stages)
+def engine(par):
+    notes = Notes(par.stages)
     bounds = Bounds(np.full(2, 0.5), np.full(4, 838.0))
-    stance = SimpleNamespace(at=lambda _thrusts, values: np.zeros((len(values), 3)))
-    made = SimpleNamespace(solver=notes, observation=notes, motors=motors(ARM2.rotors, DT), bounds=bounds)
-    made.stance, made.most, made.stabiliser = stance, 1.0, None
+    made = SimpleNamespace(solver=notes, observation=notes, bounds=bounds, contact=None, key=engine_key(par, DT, False))
+    made.stance, made.most, made.stabiliser = lambda _thrusts, values: np.zeros((len(values), 3)), 1.0, None
     return made, notes
 
 
@@ -87,14 +88,14 @@ def numbered(k):
 @pytest.mark.parametrize("delay", [0, 1, 2, 5])
 def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(delay):
     """The instant j is shown in period j + delay; the command of period j - 1 acted until then."""
-    made, notes = engine()
-    par = make_controller("nmpc", MODEL, delay_periods=delay).par
-    memory = PredictiveMemory()
+    controller = make_controller("nmpc", MODEL, delay_periods=delay)
+    made, notes = engine(controller.par)
+    memory = PredictiveMemory(engine=made)
     for k in range(12):
         before, shown = len(notes.seen), max(k - delay, 0)
-        left = _estimate_state(made, memory, reading(k, delay), par, DT)
-        estimate, sent = left.estimate, left.sent
-        assert estimate[0] == shown
+        memory, _ = nmpc(memory, reading(k, delay), hover(), DT, par=controller.par)
+        sent = memory.sent[:-1]
+        assert memory.past.estimate[0] == shown
         assert len(notes.seen) - before == (1 if shown > 0 else 0)
         if shown:
             _, command, seen = notes.seen[-1]
@@ -102,7 +103,7 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
             assert command.tolist() == [*(400.0 + shown - 1,) * 4, 0.01 * (shown - 1), -0.01 * (shown - 1)]
         # what no measurement shows yet: the commands from then on, oldest first
         assert sent == tuple(numbered(j) for j in range(shown, k))
-        memory = dataclasses.replace(memory, estimate=estimate, sent=(*sent, numbered(k)), late=left.late)
+        memory = dataclasses.replace(memory, sent=(*sent, numbered(k)))
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -110,14 +111,13 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
 @pytest.mark.parametrize("largest", range(4))
 def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(largest, held, sign):
     """Attitudes a few degrees apart, alike in the sign of their largest component alone, each told by either sign."""
-    made, notes = engine()
-    par = make_controller("nmpc", MODEL).par
+    _, notes = engine(make_controller("nmpc", MODEL).par)
     beside = np.where(np.arange(4) == largest, 0.0, [0.03, -0.02, 0.025, -0.03])
     last, now = ((np.eye(4)[largest] + part) / np.hypot(1.0, np.linalg.norm(part)) for part in (beside, -beside))
     estimate = np.zeros(29)
     estimate[3:7] = held * last
     seen = dataclasses.replace(reading(1, 0), quaternion=Quaternion(*(sign * now).tolist()))
-    _estimate_state(made, PredictiveMemory(estimate=estimate, sent=(numbered(0),)), seen, par, DT)
+    notes.update(Past(estimate, first_lateness(np.zeros(4))), numbered(0), seen)
     ((_, _, row),) = notes.seen
     np.testing.assert_array_equal(row[4:8], held * now)
     # nothing else of the measurement is touched
@@ -132,8 +132,8 @@ def hover():
 
 @pytest.mark.parametrize(("delay", "every"), [(0, 1), (0, 3), (2, 3), (4, 2)])
 def test_a_plan_is_made_every_so_many_periods_from_the_last_one_moved_on_by_these(delay, every):
-    made, notes = engine()
     controller = make_controller("nmpc", MODEL, delay_periods=delay, every=every)
+    made, notes = engine(controller.par)
     memory = dataclasses.replace(controller.memory, engine=made)
     solved, sent = [], []
     for k in range(10):
@@ -151,10 +151,10 @@ def test_a_plan_is_made_every_so_many_periods_from_the_last_one_moved_on_by_thes
 
 @pytest.mark.parametrize("delay", [0, 3])
 def test_a_known_trajectory_is_read_from_the_present_on_however_late_the_measurement(delay):
-    made, notes = engine()
     wave = Sine(amplitude=0.1, frequency_hz=0.7)
     path = Trajectory(y=wave, joints=(wave, wave))
     controller = make_controller("nmpc", MODEL, delay_periods=delay, every=1, preview=path)
+    made, notes = engine(controller.par)
     memory = dataclasses.replace(controller.memory, engine=made)
     at = dataclasses.replace(reading(0, 0), position=Vec3(0.0, 0.0, 0.0))
     for k in range(delay, 6):
@@ -187,11 +187,10 @@ def test_a_sample_has_come_when_any_one_of_its_numbers_differs(name):
     assert not held.jerks.any()
     new = preview.update_sample(dataclasses.replace(hover(), **CHANGES[name]), held, DT)
     assert new.age == 0.0
-    values, rates, accelerations = preview.read(dataclasses.replace(hover(), **CHANGES[name]))
-    for found, wanted in ((new.values, values), (new.rates, rates), (new.accelerations, accelerations)):
-        np.testing.assert_array_equal(found, wanted)
+    motion = np.array(samples(dataclasses.replace(hover(), **CHANGES[name]))).T
+    np.testing.assert_array_equal(new.motion, motion)
     # three periods after the sample before it
-    np.testing.assert_allclose(new.jerks, accelerations / (3.0 * DT), rtol=1e-12)
+    np.testing.assert_allclose(new.jerks, motion[2] / (3.0 * DT), rtol=1e-12)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

@@ -12,7 +12,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
-from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_for
+from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_key, make_engine
 from skyarm.control.laws.predictive.observer import Fresh, detect_stale, fill_stale, taken_over
 from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, integrate_stage
 from skyarm.control.laws.predictive.preview import shift
@@ -24,7 +24,7 @@ from skyarm.sensing.measurement import Measurement
 
 DT = 0.005
 SHAPES = examples(2, 4)
-ENGINE = engine_for(make_controller("nmpc", MODEL).par, DT)
+ENGINE = make_engine(engine_key(make_controller("nmpc", MODEL).par, DT, False))
 
 
 def swing(t, frequency, amplitude=0.7):
@@ -166,7 +166,7 @@ def test_the_computed_torque_law_flies_in_place_of_a_planted_bad_plan(how):
         commands.append(leaves(command))
     assert not memory.trust.flies_plans
     sample = preview.update_sample(hover_reference(), None, DT)
-    known = bearable(memory.estimate[-8:], ENGINE.bounds.efforts)
+    known = bearable(memory.past.estimate[-8:], ENGINE.bounds.efforts)
     reading = np.array(leaves(hovering(time=2 * DT)))
     np.testing.assert_allclose(commands[2], leaves(ENGINE.stabiliser.command(reading, known, sample)), atol=1e-6)
     assert np.isfinite(commands).all()

@@ -124,9 +124,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     from skyarm.studies.tune.tune_page import words_of as words_of_law
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(
-            f"--controller = {shown(controller)}: {must_be_named(controller)}; or a .toml file"
-        )
+        raise ValueError(f"--controller = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
     of_a_vehicle = _is_vehicle(target)
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)

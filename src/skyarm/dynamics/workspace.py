@@ -28,7 +28,7 @@ MANY, FEW = 27, 400_000
 
 
 def samples_of(joints: int) -> int:
-    """Random joint values from which a search begins; fewer than :data:`SAMPLES` where there are :data:`MANY` joints."""
+    """Random joint values from which a search begins; of more than :data:`MANY` joints fewer are tried."""
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 

@@ -175,9 +175,7 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
     law, best = fields.take("law"), fields.flag("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
-        raise ValueError(
-            f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}"
-        )
+        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}")
     words = law_words(law)
     for word, value in fields.table.items():
         if word not in (*words, "law") and (word, value) != ("tuned", False):

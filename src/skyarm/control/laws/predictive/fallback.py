@@ -138,7 +138,7 @@ class Stabiliser:
 
     def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
         """The law's command for leaves of a measurement and of a disturbance, and a sample of the reference."""
-        values = self.law(reading, disturbance, sample.values, sample.rates, sample.accelerations).tolist()
+        values = self.law(reading, disturbance, *sample.motion).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any
@@ -34,24 +34,25 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
-from skyarm.control.laws.centroidal.interaction import InteractionGains, interaction_gains
+from skyarm.control.laws.centroidal.interaction import InteractionGains, InteractionMemory, interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
 from skyarm.control.laws.predictive.observer import (
-    LONGEST,
     Bandwidths,
-    Fresh,
-    Lateness,
     Observation,
-    detect_stale,
-    fill_stale,
-    first_lateness,
-    taken_over,
-    update_lateness,
+    Past,
+    command_row,
 )
-from skyarm.control.laws.predictive.prediction import Motors, command_for, motors, speeds_under
-from skyarm.control.laws.predictive.preview import Sample, Stance, extrapolate, goals, sample_trajectory, update_sample
+from skyarm.control.laws.predictive.prediction import command_for
+from skyarm.control.laws.predictive.preview import (
+    Sample,
+    extrapolate,
+    goals,
+    make_stance,
+    sample_trajectory,
+    update_sample,
+)
 from skyarm.control.laws.predictive.solver import (
     Bounds,
     NoPlanError,
@@ -114,8 +115,11 @@ class PredictiveParameters:
 
 Array = npt.NDArray[np.float64]
 
+EngineKey = tuple[Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None]
+"""Constants that an engine is made of, the control period, and the gains of contact where a reference requests it."""
+
 KEPT = 16
-"""Beliefs whose machine code is kept in memory."""
+"""Engines whose machine code is stored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,81 +127,54 @@ class Engine:
     """Compiled parts of the law, without memory of a flight: copies of a flight share them.
 
     Attributes:
-        solver, observation, motors, bounds: those.
-        stabiliser: what flies while no plan is trusted. most: cost of a plan that is trusted.
-        stance: where the base stands aside for the tip. contact: of the tip; None where no reference asks for any.
+        key: constants that it was made of.
+        solver, observation, bounds: of the plan, the state estimate, the inputs.
+        stabiliser: law while no plan is trusted. most: cost of a plan that is trusted.
+        stance: shift of the base for the tip. contact: of the tip; None where the reference requests none.
     """
 
+    key: EngineKey
     solver: Riccati
     observation: Observation
-    motors: Motors
     bounds: Bounds
     stabiliser: Stabiliser
     most: float
-    stance: Stance
+    stance: Callable[[Array, Array], Array]
     contact: TipContact | None = None
 
     def __deepcopy__(self, _memo: dict[int, Any]) -> Engine:
         return self  # machine code is not copied
 
 
-@dataclass(frozen=True, slots=True)
-class Purpose:
-    """Key of an engine: constants, the control period in s, and whether the reference may request contact."""
-
-    par: PredictiveParameters
-    dt: float
-    push: bool
-
-    def __deepcopy__(self, _memo: dict[int, Any]) -> Purpose:
-        return self  # so that the next period knows its constants by identity
-
-    @property
-    def made_of(self) -> tuple[Any, ...]:
-        """All that the engine is made of."""
-        par = self.par
-        shape = par.mode, par.stages, par.horizon, par.every
-        return par.model, par.weights, par.bandwidths, *shape, self.dt, par.interaction if self.push else None
-
-    def serves(self, other: Purpose) -> bool:
-        """Return True if an engine that is made for this does for another."""
-        same = self.par is other.par and (self.dt, self.push) == (other.dt, other.push)
-        return same or self.made_of == other.made_of
-
-
-def engine_for(par: PredictiveParameters, dt: float, push: bool = False) -> Engine:
-    """The engine of a law at a control period of ``dt`` s; with ``push`` the reference may request contact."""
-    return _engine(*Purpose(par, dt, push).made_of)
+def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
+    """Key of the engine of a law; with ``push`` the reference may request contact."""
+    shape = par.mode, par.stages, par.horizon, par.every
+    return par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None
 
 
 @lru_cache(maxsize=KEPT)
-def _engine(
-    model: Model,
-    weights: Weights,
-    bandwidths: Bandwidths,
-    mode: str,
-    stages: int,
-    horizon: float,
-    every: int,
-    dt: float,
-    interaction: InteractionGains | None,
-) -> Engine:
-    vehicle = model.vehicle
-    steps = stage_lengths(stages, every, horizon, dt)
+def make_engine(key: EngineKey) -> Engine:
+    """The machine code of a law."""
+    model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
+    vehicle, presses = model.vehicle, interaction is not None
     bounds = Bounds(
         np.array([float(link.joint.effort_limit) for link in vehicle.links]),
         np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
-    presses = interaction is not None
     compiled = Stages(model, weights, mode, scales, presses)
     rollouts = Rollouts(model, weights, mode, bounds, presses)
-    made = Riccati(compiled, rollouts, steps, float(weights.final), bounds)
-    most = worst_cost(weights, mode, vehicle.n, horizon)
-    seen = Observation(model, bandwidths, dt)
-    contact = TipContact(model, interaction, dt) if interaction is not None else None
-    lags = motors(vehicle.rotors, dt)
-    return Engine(made, seen, lags, bounds, Stabiliser(model), most, Stance(model, mode), contact)
+    lengths = stage_lengths(stages, every, horizon, dt)
+    return Engine(
+        key,
+        Riccati(compiled, rollouts, lengths, float(weights.final), bounds),
+        Observation(model, bandwidths, dt),
+        bounds,
+        Stabiliser(model),
+        worst_cost(weights, mode, vehicle.n, horizon),
+        make_stance(model, mode),
+        None if interaction is None else TipContact(model, interaction, dt),
+    )
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
@@ -212,31 +189,24 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """Memory between two steps; all None before the first.
+    """Memory between two steps.
 
     Attributes:
-        engine: machine code. purpose: what it was made for.
-        estimate: leaves of :class:`skyarm.control.laws.predictive.observer.Estimate` at the last measurement.
-        sent: commands that it does not show yet, oldest first, if they act at once.
-        shown: the last ones before them. late: what tells how late they really act.
-        fresh: the last measurement as it came, and for how long it has been the same.
+        engine: machine code. past: of the observer. Both None before the first step.
+        sent: commands that the last measurement does not show yet, oldest first, if they act at once.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
-        trust: in the plans. interaction: leaves of the memory of touch and loss.
+        trust: in the plans. interaction: of touch and loss; None without contact.
         tip_force: N, world axes, of a surface on the tip; None of a law that does not press.
     """
 
     engine: Engine | None = None
-    purpose: Purpose | None = None
-    estimate: Array | None = None
+    past: Past | None = None
     sent: tuple[Command, ...] = ()
-    shown: tuple[Command, ...] = ()
-    late: Lateness | None = None
-    fresh: Fresh | None = None
     sample: Sample | None = None
     plan: Plan | None = None
     since: int = 0
-    trust: Trust | None = None
-    interaction: Array | None = None
+    trust: Trust = Trust()
+    interaction: InteractionMemory | None = None
     tip_force: Vec3 | None = None
 
 
@@ -244,21 +214,31 @@ def nmpc(
     memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
-    presses = bool(reference.push) and par.interaction is not None
-    memory, engine = _prepare_engine(memory, Purpose(par, dt, presses))
-    seen = _estimate_state(engine, memory, measurement, par, dt)
-    estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
+    key = engine_key(par, dt, bool(reference.push))
+    engine = memory.engine
+    if engine is None or engine.key != key:
+        # plan, touch and loss may be of other stages, and of a contact that is requested no more
+        silent = None if par.interaction is None else Vec3(0.0, 0.0, 0.0)
+        memory = dataclasses.replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
+        engine = make_engine(key)
+    past, sent, reading = memory.past, memory.sent, np.array(leaves(measurement), dtype=float)
+    if past is None:
+        past = engine.observation.first(measurement)
+    elif len(sent) > par.delay_periods:
+        # the first measurements are those of the start, repeated
+        (past, reading), sent = engine.observation.update(past, sent[0], measurement), sent[1:]
+    estimate, late = past.estimate, past.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
-    pending = (*seen.shown[len(seen.shown) - late :], *sent)
-    x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
+    pending = (*past.shown[len(past.shown) - late :], *sent)
+    x = engine.observation.now(estimate, [command_row(command) for command in pending])[:nx]
     sample = update_sample(reference, memory.sample, dt)
     interaction, touch, known = memory.interaction, None, estimate[nx:]
-    if presses and engine.contact is not None:
-        wanted = extrapolate(sample, np.array([sample.age]))[0][0]
+    if engine.contact is not None:
+        wanted = extrapolate(sample, np.array([sample.age]))[0, 0]
         interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
         known = np.array(touch.pressed)
-    plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
+    plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
         now = measurement.time + par.delay_periods * dt
         problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par, touch)
@@ -267,16 +247,11 @@ def nmpc(
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
     else:
-        known = bearable(known, engine.bounds.efforts)
-        command = engine.stabiliser.command(seen.reading, known, sample)
+        command = engine.stabiliser.command(reading, bearable(known, engine.bounds.efforts), sample)
     following = PredictiveMemory(
         engine=engine,
-        purpose=memory.purpose,
-        estimate=estimate,
+        past=past,
         sent=(*sent, command),
-        shown=seen.shown,
-        late=seen.late,
-        fresh=seen.fresh,
         sample=sample,
         plan=plan,
         since=since + 1,
@@ -285,74 +260,6 @@ def nmpc(
         tip_force=memory.tip_force if touch is None else Vec3(*touch.tip_force),
     )
     return following, command
-
-
-def _prepare_engine(memory: PredictiveMemory, purpose: Purpose) -> tuple[PredictiveMemory, Engine]:
-    """Memory and engine of a period: where a flight has changed what the engine was made for, a new one.
-
-    Plan, touch and loss are then forgotten: they may be of other stages, and of a contact that nobody asks for.
-    """
-    if memory.engine is None:
-        return dataclasses.replace(memory, purpose=purpose), engine_for(purpose.par, purpose.dt, purpose.push)
-    if memory.purpose is None or memory.purpose.serves(purpose):
-        return dataclasses.replace(memory, purpose=purpose), memory.engine
-    silent = None if purpose.par.interaction is None else Vec3(0.0, 0.0, 0.0)
-    forgotten = dataclasses.replace(memory, purpose=purpose, plan=None, since=0, interaction=None, tip_force=silent)
-    return forgotten, engine_for(purpose.par, purpose.dt, purpose.push)
-
-
-def _row(command: Command) -> Array:
-    return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """Results of a measurement, see :class:`PredictiveMemory`, and the measurement with frozen parts predicted."""
-
-    estimate: Array
-    sent: tuple[Command, ...]
-    shown: tuple[Command, ...]
-    late: Lateness
-    fresh: Fresh | None
-    reading: Array
-
-
-def _estimate_state(
-    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters, dt: float
-) -> Seen:
-    """Estimate at the measurement, and the commands before and after it."""
-    reading = np.array(leaves(measurement), dtype=float)
-    speeds = np.array(measurement.rotor_speeds, dtype=float)
-    known = memory.late or first_lateness(speeds)
-    if memory.estimate is None:
-        return Seen(_first(measurement, par.model.vehicle.n), (), (), known, None, reading)
-    if len(memory.sent) <= par.delay_periods:
-        # the first measurements are those of the start, seen again
-        return Seen(memory.estimate, memory.sent, memory.shown, known, memory.fresh, reading)
-    shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
-    modelled = speeds_under(engine.motors, known.modelled[0], np.array(memory.sent[0].rotor_speeds))
-    stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
-    late = update_lateness(known, modelled, None if stopped else speeds, dt)
-    stuck = detect_stale(memory.fresh, reading, par.model.vehicle.n)
-    fresh = Fresh(reading.copy(), stuck.silent)
-    acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
-    # of the quaternion's two signs the one that is nearer to the last
-    if reading[4:8] @ memory.estimate[3:7] < 0.0:
-        reading[4:8] *= -1.0
-    if stuck.parts:
-        foreseen = engine.observation.now(memory.estimate, [acted])
-        reading = fill_stale(reading, foreseen, stuck.parts, par.model.vehicle.n)
-    estimate = engine.observation.at(memory.estimate, acted, reading)
-    if stuck.spoke_again:
-        estimate = taken_over(estimate, memory.estimate, reading, par.model.vehicle.n)
-    return Seen(estimate, memory.sent[1:], shown, late, fresh, reading)
-
-
-def _first(measurement: Measurement, joints: int) -> Array:
-    """Initial estimate at the first measurement: no disturbance."""
-    m = measurement
-    moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
-    return np.array([*moving, *(0.0,) * (6 + joints)], dtype=float)
 
 
 def _standing(x: Array, par: PredictiveParameters) -> Plan:
@@ -384,8 +291,9 @@ def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Probl
 def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
     """Inputs of a stage with its feedback, as the actuators take them."""
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
-    rotors, most = len(engine.motors.most), engine.bounds.efforts
-    speeds = command_for(engine.motors, x[len(x) - rotors :], u[:rotors], dt)
+    lags, most = engine.observation.motors, engine.bounds.efforts
+    rotors = len(lags.most)
+    speeds = command_for(lags, x[len(x) - rotors :], u[:rotors], dt)
     efforts = np.minimum(np.maximum(u[rotors:], -most), most)
     return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))
 
@@ -466,18 +374,16 @@ def problem_at(
     """The problem from the state ``late`` s after now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     if isinstance(par.preview, Trajectory):
-        signals = sample_trajectory(par.preview, time + later)
+        motion = sample_trajectory(par.preview, time + later)
     else:
-        signals = extrapolate(sample, sample.age + later)
-    model, pressed = par.model, disturbance
-    if touch is not None and engine.contact is not None:
-        along = shift_ahead(engine.contact.gains, touch, later)
-        places, rates, bends = (along_normal(*each, touch.normal) for each in zip(signals, along, strict=True))
-        signals = places, rates, bends
+        motion = extrapolate(sample, sample.age + later)
+    model, pressed, gains = par.model, disturbance, par.interaction
+    if touch is not None and gains is not None:
+        motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)
         disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
     held = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
-    shift = engine.stance.at(signals[2][:, :3] + held, signals[0])
-    wanted = goals(*signals, shift)
+    shift = engine.stance(motion[2, :, :3] + held, motion[0])
+    wanted = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
     error = x[:3] - wanted[0, :3] - shift[0]
     distance = float(np.linalg.norm(error))
@@ -488,16 +394,9 @@ def problem_at(
     joints = model.vehicle.n
     beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
     wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
-    if touch is not None and engine.contact is not None:
-        wanted = np.hstack([wanted, contact_goals(engine.contact.gains, touch, later)])
+    if touch is not None and gains is not None:
+        wanted = np.hstack([wanted, contact_goals(gains, touch, later)])
     return Problem(x, bearable(disturbance, engine.bounds.efforts), wanted)
-
-
-def along_normal(signals: Array, way: Array, normal: Sequence[float]) -> Array:
-    """Signals (T, 4 + joints) whose place is moved along a normal by ``way`` (T,)."""
-    found = signals.copy()
-    found[:, :3] += way[:, None] * np.array(normal)
-    return found
 
 
 def _heading(x: Array) -> float:

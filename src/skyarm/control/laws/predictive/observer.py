@@ -24,9 +24,10 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul
+from skyarm.compile import leaves
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.predictive.prediction import Inputs, advance
+from skyarm.control.laws.predictive.prediction import Inputs, advance, motors, speeds_under
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
@@ -115,6 +116,7 @@ class Observation:
         estimate = Estimate(state=state, disturbance=disturbance)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
         reading = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
+        self.dt, self.joints, self.motors = dt, model.vehicle.n, motors(model.vehicle.rotors, dt)
         self.at = Compiled(
             lambda before, command, reading: observe(model, bandwidths, before, command, reading, dt),
             *(estimate, command, reading),
@@ -128,6 +130,61 @@ class Observation:
             state = self._advance(estimate, command)
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
+
+    def first(self, measurement: Measurement) -> Past:
+        """Before anything was sent: the measured state, no disturbance, no delay."""
+        m = measurement
+        moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
+        estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
+        return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
+
+    def update(self, past: Past, sent: Command, measurement: Measurement) -> tuple[Past, Array]:
+        """Estimate at a measurement, and that measurement's leaves with frozen parts predicted.
+
+        Args:
+            past: one period earlier.
+            sent: command of the period between them, if commands act at once.
+            measurement: the new one.
+        """
+        reading = np.array(leaves(measurement), dtype=float)
+        speeds = np.array(measurement.rotor_speeds, dtype=float)
+        shown = (*past.shown, sent)[-1 - LONGEST :]
+        modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
+        stopped = past.fresh is not None and np.array_equal(past.fresh.reading[-len(speeds) :], speeds)
+        late = update_lateness(past.late, modelled, None if stopped else speeds, self.dt)
+        stuck = detect_stale(past.fresh, reading, self.joints)
+        fresh = Fresh(reading.copy(), stuck.silent)
+        acted = command_row(shown[max(len(shown) - 1 - late.periods, 0)])
+        # of the quaternion's two signs the one that is nearer to the last
+        if reading[4:8] @ past.estimate[3:7] < 0.0:
+            reading[4:8] *= -1.0
+        if stuck.parts:
+            reading = fill_stale(reading, self.now(past.estimate, [acted]), stuck.parts, self.joints)
+        estimate = self.at(past.estimate, acted, reading)
+        if stuck.spoke_again:
+            estimate = taken_over(estimate, past.estimate, reading, self.joints)
+        return Past(estimate, late, shown, fresh), reading
+
+
+def command_row(command: Command) -> Array:
+    """Leaves of a command."""
+    return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """Memory of the observer.
+
+    Attributes:
+        estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
+        shown: last commands before that measurement, oldest first, if commands act at once.
+        fresh: the last measurement as it came; None before the second.
+    """
+
+    estimate: Array
+    late: Lateness
+    shown: tuple[Command, ...] = ()
+    fresh: Fresh | None = None
 
 
 LONGEST = 12

@@ -82,44 +82,29 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
     return applied
 
 
-def derivative(
-    model: Model,
-    state: State,
-    inputs: Inputs,
-    disturbance: Disturbance,
-    dry_rates: tuple[Any, ...] | None = None,
-) -> State:
-    """Time derivative of the state, part by part."""
-    linear, angular, joints = accelerations(model, state, inputs.efforts, disturbance, dry_rates)
+def slope_of(state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Any, ...]) -> State:
+    """Time derivative of the state, part by part, from the accelerations of base and joints."""
     return State(
         position=state.velocity,
         quaternion=state.quaternion.derivative(state.rate),
         velocity=linear,
         rate=angular,
         joints=state.joint_rates,
-        joint_rates=joints,
+        joint_rates=joint_accelerations,
         rotor_speeds=inputs.rotor_accelerations,
     )
 
 
-def advance(
-    model: Model,
-    state: State,
-    inputs: Inputs,
-    disturbance: Disturbance,
-    dt: Any,
-    dry_rates: tuple[Any, ...] | None = None,
-) -> State:
+def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, dt: Any) -> State:
     """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
 
     Source: Kutta 1901.
     """
 
     def slope(at: State) -> State:
-        return derivative(model, at, inputs, disturbance, dry_rates)
+        return slope_of(at, inputs, *accelerations(model, at, inputs.efforts, disturbance))
 
-    k1 = slope(state)
-    return _runge_kutta_step(state, k1, slope, dt)
+    return _runge_kutta_step(state, slope(state), slope, dt)
 
 
 def integrate_stage(
@@ -136,21 +121,12 @@ def integrate_stage(
     light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
     A plan takes dry friction at the reference's joint rates: of the state's own it is as stiff as tanh is steep.
     """
-    first = derivative(model, state, inputs, disturbance, dry_rates)
+    linear, angular, joints = accelerations(model, state, inputs.efforts, disturbance, dry_rates)
 
     def slope(at: State) -> State:
-        linear, angular = base_accelerations(model, at, first.joint_rates, disturbance)
-        return State(
-            position=at.velocity,
-            quaternion=at.quaternion.derivative(at.rate),
-            velocity=linear,
-            rate=angular,
-            joints=at.joint_rates,
-            joint_rates=first.joint_rates,
-            rotor_speeds=inputs.rotor_accelerations,
-        )
+        return slope_of(at, inputs, *base_accelerations(model, at, joints, disturbance), joints)
 
-    return _runge_kutta_step(state, first, slope, dt)
+    return _runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
 
 
 def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:

@@ -8,6 +8,7 @@ tip's displacement for a lean about an axis about which no joint turns.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -48,19 +49,17 @@ SETTLED = 2
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A published sample as signals [x, y, z, yaw, joints ...] with three derivatives, and its age in s.
+    """A published sample of the signals [x, y, z, yaw, joints ...].
 
     Attributes:
-        values, rates, accelerations, jerks, age: those.
+        motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
         pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older ones forgotten; their quotient
             is the squared angular frequency of the swing that fits best, 1/s^2.
         foretold: samples in a row, this one included, that came where the last one said.
         secants, gap: mean jerks since the sample before and the time since then, s.
     """
 
-    values: Array
-    rates: Array
-    accelerations: Array
+    motion: Array
     jerks: Array
     age: float
     pull: Array
@@ -75,27 +74,19 @@ class Sample:
         return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
 
 
-def read(reference: Reference) -> tuple[Array, Array, Array]:
-    """Values, rates and accelerations of the signals."""
-    values, rates, accelerations = np.array(samples(reference), dtype=float).T
-    return values, rates, accelerations
-
-
-def extrapolate(sample: Sample, ahead: Array) -> tuple[Array, Array, Array]:
-    """Signals (T, signals) and their first two derivatives ``ahead`` (T,) s after the sample was taken.
+def extrapolate(sample: Sample, ahead: Array) -> Array:
+    """Signals and their first two derivatives (3, T, signals) ``ahead`` (T,) s after the sample was taken.
 
     The acceleration goes on as the solution of d2a/dt2 = -k a from the sample's acceleration and jerk, k the signal's
-    stiffness: a swing is foretold as a swing, and what does not swing (k = 0) at a constant jerk. A cubic alone is
+    stiffness: a swing is predicted as a swing, and what does not swing (k = 0) at a constant jerk. A cubic alone is
     wrong by the whole amplitude after a third of a swing.
     """
     t = ahead[:, None]
-    w = np.sqrt(sample.stiffness)
-    a, j = sample.accelerations, sample.jerks
+    (x, v, a), j = sample.motion, sample.jerks
     # integrals of cos(w t) and sin(w t) / w, each divided by what it is at w = 0
-    s1, s2, s3, c = _shares(w * t)
-    values = sample.values + t * (sample.rates + t * (a * s2 / 2.0 + t * (j * s3) / 6.0))
-    rates = sample.rates + t * (a * s1 + t * (j * s2) / 2.0)
-    return values, rates, a * c + t * (j * s1)
+    s1, s2, s3, c = _shares(np.sqrt(sample.stiffness) * t)
+    values = x + t * (v + t * (a * s2 / 2.0 + t * (j * s3) / 6.0))
+    return np.stack([values, v + t * (a * s1 + t * (j * s2) / 2.0), a * c + t * (j * s1)])
 
 
 def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
@@ -112,49 +103,51 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
 
     A sample has come when it differs; one that came where none was foretold starts with no jerk.
     """
-    values, rates, accelerations = read(reference)
-    still = np.zeros_like(values)
+    motion = np.array(samples(reference), dtype=float).T
+    still = np.zeros(motion.shape[1])
+    first = Sample(motion, still, 0.0, still, still)
     if before is None:
-        return Sample(values, rates, accelerations, still, 0.0, still, still)
+        return first
     age = before.age + dt
-    if all(np.array_equal(a, b) for a, b in zip((values, rates, accelerations), _parts(before), strict=True)):
+    if np.array_equal(motion, before.motion):
         return dataclasses.replace(before, age=age)
-    expected = np.abs(values - extrapolate(before, np.array([age]))[0][0]).max() < JUMP
-    if not expected:
-        return Sample(values, rates, accelerations, still, 0.0, still, still)
-    jerks = (accelerations - before.accelerations) / age
+    # a number that is not finite was not predicted either
+    if not np.abs(motion[0] - extrapolate(before, np.array([age]))[0, 0]).max() < JUMP:
+        return first
+    accelerations, last = motion[2], before.motion[2]
+    jerks = (accelerations - last) / age
     pull, weight, foretold = before.pull, before.weight, before.foretold + 1
     if foretold > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
         kept = np.exp(-age / KEPT)
-        pull = kept * pull - bend * before.accelerations
-        weight = kept * weight + before.accelerations**2
-    found = Sample(values, rates, accelerations, jerks, 0.0, pull, weight, foretold, jerks, age)
+        pull = kept * pull - bend * last
+        weight = kept * weight + last**2
+    found = Sample(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(found.stiffness) * age)
-    return dataclasses.replace(found, jerks=(accelerations * c - before.accelerations) / (age * s1))
+    return dataclasses.replace(found, jerks=(accelerations * c - last) / (age * s1))
 
 
-def _parts(sample: Sample) -> tuple[Array, Array, Array]:
-    return sample.values, sample.rates, sample.accelerations
-
-
-def sample_trajectory(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array]:
-    """Signals and their derivatives (T, signals) of a trajectory at times, s."""
+def sample_trajectory(trajectory: Trajectory, times: Array) -> Array:
+    """Signals and their derivatives (3, T, signals) of a trajectory at times, s."""
     r = trajectory.at(times)
-    columns = (
-        [*r.position, r.yaw, *r.joints],
-        [*r.velocity, r.yaw_rate, *r.joint_rates],
-        [*r.acceleration, r.yaw_acceleration, *r.joint_accelerations],
+    rows = (
+        (*r.position, r.yaw, *r.joints),
+        (*r.velocity, r.yaw_rate, *r.joint_rates),
+        (*r.acceleration, r.yaw_acceleration, *r.joint_accelerations),
     )
-    shaped = [[np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in each] for each in columns]
-    values, rates, accelerations = (np.stack(each, axis=1) for each in shaped)
-    return values, rates, accelerations
+    return np.stack([np.stack([np.broadcast_to(c, times.shape) for c in row], axis=1) for row in rows]).astype(float)
 
 
-def goals(values: Array, rates: Array, accelerations: Array, shift: Array) -> Array:
-    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant; shift (T, 3) is its own."""
+def goals(motion: Array, shift: Array) -> Array:
+    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant.
+
+    Args:
+        motion: (3, T, signals) signals with two derivatives.
+        shift: (T, 3) of the base, m.
+    """
+    values, rates, accelerations = motion
     parts = values[:, :3], rates[:, :3], values[:, 3:], rates[:, 4:], accelerations[:, 4:], shift
     return np.concatenate(parts, axis=1)
 
@@ -177,15 +170,13 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Any, joints: tuple[Any, ...]) -> 
     return Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z) - leaning.apply(bent)
 
 
-class Stance:
-    """:func:`shift` at every stage of a horizon as machine code; nothing in mode "joints" and without a tip."""
+def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
+    """Shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints): :func:`shift` as machine code.
 
-    def __init__(self, model: Model, mode: str) -> None:
-        vehicle = model.vehicle
-        self.shift: Compiled | None = None
-        if mode == "tool" and vehicle.end_effector:
-            self.shift = Compiled(partial(shift, vehicle), ZERO, 0.0, (0.0,) * vehicle.n)
-
-    def at(self, thrusts: Array, values: Array) -> Array:
-        """Shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints)."""
-        return np.zeros((len(values), 3)) if self.shift is None else self.shift(thrusts, values[:, 3:])
+    None in mode "joints" and without a tip.
+    """
+    vehicle = model.vehicle
+    if mode != "tool" or not vehicle.end_effector:
+        return lambda _thrusts, values: np.zeros((len(values), 3))
+    compiled = Compiled(partial(shift, vehicle), ZERO, 0.0, (0.0,) * vehicle.n)
+    return lambda thrusts, values: compiled(thrusts, values[:, 3:])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import maximum, minimum
-from skyarm.compile import leaves
+from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
@@ -50,6 +50,10 @@ class Compiled:
         _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
         found = np.ascontiguousarray(log[:, :, 0])
         return found if rows.ndim > 1 else np.asarray(found[0])
+
+    def record(self, *parts: Array) -> Any:
+        """The result as a record of floats."""
+        return rebuild(self.kernel.loop.result[1], iter(self(*parts).tolist()))
 
 
 NUDGE = 1e-5

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
-from skyarm.algebra.scalars import minimum, where
-from skyarm.compile import leaves, rebuild
+from skyarm.algebra.scalars import Scalar, minimum, where
+from skyarm.compile import leaves
 from skyarm.control.laws.centroidal.interaction import (
     InteractionGains,
     InteractionMemory,
@@ -85,7 +85,7 @@ class TipContact:
         vehicle = model.vehicle
         state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
         first = first_interaction(vehicle.n)
-        self.gains, self.first = gains, np.array(leaves(first), dtype=float)
+        self.gains, self.first = gains, first
         rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
         def step(memory: InteractionMemory, now: Any, observed: Any, push: Any, signals: Any) -> Any:
@@ -118,27 +118,23 @@ class TipContact:
             )
 
         self.step = Compiled(step, first, *rows)
-        scalars = ("asked", "touching", "rising", "share", "force", "damping", "shift", "shift_rate", "gap", "speed")
-        numbers: dict[str, Any] = dict.fromkeys(scalars, 0.0) | dict.fromkeys(("normal", "tip_force"), (0.0,) * 3)
-        self.touch = Touch(**numbers | dict.fromkeys(("free", "pressed"), (0.0,) * (6 + vehicle.n)))
 
-    def at(self, before: Array | None, estimate: Array, push: Sequence[Any], wanted: Array) -> tuple[Array, Touch]:
-        """One period.
+    def at(
+        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
+    ) -> tuple[InteractionMemory, Touch]:
+        """Memory and contact of one period.
 
         Args:
-            before: leaves of the memory a period earlier; None before the first.
+            before: memory a period earlier; None before the first.
             estimate: leaves of state and disturbance at the measurement.
-            push: what the reference asks for.
+            push: requested by the reference.
             wanted: (4 + joints,) signals of the reference now.
-
-        Returns:
-            the memory, and what is known now.
         """
-        found = self.step(
-            self.first if before is None else before, estimate, np.array(push[:TOLD], dtype=float), wanted
+        memory = np.array(leaves(before or self.first), dtype=float)
+        found: tuple[InteractionMemory, Touch] = self.step.record(
+            memory, estimate, np.array(push[:TOLD], dtype=float), wanted
         )
-        count = len(self.first)
-        return found[:count], rebuild(self.touch, iter(found[count:].tolist()))
+        return found
 
 
 def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
