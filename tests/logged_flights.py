@@ -58,9 +58,3 @@ def same(a: Log, b: Log) -> bool:
     """Whether two logs have the same bits and say the same."""
     pairs = ((array, b.arrays()[name]) for name, array in a.arrays().items())
     return a.info == b.info and all(x.tobytes() == y.tobytes() and x.shape == y.shape for x, y in pairs)
-
-
-def begins(part: Log, whole: Log) -> bool:
-    """Whether a log's arrays are the first rows of another one's."""
-    rows = part.time.size
-    return all(array.tobytes() == whole.arrays()[name][:rows].tobytes() for name, array in part.arrays().items())

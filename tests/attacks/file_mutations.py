@@ -212,31 +212,15 @@ def in_description(content: bytes, rng: random.Random) -> bytes:
         stream = io.BytesIO()
         np.savez(stream, **arrays)
         return stream.getvalue()
-    if content.startswith(b"PAR1"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        table = pq.read_table(pa.BufferReader(content))
-        info = _json(changed(json.loads(table.schema.metadata[b"skyarm"]), rng)).encode("utf-8", "surrogatepass")
-        sink = pa.BufferOutputStream()
-        pq.write_table(table.replace_schema_metadata({b"skyarm": info}), sink)
-        return bytes(sink.getvalue())
+    from mcap.reader import make_reader
     from mcap.writer import CompressionType, Writer
 
-    attachments: dict[str, bytes] = {}
-    messages: list[bytes] = []
-    files._scan(content, attachments, messages)
-    chosen = rng.choice(("info.json", "info.json", "scenario.json"))
-    forged = _json(changed(json.loads(attachments[chosen]), rng)).encode("utf-8", "surrogatepass")
     stream = io.BytesIO()
     writer = Writer(stream, compression=CompressionType.NONE)
     writer.start()
-    for name, data in (attachments | {chosen: forged}).items():
-        writer.add_attachment(0, 0, name, "application/json", data)
-    schema = writer.register_schema("skyarm_msgs/msg/Flight", "ros2msg", b"")
-    channel = writer.register_channel(files.FLIGHT_TOPIC, "cdr", schema)
-    for data in messages:
-        writer.add_message(channel, 0, data, 0)
+    for each in make_reader(io.BytesIO(content)).iter_attachments():
+        data = in_description(each.data, rng) if each.name == files.ARRAYS else each.data
+        writer.add_attachment(0, 0, each.name, each.media_type, data)
     writer.finish()
     return stream.getvalue()
 

@@ -28,7 +28,6 @@ from file_mutations import (
     with_unbound_prefix,
 )
 
-from skyarm.log.contents import CutLogWarning
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log, save_log
 from skyarm.log.log_columns import columns
@@ -254,10 +253,8 @@ def _log(kind: str) -> bytes:
 
 
 def _used(path: Path) -> Log:
-    """A log, of which it may be said that it was cut off, and what everything that reads a log asks of it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CutLogWarning)
-        log = load_log(path)
+    """A log, and what everything that reads a log asks of it."""
+    log = load_log(path)
     try:
         assert isinstance(log.status, str)
         columns(log)
@@ -300,8 +297,6 @@ LOADERS = {
     "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
     "log": Loader(_used, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive, in_description)),
     "messages": Loader(_used, ValueError, ".mcap", (_log("mcap"),), (at_bytes, in_description, in_description)),
-    "journal": Loader(_used, ValueError, ".partial", (_log("partial"),), (at_bytes,)),
-    "columns": Loader(_used, ValueError, ".parquet", (_log("parquet"),), (at_bytes, in_description, in_description)),
     "mesh": Loader(_mesh, ValueError, ".stl", (STL,), (at_bytes, at_words)),
     "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
     "study": Loader(_study, StudyError, ".toml", (*_shipped(STUDIES), STUDY, STUDY, STUDY)),
@@ -383,9 +378,7 @@ def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_pa
     loader = LOADERS[name]
     (tmp_path / "gripper.urdf").write_bytes(loader.beside)
     for healthy in loader.seeds:
-        for mark in (
-            (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".partial", ".parquet", ".stl") else (b"",)
-        ):
+        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".stl") else (b"",):
             file = tmp_path / f"healthy{loader.suffix}"
             file.write_bytes(mark + healthy)
             loader.load(file)
@@ -442,8 +435,6 @@ QUICK = {
     "study": 75,
     "log": 100,
     "messages": 50,
-    "journal": 50,
-    "columns": 50,
     "mesh": 50,
 }
 

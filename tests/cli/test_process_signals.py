@@ -13,8 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from skyarm import load_log
-from skyarm.log.contents import CutLogWarning
 from thorough import sampled
 
 if sys.platform == "win32":
@@ -66,26 +64,9 @@ def flying(folder: Path, process: subprocess.Popen[str], processes: int) -> None
     time.sleep(1.0)
 
 
-def kept(folder: Path) -> bool:
-    """Whether a flight that goes on has written a whole second of itself, which is some 100 kB."""
-    return any(path.stat().st_size > 200_000 for path in folder.rglob("*.partial"))
-
-
 def said(errors: str) -> str:
     """Standard error without its lines of progress."""
     return "".join(line for line in errors.splitlines(keepends=True) if not re.search(r": \d+ of \d+", line))
-
-
-def whole_but_the_kept(errors: str, folder: Path) -> str:
-    """Those lines without the one that tells what ``run`` kept of its flight; the log that it names is a whole one."""
-    told = re.match(r"skyarm: what was flown until t = (\S+) s is kept: (\S+\.partial)\n", errors)
-    assert told, errors
-    with pytest.warns(CutLogWarning):
-        kept = load_log(folder / told[2])
-    # six digits of it
-    assert kept.time[-1] == pytest.approx(float(told[1]), abs=0.01)
-    (folder / told[2]).unlink()
-    return errors[told.end() :]
 
 
 @pytest.mark.parametrize(
@@ -94,15 +75,11 @@ def whole_but_the_kept(errors: str, folder: Path) -> str:
 )
 def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(tmp_path: Path, arguments: list[str], processes: int) -> None:
     with started(tmp_path, *arguments) as process:
-        if arguments[0] == "run":
-            wait_until(lambda: kept(tmp_path))
-        else:
-            flying(tmp_path, process, processes)
+        flying(tmp_path, process, processes)
         os.killpg(process.pid, signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
-    left = whole_but_the_kept(said(errors), tmp_path) if arguments[0] == "run" else said(errors)
-    assert left == INTERRUPTED
+    assert said(errors) == INTERRUPTED
     assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
 
 

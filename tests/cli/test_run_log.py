@@ -45,7 +45,7 @@ def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
 )
 def test_a_suffix_that_nobody_writes_is_one_line_before_the_flight(tmp_path: Path, name: str, words: str) -> None:
     done = run(tmp_path, "run", "case3", "--log", name)
-    assert (done.code, done.err) == (2, f"skyarm: {words}must be one of npz, csv, mcap, parquet, bag, partial\n")
+    assert (done.code, done.err) == (2, f"skyarm: {words}must be one of npz, csv, mcap\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -59,28 +59,6 @@ def test_a_file_that_is_named_twice_is_one_line_before_the_flight(tmp_path: Path
     assert (done.code, done.err.strip()) == (2, words)
     assert (tmp_path / "a.npz").read_bytes() == b"of before"
     assert {file.name for file in tmp_path.iterdir()} == {"a.npz", "b", "link.npz"}
-
-
-@pytest.mark.filterwarnings("ignore:log = 'a.partial':UserWarning")  # of the flight that was cut
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["case3", "--log", "a.csv", "--log", "b/../a.partial"], "--log = 'b/../a.partial'"),
-        (["a.partial", "--log", "a.npz"], "scenario = 'a.partial'"),
-    ],
-)
-def test_what_a_killed_run_left_is_not_removed_by_a_flight_of_it(tmp_path: Path, words: list[str], said: str) -> None:
-    """The file of a flight that goes on is removed behind it: a log of that name would go with it."""
-    (tmp_path / "b").mkdir()
-    left = skyarm.save_log(skyarm.run(skyarm.load_scenario("case1", duration=0.05)), tmp_path / "a.partial")
-    content = left.read_bytes()
-    done = run(tmp_path, "run", *words)
-    assert done.code == 2
-    assert done.err.strip() == (
-        f"skyarm: {said}: must be another file than a.partial, in which the flight stands while it goes on"
-    )
-    assert left.read_bytes() == content
-    assert {file.name for file in tmp_path.iterdir()} == {"a.partial", "b"}
 
 
 def test_without_a_name_it_is_where_it_was(tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import Force, angle_after, speeds_of_pairs
 from skyarm.log.log_columns import columns
 from skyarm.log.ros.scene import Part
-from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
 from skyarm.reference.signals import Constant, Product, Ramp, Sine
@@ -375,18 +374,10 @@ def test_a_pitch_is_held_in_hover_and_the_safety_layer_stays_out_of_it():
         assert errors(log, "tip")[late].max() < 2.0
 
 
-def test_a_log_names_the_angles_by_their_rotors_and_its_wrench_is_that_of_the_turned_ones():
+def test_a_log_names_the_angles_by_their_rotors():
     log = moved()
     names = [each.name for each in columns(log) if each.array in ("tilts", "tilt_commands")]
     assert names == [f"rotor_{kind}_{i}" for kind in ("tilt", "tilt_command") for i in range(6)]
-    (topic,) = _thrust(1, BARE)
-    rows = slice(40, 400, 120)
-    force = topic.values(Part(log, rows))["wrench"]["force"]
-    found = np.stack([force[axis] for axis in "xyz"], axis=1)
-    pushed = [wrench(a, w**2)[3:] for a, w in zip(log.tilts[rows], log.rotor_speeds[rows], strict=True)]
-    # hub drag of six rotors at up to 1.3 m/s is below 0.8 N
-    np.testing.assert_allclose(found, pushed, atol=0.8)
-    assert np.abs(np.array(pushed)[:, 0]).max() > 5.0
 
 
 @pytest.mark.thorough

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_flight_messages import Rotation, by_rosbags, composed, table
+from test_flight_messages import Rotation, by_rosbags, composed
 
 import skyarm
 from logged_flights import drawn
 from skyarm.log.flight_log import rows_of
-from skyarm.log.viewer_layouts import FOXGLOVE, write_layouts
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from world_flights import WALL_ANGLE, touching
 
@@ -22,41 +21,12 @@ def written(request, tmp_path_factory):
     return vehicle, log, by_rosbags(skyarm.save_log(log, tmp_path_factory.mktemp("drawn") / "drawn.mcap"))[0]
 
 
-def test_the_held_velocity_is_in_the_axes_of_the_level_base(written):
-    _, log, found = written
-    turn = Rotation.from_rotvec(log.yaw_held[:, None] * [0, 0, 1])
-    given = table(found["/held/base"][2], "twist.twist.linear.xyz")
-    assert np.abs(given - turn.inv().apply(log.velocity_held)).max() < 1e-14
-    assert np.array_equal(table(found["/held/base"][2], "pose.pose.position.xyz"), log.position_held)
-    pose = table(found["/held/base"][2], "pose.pose.orientation.wxyz")
-    assert (Rotation.from_quat(pose[:, [1, 2, 3, 0]]) * turn.inv()).magnitude().max() < 1e-14
-
-
 def test_the_reference_has_a_frame_of_its_own(written):
     _, log, found = written
     for k, message in enumerate(found["/tf"][2]):
         R, p = composed({t.child_frame_id: t for t in message.transforms}, "base_reference")
         assert np.array_equal(p, log.position_reference[k])
         assert np.abs(R - Rotation.from_euler("z", log.yaw_reference[k]).as_matrix()).max() < 1e-14
-
-
-def test_the_rotors_wrench_is_the_sum_of_theirs(written):
-    vehicle, log, found = written
-    given = [table(found["/rotor_wrench"][2], f"wrench.{part}.xyz") for part in ("force", "torque")]
-    R_WB = Rotation.from_quat(log.quaternion[:, [1, 2, 3, 0]])
-    air = R_WB.inv().apply(log.velocity - log.air_velocity)
-    force, torque = np.zeros((2, log.time.size, 3))
-    for rotor, speed in zip(vehicle.rotors, log.rotor_speeds.T, strict=True):
-        r, n, W = np.array(rotor.position), np.array(rotor.axis), speed[:, None]
-        v = air + np.cross(log.rate, r)
-        across = v - (v @ n)[:, None] * n
-        thrust = rotor.thrust_coefficient * W**2
-        push = thrust * n - rotor.drag_coefficient * W * across
-        force += push
-        torque += np.cross(r, push) - rotor.direction * rotor.moment_coefficient * thrust * n
-        torque -= rotor.rolling_moment_coefficient * W * across
-    for one, other in zip(given, (force, torque), strict=True):
-        assert np.abs(one - other).max() < 1e-14 * max(1.0, np.abs(other).max())
 
 
 def test_markers_have_the_shapes_sizes_and_places(written):
@@ -100,6 +70,3 @@ def test_markers_of_the_world_are_where_the_flight_had_it(tmp_path):
         place = parcel.pose.position
         assert [place.x, place.y, place.z] == pytest.approx(log.object_position[row])
         assert times[k] == pytest.approx(1e9 * log.time[row])
-    text = next(path for path in write_layouts(log, tmp_path) if path.name == FOXGLOVE).read_text()
-    assert '"/world/moving"' in text
-    assert "/skyarm/flight.contact_force_wall_tip" in text

@@ -1,4 +1,4 @@
-"""Commands that are setpoints of drives are never shown as torques: in messages, plots, layouts and metrics."""
+"""Commands that are setpoints of drives are never shown as torques: in messages, plots and metrics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.metric_catalogue import metric_names
 from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics
-from skyarm.log.viewer_layouts import plots
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.view.figures.flight_panels import panels_of
 
@@ -41,16 +40,9 @@ def message(of: skyarm.Log, topic: str) -> dict:
     return found.values(Part(of, slice(None)))
 
 
-def test_messages_have_setpoints_in_the_field_of_their_kind():
+def test_joint_states_have_efforts_of_torques_alone():
     assert "effort" not in message(log(), "/joint_states")
-    commands = message(log(), "/commands/joints")
-    assert sorted(commands) == ["header", "name", "position"]
-    assert np.array_equal(commands["position"], log().efforts)
-    of = mixed()
-    for topic in ("/joint_states", "/commands/joints"):
-        assert np.array_equal(message(of, topic)["effort"], of.efforts * [np.nan, 1.0], equal_nan=True)
-    assert np.array_equal(message(of, "/commands/joints")["velocity"], of.efforts * [1.0, np.nan], equal_nan=True)
-    assert "position" not in message(of, "/commands/joints")
+    assert "effort" not in message(mixed(), "/joint_states")
 
 
 def test_a_torque_arm_beside_an_arm_of_servos_has_panels_of_its_own():
@@ -61,12 +53,6 @@ def test_a_torque_arm_beside_an_arm_of_servos_has_panels_of_its_own():
     assert np.array_equal(panels[2].of(log()), log().efforts[:, 1])
     assert panels[2].of(torques) is None
     assert panels[3].of(log()) is None
-
-
-def test_layouts_plot_setpoints_by_their_unit():
-    titles = {title: len(curves) for title, curves in plots(mixed())}
-    assert titles["joint setpoints, rad/s"] == titles["joint efforts, N m or N"] == 1
-    assert "joint efforts, N m or N" not in dict(plots(log()))
 
 
 def test_torques_that_are_not_known_are_no_metrics():

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.records.files import unpacked
-from skyarm.records.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_parquet_size, require_size
+from skyarm.records.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_size
 
 
 def npz_bomb(path):
@@ -33,18 +32,7 @@ def npz_bomb(path):
             archive.filelist.append(again)
 
 
-def parquet_bomb(path):
-    """Zeros that are one number and how often it stands there."""
-    pa = pytest.importorskip("pyarrow", reason="needs the extra 'logs'")
-    import pyarrow.parquet as pq
-
-    column = pa.array(np.zeros(1_000_000))
-    table = pa.Table.from_arrays([pa.chunked_array([column] * 2)] * 63, names=[f"c{k}" for k in range(63)])
-    with pq.ParquetWriter(path, table.schema, compression="zstd") as writer:
-        writer.write_table(table)
-
-
-@pytest.mark.parametrize(("suffix", "bomb"), [("npz", npz_bomb), ("parquet", parquet_bomb)])
+@pytest.mark.parametrize(("suffix", "bomb"), [("npz", npz_bomb)])
 def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(suffix, bomb, tmp_path):
     file = tmp_path / f"bomb.{suffix}"
     bomb(file)
@@ -87,40 +75,6 @@ def test_whatever_is_wrong_with_an_npz_file_is_a_value_error(broken):
     wrong = {"cut": content[:100], "no archive": b"x", "compression": content}[broken]
     with pytest.raises(ValueError, match=r"^must be an npz file: "):
         npz_arrays(bytes(wrong))
-
-
-def column_file(values, codec="zstd", **options):
-    """A Parquet file of one column, and where its pages lie in it."""
-    pa = pytest.importorskip("pyarrow", reason="needs the extra 'logs'")
-    import pyarrow.parquet as pq
-
-    stream = io.BytesIO()
-    table = pa.table({"x": values})
-    pq.write_table(table, stream, compression=codec, write_statistics=False, **{"use_dictionary": False, **options})
-    chunk = pq.ParquetFile(stream).metadata.row_group(0).column(0)
-    return bytearray(stream.getvalue()), chunk.data_page_offset, chunk.total_compressed_size
-
-
-def checked(content):
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    require_parquet_size(pq.ParquetFile(pa.BufferReader(bytes(content))), bytes(content))
-
-
-def test_rows_that_a_footer_leaves_out_are_counted_by_their_columns(monkeypatch):
-    monkeypatch.setattr(unpacked, "LARGEST", 1e6)
-    rows = 1_000_000
-    content, _, _ = column_file(np.zeros(rows), use_dictionary=True)
-    # a million rows as a varint of zigzag
-    written, forged = bytes([0x80, 0x89, 0x7A]), bytes([0x82, 0x80, 0x00])
-    footer = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
-    places = [k for k in range(footer, len(content)) if content[k : k + 3] == written]
-    assert len(places) > 2, "first of the file, then of the column's values, last of the group"
-    for k in (places[0], places[-1]):
-        content[k : k + 3] = forged
-    with pytest.raises(TooLargeError, match="would to 8 MB"):
-        checked(content)
 
 
 def test_a_large_file_may_hold_what_numbers_shrink_to():

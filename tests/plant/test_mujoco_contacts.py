@@ -2,36 +2,35 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-import re
 
 import numpy as np
 import pytest
 
-import skyarm
 from free_scenes import Scene
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.mujoco_world import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
 from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.reference import Sine
-from skyarm.scenario.scenario_file import scenario_from, usual_integrator
-from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.vehicle.linkage import Follower
-from skyarm.world import Fault, SignalVector, TimedPayload
+from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
-from skyarm.world.contact.contact import Felt
-from skyarm.world.contact.plant_contact import plant_contact
 from standing_vehicles import GRAVITY, SKIDS, at_rest, limp, states
-from world_flights import DOCUMENT, touching
 
 pytest.importorskip("mujoco")
-from skyarm.plant.mujoco_contacts import MujocoContactPlant
+from mujoco_contacts import (
+    IMPEDANCE,
+    SLIP_STIFFER,
+    Felt,
+    MujocoContactPlant,
+    contact_numbers,
+    damping_of,
+    mean_material,
+    plant_contact,
+)
 
 MU, K = 0.3, 5000.0
 GROUND = Surface(name="ground", material=Material(friction=MU))
@@ -302,52 +301,3 @@ def test_an_elastic_bounce_of_a_tip_is_that_of_ours_in_every_posture():
         assert ours[7] < 0.2985
         assert np.abs(ours[15:17]).max() > 1.0
         assert theirs[7:17] == pytest.approx(ours[7:17], rel=0.01, abs=0.02)
-
-
-@pytest.fixture(scope="module")
-def pressed():
-    document = copy.deepcopy(DOCUMENT) | {"duration": 1.2}
-    document["plant"]["kind"] = "mujoco_contacts"
-    return skyarm.run(scenario_from(document))
-
-
-@pytest.mark.thorough
-def test_a_press_has_the_force_depth_and_place_of_ours(pressed):
-    """The last 0.2 s of a press at 1 N on a wall that is turned, the same flight as on our own contact: within 5 %."""
-    ours = touching()
-    assert (ours.status, pressed.status) == ("completed", "completed")
-    late = ours.time >= 1.0
-    column = 2  # of the tip at the wall
-    for name in ("contact_force", "contact_depth"):
-        a, b = (getattr(log, name)[late, column].mean() for log in (ours, pressed))
-        assert a > 0.0
-        assert b == pytest.approx(a, rel=0.05), name
-    assert pressed.tip[late] == pytest.approx(ours.tip[late], abs=5e-4)
-    assert pressed.position[late] == pytest.approx(ours.position[late], abs=1e-3)
-
-
-def test_what_it_cannot_do_is_refused_in_one_line():
-    ours = scenario_from(DOCUMENT)
-    theirs = {"kind": "mujoco_contacts", "integrator": "euler"}
-    dataclasses.replace(ours, **theirs)
-    hole = Surface(name="h", shape="hole", size=(0.01, 0.02, 0.001, 0.05, 0.03), position=(5.0, 5.0, 0.0))
-    part = Mechanism(name="m", kind="slide", axis=(1.0, 0.0, 0.0), mass=1.0, parts=(hole,))
-    link = dataclasses.replace(BIRD.links[1], name="finger", joint=dataclasses.replace(BIRD.links[1].joint, name="f"))
-    coupled = dataclasses.replace(BIRD, followers=(Follower(link=link, leader=0),))
-    load = TimedPayload(name="load", mass=0.1, inertia=(1e-4,) * 3, pick=0.5)
-    stuck = Fault(joint=BIRD.links[0].joint.name, stuck=True, start=0.1)
-    cases = (
-        ({"world": None}, "plant.kind = 'mujoco_contacts': must be 'rigid_body' or 'mujoco' without a [world]"),
-        ({"integrator": "rk4"}, "plant.integrator = 'rk4': must be 'euler' of plant.kind = 'mujoco_contacts'"),
-        ({"world": Contact(surfaces=(hole,))}, "with a hole ('h')"),
-        ({"world": Contact(mechanisms=(part,))}, "with a hole ('h')"),
-        ({"plant": dataclasses.replace(ours.plant, vehicle=coupled)}, "whose joints follow others"),
-        ({"payloads": (load,)}, "with [[payloads]]"),
-        ({"faults": (stuck,)}, "with a joint that gets stuck"),
-    )
-    for changes, words in cases:
-        with pytest.raises(ScenarioError, match=re.escape(words)):
-            dataclasses.replace(ours, **(theirs | changes))
-    with pytest.raises(ScenarioError, match=re.escape("delays.command = 0.0013: must be a whole number of physics")):
-        dataclasses.replace(ours, delays=skyarm.Delays(command=0.0013, longest_command=0.01), **theirs)
-    assert [usual_integrator(kind) for kind in ("mujoco", "mujoco_contacts")] == ["rk4", "euler"]

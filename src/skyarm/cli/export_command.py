@@ -23,7 +23,6 @@ from skyarm.records.files import (
     must_be_one_of,
     number,
     output_file,
-    require_writable,
     shown,
     unreadable,
     write_atomically,
@@ -50,16 +49,11 @@ OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 def export(
     context: typer.Context,
     what: Annotated[
-        str, typer.Argument(help="a log (.npz, .mcap, .parquet); for c a law or a scenario; for mjcf a vehicle or one")
+        str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or one")
     ],
-    to: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1 of a log; c; mjcf")
-    ] = None,
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c; mjcf")] = None,
     file: Annotated[
         str | None, typer.Option("--out", "-o", help="file to write; for a log beside it if left out")
-    ] = None,
-    layouts: Annotated[
-        str | None, typer.Option(metavar="FOLDER", help="of a log: write layouts for Foxglove and PlotJuggler there")
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="of c: the vehicle of a preset's or law's model")] = None,
     gravity: Annotated[float | None, typer.Option(help="of c, mjcf: m/s^2; 9.81, or the scenario's")] = None,
@@ -70,17 +64,16 @@ def export(
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF.
 
-    A log that was cut off, as that of a run that was killed, is written as far as it goes. With --to c a preset, a
-    law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99 file; with --to mjcf a
-    vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as actuators, a keyframe to
-    start from, lights and a camera that follows it.
+    With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
+    file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
+    actuators, a keyframe to start from, lights and a camera that follows it.
     """
     if to not in ("c", "mjcf"):
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with waiting(f"{what}: writing"):
-            return _log(what, to, file, layouts)
+            return _log(what, to, file)
     others = ("--timestep",) if to == "c" else OF_LAWS
-    require_left_out(context, [*others, "--layouts"], f" beside --to {to}")
+    require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out")
@@ -90,9 +83,9 @@ def export(
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
-def _log(flight: str, to: str | None, file: str | None, layouts: str | None) -> None:
-    formats = {each: each for each in names("log_format")} | {"ros1": "bag"}
-    if to is None and file is None and layouts is None:
+def _log(flight: str, to: str | None, file: str | None) -> None:
+    formats = names("log_format")
+    if to is None and file is None:
         raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
@@ -100,28 +93,18 @@ def _log(flight: str, to: str | None, file: str | None, layouts: str | None) -> 
     reason = unreadable(Path(flight))
     if reason:
         raise ValueError(f"flight = {shown(flight)}: {reason}")
-    target = None
     if file is not None:
         require_format(file, "--out")
-        if to is not None and Path(file).suffix != f".{formats[to]}":
-            raise ValueError(f"--out = {shown(file)}: must end in .{formats[to]}, as --to = {shown(to)} is written")
+        if to is not None and Path(file).suffix != f".{to}":
+            raise ValueError(f"--out = {shown(file)}: must end in .{to}, as --to = {shown(to)} is written")
         target = output_file(file, "--out")
-    elif to is not None:
-        target = Path(flight).with_suffix(f".{formats[to]}")
-    if target is not None and os.path.realpath(target) == os.path.realpath(flight):
+    else:
+        target = Path(flight).with_suffix(f".{to}")
+    if os.path.realpath(target) == os.path.realpath(flight):
         raise ValueError(f"--out = {shown(str(target))}: must be another file than the flight")
-    if layouts is not None:
-        require_writable(layouts)
-    log, drawn = load_log(flight), []
-    if target is not None:
-        save_log(log, target)
-        tell(f"log: {target}")
-    if layouts is not None:
-        from skyarm.log.viewer_layouts import write_layouts
-
-        drawn = write_layouts(log, layouts)
-        tell(f"layouts: {', '.join(map(str, drawn))}")
-    give(file=target, layouts=drawn)
+    save_log(load_log(flight), target)
+    tell(f"log: {target}")
+    give(file=target)
 
 
 def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None:

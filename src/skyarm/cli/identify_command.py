@@ -21,7 +21,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def identify(
-    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz or .mcap")],
     vehicle: Annotated[str | None, typer.Option(help="a vehicle; the one that the log's law believes in")] = None,
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
     begin: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,

@@ -14,10 +14,9 @@ import numpy as np
 import typer
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
-from skyarm.cli.lines import NOT_COMPLETED, say, say_steps, say_suspicious
+from skyarm.cli.lines import NOT_COMPLETED, say_steps, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell, waiting
 from skyarm.log.formats import require_format, save_log
-from skyarm.log.journal import journal_beside, partial_file
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import timed_out
@@ -38,7 +37,7 @@ def run(
         ),
     ],
     out: Annotated[str, typer.Option("--out", help="folder for the results, made if missing")] = "out/run",
-    plant: Annotated[str | None, typer.Option(help="rigid_body, mujoco or mujoco_contacts for the file's")] = None,
+    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco for the file's")] = None,
     controller: Annotated[
         str | None,
         typer.Option(
@@ -60,10 +59,9 @@ def run(
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap, .parquet, .bag); that of an
-    earlier flight is kept as NAME_1.npz, NAME_2.npz ... unless --force is given. While a flight goes on, what has been
-    flown stands in NAME.partial, which stays if the run is killed. The errors are summed up over the scenario's own
-    steady window, or where it says none over the flight after its first third.
+    The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap); that of an earlier flight is
+    kept as NAME_1.npz, NAME_2.npz ... unless --force is given. The errors are summed up over the scenario's own steady
+    window, or where it says none over the flight after its first third.
 
     Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
     wrong, 130 after Ctrl-C.
@@ -74,12 +72,11 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
-    _require_kept_apart(files, scenario)
     drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
-        require_replaceable(*files, partial_file(files[0]))
+        require_replaceable(*files)
         say_suspicious(planned)
         say_steps(planned)
         if margin:
@@ -87,11 +84,10 @@ def run(
 
             with waiting(f"{planned.name}: delay margin"):
                 tell_margin(planned, planned.controller.name)
-        with journal_beside(files[0], say) as journal:
-            with bar(planned.name) as advance:
-                log = fly(planned, advance, keep=journal)
-            with earlier_kept([] if force else files) as kept:
-                written = [save_log(log, file) for file in files]
+        with bar(planned.name) as advance:
+            log = fly(planned, advance)
+        with earlier_kept([] if force else files) as kept:
+            written = [save_log(log, file) for file in files]
     found = facts(log)
     tell(*summary(log, found), "log: " + ", ".join(str(path) for path in written))
     if drawn is not None:
@@ -121,15 +117,6 @@ def log_files(names: Sequence[str] | None, usual: Sequence[Path], option: str = 
             raise ValueError(f"{option} = {shown(name)}: must be another file than {option} = {shown(found[place])}")
         found[place] = name
     return [Path(name) for name in names] if names else list(usual)
-
-
-def _require_kept_apart(logs: Sequence[Path], scenario: str) -> None:
-    """Refuse to read from or write into the flight's journal, which is removed behind it."""
-    partial = partial_file(logs[0])
-    words = f"must be another file than {partial.name}, in which the flight stands while it goes on"
-    for option, file in (("scenario", Path(scenario)), *(("--log", file) for file in logs)):
-        if file.resolve() == partial.resolve():
-            raise ValueError(f"{option} = {shown(str(file))}: {words}")
 
 
 @contextmanager

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.log_columns import COLUMNS, LABELS, layout
-from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, READINGS, sources_of
+from skyarm.log.sensor_data import sources_of
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
-from skyarm.records.units import units
 
 SCHEMA = 1
 
@@ -26,9 +23,6 @@ SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", 
 LAYOUT = "columns"
 """Key of a file's description that says the names and units of the arrays' columns."""
 
-
-CUT = "cut"
-"""Status of a log whose file was cut off."""
 
 TEXTS = ("scenario", "status", "cause")
 """Texts that every description has."""
@@ -57,22 +51,9 @@ OF_TEXTS = ("plugins", "code", "versions", "phases")
 KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
-class CutLogWarning(UserWarning):
-    """A log's file was cut off; what came before is read."""
-
-
 def log_info(log: Log) -> dict[str, Any]:
     """Description of a log for its file: ``info`` with the columns of each array."""
     return {**log.info, LAYOUT: layout(log)}
-
-
-def as_cut(log: Log, name: str) -> Log:
-    """A log whose file was cut off: its status and a warning say at what time."""
-    end = float(log.time[-1]) if log.time.size else 0.0
-    cause = f"the log is cut at t = {end:g} s of {log.info.get('duration', 'unknown')} s"
-    warnings.warn(f"{name}: cut at t = {end:g} s; what came before is read", CutLogWarning, stacklevel=4)
-    log.info.update(status=CUT, cause=cause, end_time=end)
-    return log
 
 
 def log_of(content: Mapping[str, Any], info: Any) -> Log:
@@ -98,8 +79,6 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
     arrays = dict(content)
     for name, several in axes.items():
         array = np.asarray(content[name])
-        if several is None and array.shape[1:] == (1,):  # files of columns do not tell a number from a list of one
-            array = np.ascontiguousarray(array[:, 0])
         if array.shape != (*count, *([len(several)] if several else [])) or array.dtype != np.float64:
             raise ValueError(WORDS)
         arrays[name] = array
@@ -146,43 +125,3 @@ def _require_description(info: dict[str, Any]) -> None:
     pairs = [each for row in labels.values() for each in row] if isinstance(labels, dict) else [None]
     if not all(isinstance(pair, list) and [*map(type, pair)] == [str, str] for pair in pairs):
         raise ValueError(f"info.{LABELS} = {shown(labels)}: must be tables of pairs of texts")
-
-
-def columns_in(info: Any) -> list[str]:
-    """Names of the columns of all arrays that a description states, each once.
-
-    Raises:
-        ValueError: it is none.
-    """
-    try:
-        names = [name for each in info[LAYOUT].values() for name in each["columns"]]
-        if len(set(names)) == len(names):
-            return names
-    except (AttributeError, KeyError, TypeError):
-        pass
-    raise ValueError("columns: must be those that the file says it has")
-
-
-def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], info: Any) -> dict[str, Any]:
-    """The arrays whose columns stand side by side in a table.
-
-    Args:
-        table: (N, columns).
-        names: of its columns.
-        info: description, with the columns of each array as :func:`skyarm.log.log_columns.layout` writes them.
-
-    Raises:
-        ValueError: a column is missing, or the layout is none.
-    """
-    place, found = {name: k for k, name in enumerate(names)}, {}
-    if not place.keys() >= set(columns_in(info)):
-        raise ValueError("columns: must be those that the file says it has")
-    given = {name: [place[each] for each in told["columns"]] for name, told in info[LAYOUT].items()}
-    for name in units(Log):
-        chosen = given.get(name, [])
-        if name in IF_ANY and not chosen:
-            continue
-        array = np.ascontiguousarray(table[:, chosen])
-        found[name] = array[:, 0].copy() if name in SCALARS and chosen else array
-    received = (name for name in given if name.startswith((f"{READINGS}.", f"{ESTIMATE}.", f"{COMPONENTS}.")))
-    return found | {name: np.ascontiguousarray(table[:, given[name]]) for name in received}

@@ -50,22 +50,35 @@ def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
 
 
 def write_npz(log: Log, path: PathLike) -> Path:
-    """Write one compressed npz: the arrays, and the description with the names and units of their columns as JSON."""
+    """Write the arrays, uncut, and the metadata."""
+    return write_atomically(path, npz_content(log))
+
+
+def npz_content(log: Log) -> bytes:
+    """Bytes of an npz file of a log."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(log_info(log)))}
     np.savez_compressed(buffer, **arrays)
-    return write_atomically(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def read_npz(path: PathLike) -> Log:
-    """Read a log that :func:`write_npz` wrote, or a version before it.
+    """Read a log that ``save_npz`` wrote.
 
     Raises:
-        OSError: the file cannot be read. ValueError: it is not such a log.
+        OSError: the file cannot be read. ValueError: it is no log.
     """
-    name, content_of_file = f"log = {shown(os.fspath(path))}", Path(path).read_bytes()
+    return log_from_npz(Path(path).read_bytes(), f"log = {shown(os.fspath(path))}")
+
+
+def log_from_npz(file: bytes, name: str) -> Log:
+    """The log in the bytes of an npz file; ``name`` begins a message.
+
+    Raises:
+        ValueError: it is no log.
+    """
     try:
-        content = npz_arrays(content_of_file)
+        content = npz_arrays(file)
         info = json.loads(str(content.pop("info")))
     except TooLargeError as error:
         raise ValueError(f"{name}: {error}") from None
@@ -106,11 +119,6 @@ def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
 MCAP = LogFormat(_loaded_when_called("ros.files", "write_mcap"), _loaded_when_called("ros.files", "read_mcap"))
-PARQUET = LogFormat(
-    _loaded_when_called("parquet_file", "write_parquet"), _loaded_when_called("parquet_file", "read_parquet")
-)
-BAG = LogFormat(_loaded_when_called("ros.files", "write_bag"))
-PARTIAL = LogFormat(_loaded_when_called("journal", "write_journal"), _loaded_when_called("journal", "read_journal"))
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:

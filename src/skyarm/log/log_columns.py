@@ -1,4 +1,4 @@
-"""Names and units of a log's numbers, one column each: the same in CSV, Parquet, MCAP and ROS 1 bags.
+"""Names and units of a log's numbers, one column each: the same in CSV and MCAP.
 
 ``position_x``, ``quaternion_w``, ``joint_shoulder``, ``joint_rate_shoulder``, ``rotor_speed_front``: the array's name
 in the singular, then the axis, or the joint's or rotor's own name. Names are lower case letters, digits and single

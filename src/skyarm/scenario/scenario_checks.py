@@ -22,7 +22,7 @@ from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, number, shown
 from skyarm.records.leaves import leaves, named_leaves
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.scenario_record import MUJOCO_CONTACTS, Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 LONGEST_FLIGHT = 10_000_000
 """Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
 
-STEPPING = ("mujoco", MUJOCO_CONTACTS)
+STEPPING = ("mujoco",)
 """Plants that move by whole physics steps only."""
 
 LONGEST_QUEUE = 100
@@ -82,8 +82,6 @@ def check_scenario(scenario: Scenario) -> None:
     _check_drives(scenario)
     _check_vehicles(scenario)
     _check_surroundings(scenario)
-    if scenario.kind == MUJOCO_CONTACTS:
-        _check_mujoco_contacts(scenario)
     _check_clocks_of_law(scenario)
     for field, where in ADDED.items():
         require_fields(getattr(scenario, field), where)
@@ -284,27 +282,6 @@ def _check_surroundings(scenario: Scenario) -> None:
 
         contact.check(vehicle)
         require_steps_to_fly(contact, period / MOST_STEPS)
-
-
-def _check_mujoco_contacts(scenario: Scenario) -> None:
-    """Refuse settings that MuJoCo's own contacts do not support."""
-    plant, contact = f"plant.kind = {shown(scenario.kind)}: must be 'rigid_body' or 'mujoco'", scenario.world
-    if contact is None:
-        raise ValueError(f"{plant} without a [world], of which nothing can be touched")
-    if scenario.integrator != "euler":
-        raise ValueError(
-            f"plant.integrator = {shown(scenario.integrator)}: must be 'euler' of plant.kind = 'mujoco_contacts'"
-        )
-    if scenario.plant.vehicle.followers:
-        raise ValueError(f"{plant} for vehicle {scenario.plant.vehicle.name!r}, whose joints follow others")
-    if any(payload.rigid for payload in scenario.payloads):
-        raise ValueError(f"{plant} with [[payloads]]; objects and grippers do what they do")
-    if any(fault.stuck for fault in scenario.faults):
-        raise ValueError(f"{plant} with a joint that gets stuck (environment.faults)")
-    bodies = (contact.surfaces, *(carrier.surfaces for carrier in contact.carriers))
-    holes = [each.name for surfaces in bodies for each in surfaces if each.shape == "hole"]
-    if holes:
-        raise ValueError(f"{plant} with a hole ({holes[0]!r}), of which MuJoCo has no shape")
 
 
 def _check_initial(state: State, vehicle: Vehicle) -> None:

@@ -3,7 +3,7 @@
 A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
 
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
-    [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco", "mujoco_contacts"),
+    [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco"),
                   integrator ("rk4", "euler", "rk4_staged"),
                   payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit,
                   armature, stop_stiffness, stop_damping }, each a number
@@ -66,7 +66,6 @@ from skyarm.reference.task_records import Setting
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import (
-    MUJOCO_CONTACTS,
     Change,
     Delays,
     Rates,
@@ -95,7 +94,7 @@ def load_scenario(
 
     Args:
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
-        plant: "rigid_body", "mujoco" or "mujoco_contacts".
+        plant: "rigid_body" or "mujoco".
         controller: name of a preset or a law, or ``LAW_tuned`` (:mod:`skyarm.control.catalogue`).
         seed: of the noise.
         duration: s.
@@ -180,7 +179,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         title=top.text("title", ""),
         rates=rates,
         plant=world,
-        integrator=plant.take("integrator", usual_integrator(chosen["kind"])),
+        integrator=plant.take("integrator", "rk4"),
         controller=tables.controller(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
         noise=sensors,
         sensors=instruments,
@@ -226,11 +225,6 @@ def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting)
     from skyarm.scenario.path_governor import with_governor
 
     return with_governor(scenario, governor, setting)
-
-
-def usual_integrator(plant: Any) -> str:
-    """The default integrator of a plant."""
-    return "euler" if plant == MUJOCO_CONTACTS else "rk4"
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:

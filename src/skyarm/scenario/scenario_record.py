@@ -45,9 +45,6 @@ else:
 PLANTS = ("rigid_body", "mujoco")
 """That the paper's cases fly on; all are those of the registry."""
 
-MUJOCO_CONTACTS = "mujoco_contacts"
-"""Plant that finds contacts itself."""
-
 HIGHEST_RATE = 1_000_000
 """Hz: a clock beyond this is a slip of units."""
 
@@ -235,8 +232,7 @@ class Solver:
     """Simulation of a plant.
 
     Attributes:
-        kind: "rigid_body", "mujoco" or "mujoco_contacts". integrator: "rk4", "euler" or "rk4_staged"; of the last kind
-            "euler".
+        kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
     """
 
     kind: str = "rigid_body"
@@ -488,12 +484,7 @@ class Scenario:
     @property
     def components(self) -> tuple[Component, ...]:
         """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
-        contacts = self.worlds
-        if self.kind == MUJOCO_CONTACTS:
-            from skyarm.world.contact.plant_contact import plant_contact
-
-            contacts = tuple(map(plant_contact, contacts))
-        return (self.wind, *self.air, *self.forces, *self.payloads, *contacts, *self.power)
+        return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
 
     @property
     def worlds(self) -> tuple[Contact, ...]:

@@ -7,13 +7,12 @@ import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.flight_log import Log, rows_of
+from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
@@ -22,8 +21,8 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, describe, join_pieces
-from skyarm.simulate.check_endings import RUNNING, Ended, running_status
+from skyarm.simulate.assemble_log import Piece, join_pieces
+from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_line import numbers_of_command
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.lane_numbers import require_paths
@@ -279,18 +278,6 @@ class Session:
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
         return join_pieces(self.plan, pieces, engine.ended or running_status(self._scenario, engine.tick))
-
-    def between(self, first: int, stop: int) -> Log:
-        """The log of some of the periods flown, of status "running"."""
-        engine = self._engine
-        if first < engine.begun:
-            return rows_of(self.log, slice(first, stop))
-        piece = Piece(engine.scenario, engine.inputs, first, engine.samples(first, stop))
-        return join_pieces(self.plan, [piece], None, info=self._running_info)
-
-    @cached_property
-    def _running_info(self) -> dict[str, Any]:
-        return describe(self.plan, Ended(RUNNING, "", 0.0))
 
     def snapshot(self) -> Snapshot:
         """The session now."""

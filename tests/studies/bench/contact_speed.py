@@ -2,7 +2,7 @@
 
 Two scenes. In the first a vehicle stands on four skids all the time: MuJoCo's plant alone moves the same bodies with
 the same points and the same steps, which is in its favour. In the second a tip presses on a wall under the centroidal
-law; there MuJoCo moves the bodies in the whole closed loop, as ``kind = "mujoco_contacts"``.
+law.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from bench_timing import Contender
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
-from skyarm.simulate.session import Session
 
 PATHS = ("plant.vehicle.base.mass",)
 """Numbers that differ from lane to lane."""
@@ -61,21 +61,10 @@ def pressing(duration: float, **replaced: Any) -> Scenario:
 
 
 def standing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
-    """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one; then closed loops."""
+    """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one; then the closed loop."""
     scenario = standing(duration)
     count, seconds = int(_plant(scenario).substeps(0.005)), 1.0 / scenario.rates.control
-    theirs = standing(duration, plant="mujoco_contacts")
-    return [
-        *bare_mujoco(theirs, seconds / count, threads),
-        closed_loop(theirs, "closed loop, paper_ct"),
-        *ours(scenario, threads, blocks),
-    ]
-
-
-def pressing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
-    """The whole closed loop on MuJoCo with its contacts, which is the baseline, and ours."""
-    theirs = pressing(duration, plant="mujoco_contacts")
-    return [closed_loop(theirs, "closed loop, press_and_hold", TOUCHED), *ours(pressing(duration), threads, blocks)]
+    return [*bare_mujoco(scenario, seconds / count, threads), *ours(scenario, threads, blocks)]
 
 
 def _plant(scenario: Scenario) -> RigidBodyPlant:
@@ -87,15 +76,16 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
     """MuJoCo's vehicle and world without a controller, from the scenario's start.
 
     Args:
-        scenario: on ``mujoco_contacts``.
+        scenario: with a world.
         step: s, of MuJoCo's semi-implicit Euler method.
         threads: of the batch.
         steps: of an episode.
     """
-    from skyarm.plant.mujoco_contacts import MujocoContactPlant
+    from mujoco_contacts import MujocoContactPlant, plant_contact
 
-    first = first_loop_state(scenario)
-    model = MujocoContactPlant(scenario.plant, first_surroundings(scenario, first), scenario.integrator).model
+    first, contact = first_loop_state(scenario), plant_contact(scenario.world)
+    around = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
+    model = MujocoContactPlant(scenario.plant, around).model
     model.opt.timestep = step
     at, words = first.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
     start = [*at.position, *at.quaternion, *at.joints]
@@ -103,29 +93,6 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
         rollout_of(model, start, threads, steps, words, "mujoco.rollout"),
         stepped_model(model, start, steps, words),
     ]
-
-
-def closed_loop(scenario: Scenario, words: str, begin: float = 0.0, periods: int = 100) -> Contender:
-    """Some control periods on ``mujoco_contacts``, again and again the same ones; what is made once is not timed.
-
-    Args:
-        scenario: on ``mujoco_contacts``.
-        words: for the table.
-        begin: s, of the flight, from which on it is timed.
-        periods: how many.
-    """
-    session, rate = Session(scenario), scenario.rates.control
-    while session.time < begin:
-        session.step()
-    there = session.snapshot()
-
-    def fly() -> float:
-        session.restore(there)
-        for _ in range(periods):
-            session.step()
-        return periods / rate
-
-    return Contender("mujoco_contacts", f"{words}, MuJoCo's contacts, Euler 1 ms, one core", fly)
 
 
 def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:

@@ -25,7 +25,6 @@ DEFINITIONS: Mapping[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "std_msgs/Float64": "float64 data",
     "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
     "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
@@ -38,7 +37,6 @@ DEFINITIONS: Mapping[str, str] = {
     "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
     "geometry_msgs/PointStamped": "std_msgs/Header header\ngeometry_msgs/Point point",
     "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
-    "geometry_msgs/Vector3Stamped": "std_msgs/Header header\ngeometry_msgs/Vector3 vector",
     "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
     "geometry_msgs/TransformStamped": (
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
@@ -71,17 +69,6 @@ DEFINITIONS: Mapping[str, str] = {
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
 }
 """Type, without the ``/msg/`` in its name, -> its fields."""
-
-ROS1: Mapping[str, str] = {
-    "std_msgs/Header": "uint32 seq\nbuiltin_interfaces/Time stamp\nstring frame_id",
-    "visualization_msgs/Marker": (
-        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
-        "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
-        "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
-        "string text\nstring mesh_resource\nbool mesh_use_embedded_materials"
-    ),
-}
-"""Types that ROS 1 has otherwise (branch noetic); times are primitives there, of the same bytes."""
 
 FLIGHT = "skyarm_msgs/Flight"
 """Type of our own: every number of a log at one control instant, a field a column."""
@@ -148,9 +135,9 @@ NANO = 1_000_000_000
 class Template:
     """The bytes that all messages share, and the numbers that go into each of them."""
 
-    def __init__(self, definitions: Mapping[str, str], ros1: bool = False) -> None:
-        self._definitions, self._ros1 = definitions, ros1
-        self._bytes = bytearray(b"" if ros1 else HEADER)
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        self._definitions = definitions
+        self._bytes = bytearray(HEADER)
         self._numbers: list[tuple[int, Any]] = []
 
     def record(self, kind: str, values: Values) -> None:
@@ -174,7 +161,7 @@ class Template:
 
     def _one(self, kind: str, value: Any) -> None:
         if kind == "string":
-            content = (value or "").encode() + (b"" if self._ros1 else b"\0")
+            content = (value or "").encode() + b"\0"
             self._numbers_at("<u4", len(content))
             self._bytes += content
         elif kind in PRIMITIVES:
@@ -196,8 +183,7 @@ class Template:
     def _numbers_at(self, form: str, value: Any, row: bool = False) -> None:
         """Room for a number or a row of them, which are written now where they are the same in every message."""
         array, size = np.asarray(value).astype(form, copy=False), int(form[2:])
-        if not self._ros1:
-            self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
+        self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
         if array.ndim == int(row):
             self._bytes += array.tobytes()
             return
@@ -215,7 +201,7 @@ class Template:
         return rows
 
 
-def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int, ros1: bool = False) -> Bytes:
+def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
     """Messages of a type.
 
     Args:
@@ -224,11 +210,10 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
         values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
             (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
         count: of messages.
-        ros1: as ROS 1 writes them: nothing before a message, no gaps, texts without a closing zero.
 
     Returns:
         (count, size): the bytes of each.
     """
-    template = Template(definitions, ros1)
+    template = Template(definitions)
     template.record(kind, values)
     return template.messages(count)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from skyarm.records.restore import restore
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import Solid, turn_onto
-from skyarm.world.scene.vehicle_shapes import vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 from skyarm.world.scene.world_shapes import logged_poses, without_holes, world_shapes
 
 Array = npt.NDArray[np.float64]
@@ -57,26 +57,6 @@ def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
     return np.rint(np.asarray(time) * NANO).astype(np.int64)
 
 
-def distance_from_reference(array: str) -> Callable[[Part], dict[str, Any]]:
-    """The function that gives a std_msgs/Float64 of an array's distance from its continuous reference."""
-    return lambda part: {"data": np.linalg.norm(part[array] - part[f"{array}_reference"], axis=1)}
-
-
-def tilt(part: Part) -> dict[str, Any]:
-    """Angle between the body's z and the world's, rad."""
-    _, x, y, _ = part.unit().T
-    return {"data": 2.0 * np.arctan2(np.hypot(x, y), np.sqrt(np.maximum(0.0, 1.0 - x * x - y * y)))}
-
-
-METRICS: Mapping[str, Callable[[Part], dict[str, Any]]] = {
-    "position_error": distance_from_reference("position"),
-    "joint_error": distance_from_reference("joints"),
-    "tip_error": distance_from_reference("tool"),
-    "tilt": tilt,
-}
-"""Numbers of an instant: distances from the continuous reference, m and rad or m; tilt, rad."""
-
-
 WORLD, BASE_LINK, BASE_REFERENCE = "world", "base_link", "base_reference"
 
 
@@ -108,17 +88,17 @@ class Frames:
         for i, link in enumerate(self._vehicle.moving):
             pose = joint_placement(link.joint, values[i])
             parent = self.of_body(link.parent)
-            found.append(transform(stamps, parent, self.links[i], pose.p, of_matrices(_turns(pose.R, len(joints)))))
+            found.append(transform(stamps, parent, self.links[i], pose.p, quaternions_of(_turns(pose.R, len(joints)))))
         return found
 
     def fixed_transforms(self) -> list[dict[str, Any]]:
         """Transforms of named frames and of the rotors' hubs, whose z is the axis of positive thrust."""
         found = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
-            turn = of_matrices(_turns(frame.rotation, 1))[0]
+            turn = quaternions_of(_turns(frame.rotation, 1))[0]
             found.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
         for name, rotor in zip(self.rotors, self._vehicle.rotors, strict=True):
-            found.append(transform(0, BASE_LINK, name, rotor.position, of_matrices(_upright(rotor.axis))[0]))
+            found.append(transform(0, BASE_LINK, name, rotor.position, quaternions_of(_upright(rotor.axis))[0]))
         return found
 
 
@@ -152,22 +132,6 @@ def _turns(R: Mat3, count: int) -> Array:
 def _upright(axis: Vec3) -> Array:
     """A rotation (1, 3, 3) that turns z onto an axis."""
     return np.array([turn_onto((float(axis.x), float(axis.y), float(axis.z)))])
-
-
-def of_matrices(R: Array) -> Array:
-    """Quaternions wxyz (N, 4) of rotation matrices, from the largest of their four components.
-
-    Source: Shepperd 1978, Quaternion from rotation matrix.
-    """
-    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
-    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
-    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
-    d, e, f = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
-    w, x, y, z = squares.T
-    products = np.array([[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]).transpose(2, 0, 1)
-    found: Array = products[np.arange(len(R)), squares.argmax(axis=1)]
-    unit: Array = found / np.linalg.norm(found, axis=1, keepdims=True)
-    return unit
 
 
 COLORS = {
@@ -208,7 +172,7 @@ def _marker(number: int, solid: Solid, frame: str, stamps: Any, *, fixed: bool) 
         stamps: ns.
         fixed: whether it moves with the frame.
     """
-    shape, position, turns = solid.shape, solid.position, of_matrices(solid.rotation)
+    shape, position, turns = solid.shape, solid.position, quaternions_of(solid.rotation)
     return {
         "header": {"stamp": stamps, "frame_id": frame},
         "ns": shape.name,

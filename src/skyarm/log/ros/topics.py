@@ -1,7 +1,7 @@
 """Topics of a flight: which messages there are, how often, and what they hold.
 
-What moves is written at 200 Hz: the state, the joints, the commands. Every number of the log stands at each control
-instant in ``/skyarm/flight``, from which a log is read back to the bit. The rest is written at 50 Hz.
+Every number of the log stands at each control instant in ``/skyarm/flight``, from which a log is read back to the bit.
+Base and joints are written at 200 Hz as viewers know them, frames, shapes, reference and tip at 50 Hz.
 """
 
 from __future__ import annotations
@@ -14,17 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import Vec3
-from skyarm.dynamics.actuators import rotor_forces
-from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
-from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, ROS1, Bytes, encode, flight_definition
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
-    METRICS,
     MOVING_TOPIC,
     WORLD,
     WORLD_TOPIC,
@@ -44,7 +40,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 Array = npt.NDArray[np.float64]
 
 FAST, SLOW = 200.0, 50.0
-"""Hz: of the state, joints and commands; of the rest. Slower controls are written at each of their instants."""
+"""Hz: of base and joints; of the rest. Slower controls are written at each of their instants."""
 
 HIGHEST = 1e6
 """Hz: no control is faster, and a log that says so is taken for one at FAST."""
@@ -98,20 +94,18 @@ class FlightTopics:
             + _sensor_topics(log, fast, self._names)
         )
 
-    def encode(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
+    def encode(self, topic: Topic, log: Log) -> tuple[npt.NDArray[np.int64], Bytes]:
         """Times (ns) and messages of a topic in a part of the flight.
 
         Args:
             topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
             log: the part, which begins at a multiple of :attr:`period`.
-            ros1: as ROS 1 has them, by the definitions of :data:`ROS1`.
         """
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
         part = Part(log, chosen)
         with np.errstate(all="ignore"):
             values = topic.values(part)
-        known = {**self.definitions, **ROS1} if ros1 else self.definitions
-        return part.stamps, encode(topic.kind, known, values, len(part.stamps), ros1)
+        return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
 
     def _flight(self) -> list[Topic]:
         def row(part: Part) -> dict[str, Any]:
@@ -133,41 +127,25 @@ class FlightTopics:
                 "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(part["rate"])}},
             }
 
-        names = self._names
+        moved = {"position": "joints", "velocity": "joint_rates"}
+        if not any(self._names.setpoints):  # setpoints of drives are no torques
+            moved["effort"] = "efforts"
         return [
             Topic("/odom", "nav_msgs/Odometry", every, odometry),
-            *_joints("/joint_states", every, names.joints, position="joints", velocity="joint_rates", **efforts(names)),
-            *_joints("/commands/joints", every, names.joints, **command_fields(names)),
-            *_joints("/commands/rotors", every, names.rotors, velocity="rotor_commands"),
-            *_joints("/rotors", every, names.rotors, velocity="rotor_speeds"),
+            *_joints("/joint_states", every, self._names.joints, moved),
         ]
 
     def _rest(self, every: int, vehicle: Vehicle | None) -> list[Topic]:
-        names = self._names
-        held = {"position": "joints_held", "velocity": "joint_rates_held"}
-        level = _level("position_reference", "yaw_reference")
+        def reference(part: Part) -> dict[str, Any]:
+            pose = _pose(part["position_reference"], yaw_quaternion(part["yaw_reference"]))
+            return {"header": part.header(WORLD), "pose": pose}
+
         return [
             *_transforms(every, vehicle),
-            Topic("/reference/base", "geometry_msgs/PoseStamped", every, level),
-            *_joints("/reference/joints", every, names.joints, position="joints_reference"),
+            Topic("/reference/base", "geometry_msgs/PoseStamped", every, reference),
             _point("/reference/tip", every, "tool_reference"),
-            Topic("/held/base", "nav_msgs/Odometry", every, _held_reference),
-            *_joints("/held/joints", every, names.joints, **held),
-            _point("/held/tip", every, "tool_held"),
             _point("/tip", every, "tool"),
-            *self._measurement_topics(every),
-            Topic("/wind", "geometry_msgs/WrenchStamped", every, _wind),
-            Topic("/air_velocity", "geometry_msgs/Vector3Stamped", every, _air),
-            *_thrust(every, vehicle),
-            *(Topic(f"/metrics/{name}", "std_msgs/Float64", every, metric) for name, metric in METRICS.items()),
         ]
-
-    def _measurement_topics(self, every: int) -> list[Topic]:
-        """The law's measurement of the full state; nothing in a flight on an estimator."""
-        if not any(each.array == "measured_position" for each in self._columns):
-            return []
-        joints = _joints("/measured/joints", every, self._names.joints, position="measured_joints")
-        return [_point("/measured/base", every, "measured_position"), *joints]
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
@@ -199,38 +177,13 @@ def control_rate(log: Log) -> float:
     return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
 
 
-Column = str | Callable[[Part], Array]
-"""An array of the log by its name, or one that is made of a part of it."""
-
-
-def efforts(names: Names) -> dict[str, Column]:
-    """Commanded torques and forces as a field of a JointState; NaN of joints that take another setpoint."""
-    return _select_commands("effort", [told is None for told in names.setpoints])
-
-
-def command_fields(names: Names) -> dict[str, Column]:
-    """Commands as the fields of a JointState that they are of: angles and lengths, rates, torques and forces."""
-    found = efforts(names)
-    for field, units in (("position", ("rad", "m")), ("velocity", ("rad/s", "m/s"))):
-        found |= _select_commands(field, [each in units for each in names.setpoints])
-    return found
-
-
-def _select_commands(field: str, mine: Sequence[bool]) -> dict[str, Column]:
-    """The commands of some joints as a field; without any no field, as of what is not known."""
-    if all(mine):
-        return {field: "efforts"}
-    return {field: lambda part: np.where(mine, part["efforts"], np.nan)} if any(mine) else {}
-
-
-def _joints(name: str, every: int, names: Sequence[str], **arrays: Column) -> list[Topic]:
-    """A sensor_msgs/JointState of numbers by name; nothing of a vehicle without any."""
+def _joints(name: str, every: int, joints: Sequence[str], arrays: Mapping[str, str]) -> list[Topic]:
+    """A sensor_msgs/JointState, by field and array of the log; nothing of a vehicle without joints."""
 
     def values(part: Part) -> dict[str, Any]:
-        found = {field: part[each] if isinstance(each, str) else each(part) for field, each in arrays.items()}
-        return {"header": part.header(""), "name": names} | found
+        return {"header": part.header(""), "name": joints} | {field: part[array] for field, array in arrays.items()}
 
-    return [Topic(name, "sensor_msgs/JointState", every, values)] if names else []
+    return [Topic(name, "sensor_msgs/JointState", every, values)] if joints else []
 
 
 def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
@@ -287,7 +240,7 @@ def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
             joints = {"position": "joints", "velocity": "joint_rates"}
             columns_of = {field: f"{source}.{array}" for field, array in joints.items() if array in each.fields}
             found.append(Topic("/estimate/base", kind, fast, values))
-            found += _joints("/estimate/joints", fast, names.joints, **columns_of) if columns_of else []
+            found += _joints("/estimate/joints", fast, names.joints, columns_of) if columns_of else []
         else:
             found.append(Topic(f"/sensors/{name}", kind, each.every, values, each.late % each.every))
     return found
@@ -343,47 +296,8 @@ def _pose(position: Array, wxyz: Array) -> dict[str, Any]:
     return {"position": xyz(position), "orientation": quaternion(wxyz)}
 
 
-def _level(position: str, yaw: str) -> Callable[[Part], dict[str, Any]]:
-    return lambda part: {"header": part.header(WORLD), "pose": _pose(part[position], yaw_quaternion(part[yaw]))}
-
-
-def _held_reference(part: Part) -> dict[str, Any]:
-    """The reference as published; its velocity in the axes of the level base, as Odometry has it."""
-    yaw, (x, y, z) = part["yaw_held"], part["velocity_held"].T
-    c, s = np.cos(yaw), np.sin(yaw)
-    return {
-        "header": part.header(WORLD),
-        "child_frame_id": BASE_REFERENCE,
-        "pose": {"pose": _pose(part["position_held"], yaw_quaternion(yaw))},
-        "twist": {"twist": {"linear": {"x": c * x + s * y, "y": c * y - s * x, "z": z}}},
-    }
-
-
 def _point(name: str, every: int, array: str) -> Topic:
     def values(part: Part) -> dict[str, Any]:
         return {"header": part.header(WORLD), "point": xyz(part[array])}
 
     return Topic(name, "geometry_msgs/PointStamped", every, values)
-
-
-def _wind(part: Part) -> dict[str, Any]:
-    return {"header": part.header(WORLD), "wrench": {"force": xyz(part["wind_force"])}}
-
-
-def _air(part: Part) -> dict[str, Any]:
-    return {"header": part.header(WORLD), "vector": xyz(part["air_velocity"])}
-
-
-def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
-    """Force and torque of the rotors, none of them faulty, about and at the base's origin, base axes."""
-    if vehicle is None:
-        return []
-
-    def values(part: Part) -> dict[str, Any]:
-        slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
-        rotors = turn_rotors(vehicle, tuple(part["tilts"].T)).rotors if vehicle.tilts else vehicle.rotors
-        total = rotor_forces(rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
-        wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
-        return {"header": part.header(BASE_LINK), "wrench": wrench}
-
-    return [Topic("/rotor_wrench", "geometry_msgs/WrenchStamped", every, values)]

@@ -54,17 +54,3 @@ def npz_arrays(content: bytes) -> dict[str, Any]:
         raise
     except Exception as error:  # archive, compression, header and numbers have readers with errors of their own
         raise ValueError(f"must be an npz file: {error}") from None
-
-
-def require_parquet_size(found: Any, content: bytes) -> None:
-    """Refuse a ``pyarrow.parquet.ParquetFile``, of which nothing is unpacked yet, by the sizes that its footer states.
-
-    Raises:
-        TooLargeError: it unpacks to too much.
-    """
-    footer = found.metadata
-    groups = [footer.row_group(k) for k in range(footer.num_row_groups)]
-    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
-    # the reader takes from each chunk as many values as its entry says; equal numbers in a row take no bytes in a page
-    values = max(sum(abs(each.num_values) for each in chunks), abs(footer.num_rows) * footer.num_columns)
-    require_size(max(sum(abs(each.total_uncompressed_size) for each in chunks), 8.0 * values), content)

@@ -128,14 +128,10 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "npz": ("skyarm.log.formats:NPZ", "arrays and all that was flown; read back by skyarm"),
         "csv": ("skyarm.log.formats:CSV", "a column a number with its name and unit, a row a control instant"),
         "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
-        "parquet": ("skyarm.log.formats:PARQUET", "columns with units in their metadata; read back by skyarm"),
-        "bag": ("skyarm.log.formats:BAG", "messages of ROS 1, as in an MCAP file"),
-        "partial": ("skyarm.log.formats:PARTIAL", "the journal that a killed run leaves; read back by skyarm"),
     },
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
         "mujoco": ("skyarm.plant.mujoco:MujocoPlant", "MuJoCo's rigid bodies under the same loads"),
-        "mujoco_contacts": ("skyarm.plant.mujoco_contacts:MujocoContactPlant", "the same with MuJoCo's own contacts"),
     },
     "ending": {
         "divergence": ("skyarm.scenario.endings:Divergence", "numbers that no flight has"),

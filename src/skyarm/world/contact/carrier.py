@@ -137,13 +137,6 @@ class Carrier:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
-    def effort(self, memory: Any, slope: Any, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
-        """Generalized force of a grasp for a plant that integrates the carrier, without weight and gyration.
-
-        ``slope`` is the rate of the memory under it.
-        """
-        raise NotImplementedError
-
     @property
     def spot_count(self) -> int:
         """Number of its spots that may touch other surfaces."""

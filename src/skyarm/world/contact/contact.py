@@ -44,26 +44,6 @@ up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle ha
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Felt:
-    """Contact of a point of the vehicle at the last control instant, as a plant with an own solver found it.
-
-    Attributes:
-        force: N, on the point; torque: N m, about it; world axes. normal: N. friction: N. depth: m, at least 0.
-    """
-
-    force: Vec3
-    torque: Vec3
-    normal: Any
-    friction: Any
-    depth: Any
-
-    @property
-    def logged(self) -> tuple[Any, ...]:
-        """Normal force (N), friction (N) and penetration (m)."""
-        return self.normal, self.friction, self.depth
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class ContactMemory:
     """Memory of a contact.
 
@@ -71,14 +51,12 @@ class ContactMemory:
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes, in the order of :meth:`Contact.meet`.
         carried: memories of the carriers. grips: of the grippers.
-        felt: contacts of the vehicle's points on a plant that finds them, in the order of a log; else empty.
     """
 
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
-    felt: tuple[Felt, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -330,7 +308,7 @@ class Contact(Force):
         """Touch of every surface of the world and every point of the vehicle now."""
         return [each.touch for each in self.meetings(memory, motion)[: len(self.pairs)]]
 
-    def on_points(self, memory: Any, motion: PointMotion) -> Sequence[Touch | Felt]:
+    def on_points(self, memory: Any, motion: PointMotion) -> Sequence[Touch]:
         """Contact of every surface with every point of the vehicle now, in the order of a log."""
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
@@ -358,7 +336,6 @@ class Contact(Force):
             bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
-            felt=tuple(UNTOUCHED for _ in memory.felt),
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: Any, dt: Any) -> ContactMemory:
@@ -441,12 +418,6 @@ class Contact(Force):
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
-
-
-_ZERO = Vec3(0.0, 0.0, 0.0)
-
-UNTOUCHED = Felt(force=_ZERO, torque=_ZERO, normal=0.0, friction=0.0, depth=0.0)
-"""Of a point that touches nothing."""
 
 
 @dataclass(frozen=True, slots=True)

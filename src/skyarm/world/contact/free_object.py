@@ -180,11 +180,6 @@ class FreeObject(Carrier):
             rate=Vec3(*(data(divide(t, i)) for t, i in zip(torque, moments, strict=True))),
         )
 
-    def effort(self, memory: ObjectMotion, slope: Any, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
-        """Force (N, world axes) and torque about the centre of mass (N m, its own axes)."""
-        R = memory.attitude.rotation()
-        return (*force_W, *R.apply_T(torque_W - R.apply(self.com).cross(force_W)))
-
     def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Any) -> ObjectMotion:
         """Both velocities."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt

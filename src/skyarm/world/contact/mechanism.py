@@ -217,10 +217,6 @@ class Mechanism(Carrier):
         own, bristle = inner_effort(self, memory)
         return MechanismMotion(coordinate=rate, rate=(applied + own) / self.generalized_inertia, bristle=bristle)
 
-    def effort(self, memory: MechanismMotion, slope: MechanismMotion, force_W: Vec3, torque_W: Vec3) -> tuple[Any, ...]:
-        """Effort along the coordinate, inner efforts and weight in it, N m or N."""
-        return (mul(slope.rate, self.generalized_inertia),)
-
     def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
         """The bristle of dry friction has moved."""
         bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
