@@ -20,7 +20,6 @@ from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, 
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import Force, angle_after, speeds_of_pairs
 from skyarm.log.log_columns import columns
-from skyarm.log.ros.scene import Part
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
 from skyarm.reference.signals import Constant, Product, Ramp, Sine
