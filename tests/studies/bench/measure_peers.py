@@ -43,7 +43,6 @@ def groups(quick: bool) -> Iterator[tuple[str, list[Contender], int]]:
         bare = peers.bare_quadrotor(5.0 if quick else 30.0, threads, 64 * threads)
         yield "a quadrotor without an arm", [*(peers.crazyflow(worlds) for worlds in WORLDS), bare], 1
     yield "standing on four skids", contact_speed.standing_contenders(seconds, threads, 8 * threads), 1
-    yield "a tip presses on a wall", contact_speed.pressing_contenders(seconds, threads, 8 * threads), 1
     for group in (peers.environments(), *peers.peers()):
         if group:
             yield f"steps of a world per second, beside {group[0].name}", group, 4
