@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.batch_session import BatchSession
     from skyarm.simulate.loop import replay, run
     from skyarm.simulate.session import Session
-    from skyarm.simulate.user_code import check_components, check_law
+    from skyarm.simulate.user_code import check_law
     from skyarm.studies.stability.along import margins
     from skyarm.studies.stability.hover_delay import hover_delay
     from skyarm.studies.sweep.runner import fly_sweep
@@ -140,7 +140,7 @@ _ROOMS = {
     "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("replay", "run"),
     "skyarm.simulate.session": ("Session",),
-    "skyarm.simulate.user_code": ("check_components", "check_law"),
+    "skyarm.simulate.user_code": ("check_law",),
     "skyarm.studies.stability.along": ("margins",),
     "skyarm.studies.stability.hover_delay": ("hover_delay",),
     "skyarm.studies.sweep.runner": ("fly_sweep",),
@@ -212,7 +212,6 @@ __all__ = [
     "Wrench",
     "__version__",
     "center_of_mass",
-    "check_components",
     "check_law",
     "circle",
     "energy",

@@ -14,7 +14,6 @@ import skyarm
 from added_components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensing.estimate.estimator import Estimator
@@ -22,13 +21,10 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.simulate import run, user_code
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.user_code import check_components
+from skyarm.simulate.user_code import require_shapes
 from skyarm.world import Air, Force, Wrench
 
 BASE = load_scenario("case1", duration=0.25)
-STATE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
-CALLS = [0]
-KEPT = [0.0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +52,6 @@ class Tuple(Air):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hidden(Force):
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
-        CALLS[0] += 1
-        return [Wrench(force_W=Vec3(0.1 * CALLS[0], 0.0, 0.0))]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Alone(Force):
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
         return Wrench(force_W=Vec3(0.1, 0.0, 0.0))
@@ -74,21 +63,6 @@ class Placed(Force):
 
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
         return [Wrench(), Wrench(force_W=Vec3(0.1, 0.0, 0.0), body=self.body)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rattling(Force):
-    """Keeps what it draws, where it is a float, outside its memory."""
-
-    uniforms = 1
-
-    def start(self, period: float, draws: Any) -> Any:
-        return (0.0,)
-
-    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Any) -> Any:
-        if isinstance(draws[0], float):
-            KEPT[0] = draws[0]
-        return (KEPT[0],)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,15 +97,6 @@ class MeasurementOnly(Estimator):
         return readings["state"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Moody(Ending):
-    status = "moody"
-
-    def fine(self, scenario: Any, state: Any, goal: Any, slack: Any) -> Any:
-        CALLS[0] += 1
-        return state.position.z <= (1e3 if CALLS[0] % 2 else -1e3)
-
-
 def with_(**fields: Any) -> Any:
     return dataclasses.replace(BASE, **fields)
 
@@ -147,16 +112,12 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
               "memory is a tuple of 2, must stay a tuple of 1", Growing.advance),
     "tuple": (with_(air=(Tuple(),)), "environment.air[0] (Tuple) gives the velocity of the air as a tuple of 3: must "
               "be a Vec3", Tuple.velocity),
-    "hidden": (with_(forces=(Hidden(),)), "environment.forces[0] (Hidden) gives other numbers as a program in period 0 "
-               f"than with floats: {STATE}", Hidden.wrenches),
     "alone": (with_(forces=(Alone(),)), "environment.forces[0] (Alone) gives wrenches as a Wrench: must be a list of "
               "Wrench", Alone.wrenches),
     "body": (with_(forces=(Placed(body=2),)), "environment.forces[0] (Placed) gives a wrench on body 2: must be -1 "
              "(base) or a link from 0 to 1", Placed.wrenches),
     "below": (with_(forces=(Tether(), Placed(body=-2))), "environment.forces[1] (Placed) gives a wrench on body -2: "
               "must be -1 (base) or a link from 0 to 1", Placed.wrenches),
-    "draws": (with_(forces=(Rattling(),)), "environment.forces[0] (Rattling) gives other numbers as a program in "
-              f"period 0 than with floats: {STATE}", Rattling.advance),
     "branch": (with_(forces=(Branching(),)), "environment.forces[0] (Branching) cannot be traced: branch on a traced "
                "value; use skyarm.algebra.scalars.where(condition, a, b)", "# here"),
     "nothing": (drive(Nothing()), "plant.drives.joint2 (Nothing) gives an effort that is None: must be a number",
@@ -168,8 +129,6 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
                 "returns a tuple of 3: must return (memory, reading)", ReadingOnly.measure),
     "measurement": (with_(estimator=MeasurementOnly()), "estimator (MeasurementOnly) returns a Measurement: must "
                     "return (memory, Measurement)", MeasurementOnly.step),
-    "ending": (with_(endings=(Moody(),)), "endings[0] (Moody) gives other numbers as a program in period 1 than with "
-               f"floats: {STATE}", Moody.fine),
 }  # fmt: skip
 
 
@@ -180,15 +139,10 @@ def line_of(place: Any) -> int:
     return next(k for k, line in enumerate(lines, 1) if line.endswith(place))
 
 
-STATEFUL = ("hidden", "draws", "ending")
-"""Mistakes that show only where floats are compared with the program."""
-
-
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_component_is_one_line_with_file_and_line(name):
     scenario, words, place = WRONG[name]
-    for check in (check_components,) if name in STATEFUL else (check_components, run):
-        CALLS[0] = 0
+    for check in (require_shapes, run):
         with pytest.raises(ValueError, match="test_wrong_components") as caught:
             check(scenario)
         assert str(caught.value) == f"{__file__}:{line_of(place)}: {words}"
@@ -217,12 +171,11 @@ def test_what_is_right_passes_the_check_and_flies():
         drives=(JointDrive(joint="joint1", drive=Lag()), JointDrive(joint="joint2", drive=Servo())),
         endings=(Ceiling(height=5.0),),
     )
-    tried = [part.place for part in user_code._parts(scenario, 0.005)]
+    tried = [part.place for part, _ in user_code._parts(scenario)]
     assert tried == [
         *("environment.air[0]", "environment.forces[0]", "plant.drives.joint1", "plant.drives.joint2"),
         *("sensors.fix", "estimator", "endings[0]"),
     ]
-    check_components(scenario)
     assert run(scenario).time.size == 50
 
 
@@ -232,4 +185,4 @@ def test_every_body_of_the_vehicle_may_be_pushed(body):
 
 
 def test_what_ships_is_not_checked():
-    assert list(user_code._parts(load_scenario("case3_wind"), 0.005)) == []
+    assert list(user_code._parts(load_scenario("case3_wind"))) == []

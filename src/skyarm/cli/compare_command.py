@@ -22,7 +22,7 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named, require_different
 from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
 from skyarm.records.registry import names as registered
-from skyarm.simulate.user_code import check_components, check_law
+from skyarm.simulate.user_code import check_law, require_shapes
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
 from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
@@ -171,7 +171,7 @@ def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]])
     todo, _ = suite.plan_cells()
     for flights in {each.entrant.name: each for each in todo if each.entrant.group == "own"}.values():
         scenario = flights.scenario()
-        check_components(scenario)
+        require_shapes(scenario)
         check_law(scenario)
     with taken_back(folder, folder / "cells"):
         prepare(require_writable(out))

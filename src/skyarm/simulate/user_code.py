@@ -1,15 +1,15 @@
 """User-defined air, forces, drives, sensors, estimators, endings and laws: checks of their results.
 
 Before a flight each part is traced once, and a result of the wrong shape is refused in one line with class, file and
-line. :func:`check_components` and :func:`check_law` look further: they compare floats with the program over some
-periods, which finds state that a part keeps outside its memory. What ships is not checked.
+line. :func:`check_law` looks further: it compares a law in floats with its program over some periods, which finds
+state that it keeps outside its memory. What ships is not checked.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import data, where
 from skyarm.compile import trace
-from skyarm.compile.tracing.float_trial import PERIODS, compare_with_floats
+from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import (
     check_controller,
@@ -28,7 +28,6 @@ from skyarm.control.law_checks import (
     made_by,
     memory_mistake,
     mistake_in,
-    perturb,
     try_law,
 )
 from skyarm.control.model import Model
@@ -56,27 +55,17 @@ WEIGHT = Vec3(0.0, 0.0, 9.81)
 MOST_UNIFORMS = 10_000
 """Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
 
-Step = Callable[[Any, Any, State, Any], tuple[Any, Any]]
+Step = Callable[[Any, Any, State, Any], Any]
+"""(memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Part:
-    """A user-defined part of a scenario.
-
-    Attributes:
-        place: in the scenario. record: the part. method: its main one, for messages.
-        memory: its first. step: (memory, (time,), state, draws) -> (memory, result); raises TypeError of a result with
-            the wrong shape. draws: how many random numbers it takes.
-        first: checks the numbers of its first result.
-    """
+    """A user-defined part of a scenario: its path there, the record, and its main method, for messages."""
 
     place: str
     record: Any
     method: str
-    memory: Any
-    step: Step
-    draws: int = 0
-    first: Callable[[Any, Sequence[float]], None] | None = None
 
     def refusal(self, words: str, place: str = "") -> ScenarioError:
         """The error to raise."""
@@ -84,25 +73,32 @@ class Part:
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
-    def checked_step(self, memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
-        """A step whose mistakes are one line."""
+    def trace(self, step: Step, memory: Any, state: State, draws: int = 0) -> None:
+        """Trace a step; whatever is wrong with it is one line."""
+        words = memory_mistake(memory, "memory")
+        if words:
+            raise self.refusal(words)
+
+        def checked(memory: Any, time: Any, state: State, given: Any) -> Any:
+            following = step(memory, time[0], state, given)
+            different = difference(memory, following, "memory")
+            if different:
+                raise self.refusal(f"changes the structure of its memory: {different}")
+            return following
+
         try:
-            following, result = self.step(memory, time, state, draws)
-        except _ShapeError as error:
-            raise self.refusal(str(error)) from None
+            trace(checked, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
+        except ScenarioError:
+            raise
         except (TypeError, AttributeError, RecordError) as error:
             words = mistake_in(error)
             if words is None:
                 raise
             raise self.refusal(words, place_of_error(error)) from error
-        different = difference(memory, following, "memory")
-        if different:
-            raise self.refusal(f"changes the structure of its memory: {different}")
-        return following, result
 
 
-class _ShapeError(Exception):
-    """A result of the wrong shape, in words."""
+def _floats(record: Any) -> Any:
+    return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
 
 
 def require_shapes(scenario: Scenario) -> None:
@@ -111,26 +107,143 @@ def require_shapes(scenario: Scenario) -> None:
     Raises:
         ScenarioError: one line with file and line, place in the scenario, class and method.
     """
-    for part in _checked_parts(scenario):
-        state = rebuild(first_state(scenario), iter([float(leaf) for leaf in leaves(first_state(scenario))]))
-        start = rebuild(part.memory, iter([float(leaf) for leaf in leaves(part.memory)]))
-        trace(part.checked_step, start, (0.0,), state, (0.5,) * part.draws)
+    parts = list(_parts(scenario))
+    for part, _ in parts:
+        _require_class(scenario, part)
+    for part, check in parts:
+        check(scenario, part)
 
 
-def check_components(scenario: Scenario) -> None:
-    """Check that the user-defined parts of a scenario are pure functions: floats and program must agree.
+def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
+    """The user-defined parts, each with its check."""
+    groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
+        ("advance", _check_component, list(zip(_component_places(scenario), scenario.components, strict=True))),
+        ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
+        ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
+        ("step", _check_estimator, [("estimator", scenario.estimator)]),
+        ("fine", _check_ending, [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]),
+    ]
+    for method, check, records in groups:
+        for index, (place, record) in enumerate(records):
+            if own_code(type(record)):
+                yield Part(place, record, method), partial(check, index)
 
-    Args:
-        scenario: with air, forces, drives, sensors, an estimator or endings of your own.
 
-    Raises:
-        ScenarioError: one line with file and line.
-    """
-    period = 1.0 / scenario.rates.control
-    for part in _checked_parts(scenario):
-        state = first_state(scenario)
-        instants = [((k * period,), perturb(state, k), _uniforms(part.draws, k)) for k in range(PERIODS)]
-        compare_with_floats(part.checked_step, part.memory, instants, part.refusal, first=part.first)
+def _component_places(scenario: Scenario) -> list[str]:
+    """Parameter path of each of the scenario's components."""
+    return [
+        "environment.wind",
+        *(f"environment.air[{i}]" for i in range(len(scenario.air))),
+        *(f"environment.forces[{i}]" for i in range(len(scenario.forces))),
+        *(f"payloads[{i}]" for i in range(len(scenario.payloads))),
+        *["world"] * len(scenario.worlds),
+        *["plant.vehicle.battery"] * len(scenario.power),
+    ]
+
+
+def _require_class(scenario: Scenario, part: Part) -> None:
+    """Refuse methods with other parameters, and a number of random numbers that is none."""
+    kind = type(part.record)
+    mistake = class_mistake(kind)
+    if mistake is not None:
+        raise part.refusal(mistake[1], mistake[0])
+    given = getattr(part.record, "uniforms", 0)
+    count = given(scenario.plant.vehicle) if callable(given) else given
+    if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
+        found = place_of(given if callable(given) and own_code(given) is not None else kind)
+        said = "gives uniforms" if callable(given) else "has uniforms"
+        raise part.refusal(f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}", found)
+
+
+def _check_component(index: int, scenario: Scenario, part: Part) -> None:
+    """Air, a force, or another component of the surroundings."""
+    vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+
+    def step(memory: Any, time: Any, state: State, draws: Any) -> Any:
+        following = component.advance(memory, time, period, state, draws)
+        air = component.velocity(following, time, state.position)
+        if not isinstance(air, Vec3):
+            raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3")
+        motion = PointMotion(vehicle, state)
+        wrenches = component.wrenches(following, time, motion, state.rotor_speeds)
+        if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
+            raise part.refusal(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
+        for each in wrenches:
+            if not BASE <= each.body < len(vehicle.moving):
+                bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
+                raise part.refusal(f"gives a wrench on body {each.body}: must be {bodies}")
+        if component.coupled:
+            slope = component.slope(following, time, motion, state.rotor_speeds)
+            different = difference(following, slope, "the slope")
+            if different:
+                raise part.refusal(f"gives the rates of its memory in another structure: {different}")
+        return following
+
+    draws = start_draws(scenario, scenario.seed, scenario.episode)[index]
+    memory = component.start(period, draws.tolist())
+    part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
+
+
+def _check_drive(_index: int, scenario: Scenario, part: Part) -> None:
+    joints = [link.joint.name for link in scenario.plant.vehicle.links]
+    joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
+    period, first = 1.0 / scenario.rates.control, first_state(scenario)
+
+    def step(memory: Any, _time: Any, state: State, _draws: Any) -> Any:
+        position, rate = state.joints[joint], state.joint_rates[joint]
+        following = drive.advance(memory, 0.1 + position, position, rate, period)
+        effort = data(drive.effort(following, 0.1 + position, position, rate))
+        if kind_of(effort) != "a number":
+            raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number")
+        return following
+
+    part.trace(step, drive.begin(first.joints[joint], first.joints[joint], period), first)
+
+
+def _check_sensor(_index: int, scenario: Scenario, part: Part) -> None:
+    vehicle, sensor = scenario.plant.vehicle, part.record
+    every = 1.0 / (sensor.frequency or scenario.rates.control)
+
+    def step(memory: Any, time: Any, state: State, draws: Any) -> Any:
+        result = sensor.take(memory, time, state, WEIGHT, NO_PUSH, draws, every)
+        if not isinstance(result, tuple) or len(result) != 2:
+            raise part.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
+        for at, each in named_parts(result[1], "a reading"):
+            if kind_of(each) != "a number" and type(each) not in (int, bool):
+                found = f"{at} as {kind_of(each)}"
+                raise part.refusal(f"gives {found}: must be a number, or a tuple or a frozen dataclass of numbers")
+        return result[0]
+
+    part.trace(step, sensor.start(vehicle), first_state(scenario), sensor.uniforms(vehicle))
+
+
+def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
+    vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+
+    def step(memory: Any, time: Any, state: State, _draws: Any) -> Any:
+        readings: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
+        for named in scenario.sensors:
+            sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
+            readings[named.name] = sensor.take(sensor.start(vehicle), time, state, WEIGHT, NO_PUSH, middle, period)[1]
+        command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+        result = estimator.step(memory, readings, command, period)
+        if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
+            raise part.refusal(f"returns {kind_of(result)}: must return (memory, Measurement)")
+        for name in ("joints", "joint_rates"):
+            given = getattr(result[1], name)
+            if len(given) != vehicle.n:
+                raise part.refusal(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
+        return result[0]
+
+    part.trace(step, estimator.start(scenario.controller.par.model.vehicle), first_state(scenario))
+
+
+def _check_ending(_index: int, scenario: Scenario, part: Part) -> None:
+    def step(memory: Any, _time: Any, state: State, _draws: Any) -> Any:
+        where(part.record.fine(scenario, state, state.position, 0.0), 1.0, 0.0)
+        return memory
+
+    part.trace(step, (), first_state(scenario))
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
@@ -172,176 +285,3 @@ def _make_controller(law: Controller | Callable[[Model], Controller], model: Mod
     controller: Controller = made_by(law, name, model, {})
     check_made(law, name, controller)
     return controller
-
-
-def _checked_parts(scenario: Scenario) -> Iterator[Part]:
-    """The user-defined parts, once their classes and first memories are sound."""
-    _require_classes(scenario)
-    for part in _parts(scenario, 1.0 / scenario.rates.control):
-        words = memory_mistake(part.memory, "memory")
-        if words:
-            raise part.refusal(words)
-        yield part
-
-
-def _require_classes(scenario: Scenario) -> None:
-    """Refuse methods with other parameters, and a number of random numbers that is none."""
-    for place, record in _records(scenario):
-        kind = type(record)
-        mistake = class_mistake(kind)
-        if mistake is not None:
-            raise ScenarioError(f"{mistake[0]}: {place} ({kind.__name__}) {mistake[1]}")
-        given = getattr(record, "uniforms", 0)
-        count = given(scenario.plant.vehicle) if callable(given) else given
-        if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
-            found = place_of(given if callable(given) and own_code(given) is not None else kind)
-            said = "gives uniforms" if callable(given) else "has uniforms"
-            words = f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}"
-            raise ScenarioError(f"{found}: {place} ({kind.__name__}) {words}")
-
-
-def _records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
-    """Place and record of every user-defined part."""
-    places: list[tuple[str, Any]] = list(zip(_component_places(scenario), scenario.components, strict=True))
-    places += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
-    places += [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]
-    places += [("estimator", scenario.estimator)]
-    places += [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]
-    return ((place, record) for place, record in places if own_code(type(record)))
-
-
-def _component_places(scenario: Scenario) -> list[str]:
-    """Parameter path of each of the scenario's components."""
-    return [
-        "environment.wind",
-        *(f"environment.air[{i}]" for i in range(len(scenario.air))),
-        *(f"environment.forces[{i}]" for i in range(len(scenario.forces))),
-        *(f"payloads[{i}]" for i in range(len(scenario.payloads))),
-        *["world"] * len(scenario.worlds),
-        *["plant.vehicle.battery"] * len(scenario.power),
-    ]
-
-
-def _parts(scenario: Scenario, period: float) -> Iterator[Part]:
-    """The user-defined parts, each with a function that calls it as the loop does."""
-    made = {
-        "plant": lambda place, record: _drive(place, record, scenario, period),
-        "sensors": lambda place, record: _sensor(place, record, scenario, period),
-        "estimator": lambda place, record: _estimator(place, record, scenario, period),
-        "endings": lambda place, record: _ending(place, record, scenario),
-    }
-    components = {id(component): i for i, component in enumerate(scenario.components)}
-    for place, record in _records(scenario):
-        if id(record) in components:
-            yield _component(place, record, components[id(record)], scenario, period)
-        else:
-            yield made[place.split(".")[0].split("[")[0]](place, record)
-
-
-def _component(place: str, component: Any, index: int, scenario: Scenario, period: float) -> Part:
-    """Air or a force."""
-    vehicle = scenario.plant.vehicle
-
-    def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
-        following = component.advance(memory, time[0], period, state, draws)
-        air = component.velocity(following, time[0], state.position)
-        if not isinstance(air, Vec3):
-            raise _ShapeError(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3")
-        motion = PointMotion(vehicle, state)
-        wrenches = component.wrenches(following, time[0], motion, state.rotor_speeds)
-        if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
-            raise _ShapeError(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
-        for each in wrenches:
-            if not BASE <= each.body < len(vehicle.moving):
-                bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
-                raise _ShapeError(f"gives a wrench on body {each.body}: must be {bodies}")
-        if component.coupled:
-            slope = component.slope(following, time[0], motion, state.rotor_speeds)
-            different = difference(following, slope, "the slope")
-            if different:
-                raise _ShapeError(f"gives the rates of its memory in another structure: {different}")
-        vectors = (air, *(each for one in wrenches for each in (one.force_W, one.torque_W, one.point)))
-        return following, tuple(data(number) for vector in vectors for number in vector)
-
-    count = draw_plan(scenario).components[index][1]
-    start = start_draws(scenario, scenario.seed, scenario.episode)[index]
-    memory = component.start(period, start.tolist())
-    return Part(place=place, record=component, method="advance", memory=memory, step=step, draws=count)
-
-
-def _drive(place: str, drive: Any, scenario: Scenario, period: float) -> Part:
-    joints = [link.joint.name for link in scenario.plant.vehicle.links]
-    index = joints.index(place.removeprefix("plant.drives."))
-
-    def step(memory: Any, _time: Any, state: State, _draws: Any) -> tuple[Any, Any]:
-        position, rate = state.joints[index], state.joint_rates[index]
-        following = drive.advance(memory, 0.1 + position, position, rate, period)
-        effort = data(drive.effort(following, 0.1 + position, position, rate))
-        if kind_of(effort) != "a number":
-            raise _ShapeError(f"gives an effort that is {kind_of(effort)}: must be a number")
-        return following, (effort,)
-
-    position = first_state(scenario).joints[index]
-    memory = drive.begin(position, position, period)
-    return Part(place=place, record=drive, method="effort", memory=memory, step=step)
-
-
-def _sensor(place: str, sensor: Any, scenario: Scenario, period: float) -> Part:
-    vehicle = scenario.plant.vehicle
-    every = 1.0 / sensor.frequency if sensor.frequency else period
-
-    def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
-        result = sensor.take(memory, time[0], state, WEIGHT, NO_PUSH, draws, every)
-        if not isinstance(result, tuple) or len(result) != 2:
-            raise _ShapeError(f"returns {kind_of(result)}: must return (memory, reading)")
-        for at, each in named_parts(result[1], "a reading"):
-            if kind_of(each) != "a number" and type(each) not in (int, bool):
-                found = f"{at} as {kind_of(each)}"
-                raise _ShapeError(f"gives {found}: must be a number, or a tuple or a frozen dataclass of numbers")
-        return result
-
-    def first(_instant: Any, numbers: Sequence[float]) -> None:
-        found = next((number for number in numbers if not math.isfinite(number)), None)
-        if found is not None:
-            raise part.refusal(f"gives a reading with {found} in its first period: must be finite numbers")
-
-    part = Part(
-        place=place, record=sensor, method="measure", memory=sensor.start(vehicle), step=step,
-        draws=sensor.uniforms(vehicle), first=first,
-    )  # fmt: skip
-    return part
-
-
-def _estimator(place: str, estimator: Any, scenario: Scenario, period: float) -> Part:
-    vehicle = scenario.plant.vehicle
-
-    def step(memory: Any, time: Any, state: State, _draws: Any) -> tuple[Any, Any]:
-        readings: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
-        for named in scenario.sensors:
-            sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
-            taken = sensor.take(sensor.start(vehicle), time[0], state, WEIGHT, NO_PUSH, middle, period)
-            readings[named.name] = taken[1]
-        command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
-        result = estimator.step(memory, readings, command, period)
-        if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
-            raise _ShapeError(f"returns {kind_of(result)}: must return (memory, Measurement)")
-        for name in ("joints", "joint_rates"):
-            given = getattr(result[1], name)
-            if len(given) != vehicle.n:
-                raise _ShapeError(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
-        return result
-
-    memory = estimator.start(scenario.controller.par.model.vehicle)
-    return Part(place=place, record=estimator, method="step", memory=memory, step=step)
-
-
-def _ending(place: str, ending: Any, scenario: Scenario) -> Part:
-    def step(memory: Any, _time: Any, state: State, _draws: Any) -> tuple[Any, Any]:
-        return memory, (where(ending.fine(scenario, state, state.position, 0.0), 1.0, 0.0),)
-
-    return Part(place=place, record=ending, method="fine", memory=(), step=step)
-
-
-def _uniforms(count: int, k: int) -> tuple[float, ...]:
-    """Numbers between 0 and 1, other ones in every period."""
-    return tuple(0.05 + 0.9 * ((0.37 * (k + 1) + 0.61 * i) % 1.0) for i in range(count))
