@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import skyarm
-from skyarm.simulate.batch_session import BatchSession
+from stepped_lanes import BatchSession
 
 
 @dataclass(frozen=True)

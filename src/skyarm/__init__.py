@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from skyarm.sensing.measurement import Measurement, SensorNoise
     from skyarm.sensing.sensor import Sensor
     from skyarm.simulate.batch import Batch
-    from skyarm.simulate.batch_session import BatchSession
     from skyarm.simulate.loop import replay, run
     from skyarm.simulate.session import Session
     from skyarm.simulate.user_code import check_law
@@ -137,7 +136,6 @@ _ROOMS = {
     "skyarm.sensing.measurement": ("Measurement", "SensorNoise"),
     "skyarm.sensing.sensor": ("Sensor",),
     "skyarm.simulate.batch": ("Batch",),
-    "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("replay", "run"),
     "skyarm.simulate.session": ("Session",),
     "skyarm.simulate.user_code": ("check_law",),
@@ -156,7 +154,6 @@ _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "Air",
     "Batch",
-    "BatchSession",
     "Body",
     "Change",
     "Command",

@@ -134,7 +134,7 @@ def test_a_metric_of_ones_own_is_counted_in_flight_and_over_a_log_alike() -> Non
     assert outcome.metrics["rotor_energy"][1] == pytest.approx(skyarm.score(loaded, ("rotor_energy",))["rotor_energy"])
 
 
-EXAMPLE_SCRIPTS = ("step_a_session", "step_a_batch")
+EXAMPLE_SCRIPTS = ("step_a_session",)
 
 
 @pytest.mark.parametrize("name", EXAMPLE_SCRIPTS)

@@ -332,12 +332,6 @@ def test_what_a_batch_flies_is_looked_at_first(given: dict[str, Any], words: str
         batch.fly(**given)
 
 
-@pytest.mark.parametrize("lanes", [0, -1, 1.5, "x", None, math.nan, [2]])
-def test_a_batch_session_has_a_whole_number_of_lanes(lanes: Any) -> None:
-    with pytest.raises(skyarm.ScenarioError, match=r"^lanes = .*must be a whole number, at least 1$"):
-        skyarm.BatchSession(MADE["case1"](), lanes)
-
-
 @pytest.mark.parametrize("values", ["a", ["a"], [None, "b"], [{}]])
 def test_a_batch_flies_numbers(values: Any) -> None:
     path = "controller.gains.position.x"

@@ -11,7 +11,7 @@ import pytest
 from added_components import RandomPush, Turbulence, same_logs
 from shared_programs import shared_programs
 from simulate_flights import document
-from skyarm import BatchSession, Delays, Scenario, ScenarioError, Session, run, scenario_from
+from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
@@ -418,11 +418,6 @@ def test_lanes_whose_change_cannot_be_are_refused(batch: Batch) -> None:
     wrong = VALUES | {"changes.3.value": np.array([0.02, -9.0, 0.01])}
     with pytest.raises(ScenarioError, match=r"^values\['changes.3.value'\] = -9 \(lane 1\): "):
         batch.fly(wrong)
-
-
-def test_lanes_that_are_stepped_have_no_changes() -> None:
-    with pytest.raises(ScenarioError, match=r"^changes: must be left out for lanes that are stepped; set\(\) gives"):
-        BatchSession(changing(CHANGES[0]), 2)
 
 
 def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:

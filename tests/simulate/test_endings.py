@@ -11,7 +11,7 @@ import pytest
 
 from added_components import with_law
 from simulate_flights import document
-from skyarm import Batch, BatchSession, Session
+from skyarm import Batch, Session
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import where
 from skyarm.compile import leaves
@@ -209,22 +209,8 @@ def test_an_ending_in_the_very_last_period_is_told_in_one_way_everywhere() -> No
     session = Session(short)
     assert (run(short).status, session.run().status, session.ended.status) == ("ground", "ground", "ground")
     at, heights = "initial.position.z", np.array([base.initial.position.z, 3.0])
-    for planned, tick in ((short, short.steps), (longer, short.steps)):
+    for planned in (short, longer):
         found = Batch(planned, [at], bit_exact=True).fly({at: heights})
         assert found.status.tolist() == ["ground", "completed"]
         assert found.completed.tolist() == [False, True]
         assert found.end_time[0] == end
-        batch = BatchSession(planned, 2, [at], bit_exact=True, law=True, autoreset=False)
-        batch.set({at: heights})
-        batch.reset()
-        for _ in range(tick - 1):
-            batch.step()
-            assert not batch.ended.any()
-            assert not batch.truncated.any()
-        batch.step()
-        if planned is longer:
-            assert not batch.ended.any()
-            batch.step()
-        assert batch.ended.tolist() == [True, False]
-        assert batch.truncated.tolist() == [False, True]
-        assert batch.state.position.z[0] == session.state.position.z

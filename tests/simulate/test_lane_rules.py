@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-import skyarm
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -106,16 +105,6 @@ def test_one_number_for_all_lanes_and_none_at_all():
         rules.require({GRAVITY: -9.0, MASS: column(1.0, 2.0)})
     rules.require({})
     rules.require({MASS: column()})
-
-
-def test_lanes_of_a_session_obey_the_rules_of_their_fields() -> None:
-    path = "plant.payload.mass"
-    session = skyarm.BatchSession(skyarm.load_scenario("case1", duration=1.0), 3, [path])
-    before = session.state.position.z.copy()
-    with pytest.raises(skyarm.ScenarioError, match=r"plant\.payload\.mass.*-5"):
-        session.set({path: -5.0}, mask=np.array([False, True, False]))
-    session.set({path: 0.05})
-    assert (session.state.position.z == before).all()
 
 
 def test_a_batch_is_of_the_rigid_body_plant_and_says_so() -> None:

@@ -25,7 +25,6 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import lane_numbers, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.lane_numbers import require_short_steps
@@ -225,9 +224,6 @@ def test_lanes_that_bear_only_shorter_steps_are_refused_or_compiled_for():
         ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = 100: bears steps of 0.000894"
     ):
         Batch(scenario, [path]).fly(values)
-    session = BatchSession(scenario, 2, [path])
-    with pytest.raises(ScenarioError, match=r"bears steps of 0\.000894"):
-        session.set(values)
     stiffest = with_numbers(scenario, {path: 100.0})
     lanes = Batch(scenario, [path], stiffest=stiffest, bit_exact=True, log_every=1).fly(values)
     assert lanes.log is not None

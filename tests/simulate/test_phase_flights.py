@@ -17,7 +17,6 @@ from skyarm.log.metrics.score import score
 from skyarm.log.periods import timed_out
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.check_endings import failed_phase
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
@@ -236,19 +235,6 @@ def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():
     assert np.abs(log.tip_reference[k, 1:] - [0.0, 0.83]).max() > 1e-3
     gone_in = log.tip[np.searchsorted(log.time, ends["insert"]), 0] - log.tip[k, 0]
     assert gone_in > 0.019
-
-
-@pytest.mark.thorough
-def test_lanes_that_are_stepped_wait_too(scenario):
-    lanes = BatchSession(dataclasses.replace(scenario, duration=1.0), 2, law=True, bit_exact=True)
-    session = skyarm.Session(dataclasses.replace(scenario, duration=1.0))
-    for _ in range(200):
-        lanes.step()
-        session.step()
-    assert lanes.truncated.all()
-    assert not lanes.ended.any()
-    np.testing.assert_array_equal(lanes.now.clock.place, [session.now.clock.place] * 2)
-    np.testing.assert_array_equal(lanes.state.position.x, [session.state.position.x] * 2)
 
 
 def test_the_study_of_four_worlds_is_of_this_scenario():

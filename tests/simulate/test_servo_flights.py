@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.simulate import Delays, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.session import Session
 from skyarm.vehicle.check import VehicleError
@@ -267,7 +266,7 @@ def test_the_latency_of_a_servo_holds_for_the_whole_flight(path, named):
         session.change({path: 0.006})
 
 
-@pytest.mark.parametrize("fly", [Batch, Session, partial(BatchSession, lanes=2)])
+@pytest.mark.parametrize("fly", [Batch, Session])
 def test_a_latency_is_no_number_of_compiled_code(fly):
     """It says how many setpoints are on their way: a sentence with the path, before anything is compiled."""
     path = "model.vehicle.drives.elbow.drive.latency"

@@ -35,24 +35,12 @@ def test_an_effort_limit_that_no_joint_reaches_flies_as_an_infinite_one():
     assert flown[0].completed.all()
 
 
-def test_a_session_of_lanes_takes_them_too():
-    scenario = skyarm.with_numbers(planned(), {LIMIT: 1e300})
-    with np.errstate(all="warn"):
-        batch = skyarm.BatchSession(scenario, 3, [LIMIT], single=True)
-        batch.set({LIMIT: 1e200})
-        batch.set({LIMIT: np.array([1e39, 1e-60, 1.0])}, np.array([True, False, True]))
-        batch.reset()
-        state = batch.step(np.array([[480.0]] * 4 + [[1e300]] * 2))
-    assert np.isfinite(np.asarray(state.position.x)).all()
-
-
 @pytest.mark.parametrize("controller", ["paper_ct", "centroidal_tip", "indi", "l1_adaptive", "kim2013"])
 def test_no_law_and_no_metric_warns(controller):
-    """Every first memory, every row of the reference and every first total, in both ways to fly lanes."""
+    """Every first memory, every row of the reference and every first total, in lanes."""
     scenario = planned(controller=controller, duration=0.05)
     with np.errstate(all="warn"):
         outcome = skyarm.Batch(scenario, metrics=("all", "all_continuous"), single=True).fly({})
-        skyarm.BatchSession(scenario, 2, single=True, law=True).step()
     assert outcome.completed.all()
 
 

@@ -20,7 +20,6 @@ from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.sensor import Sensor
 from skyarm.simulate import run, user_code
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.user_code import require_shapes
 from skyarm.world import Air, Force, Wrench
 
@@ -148,14 +147,13 @@ def test_a_wrong_component_is_one_line_with_file_and_line(name):
         assert str(caught.value) == f"{__file__}:{line_of(place)}: {words}"
 
 
-@pytest.mark.parametrize("plane", ["mujoco", "session", "batch", "batch_session"])
+@pytest.mark.parametrize("plane", ["mujoco", "session", "batch"])
 def test_whatever_flies_it_says_so(plane):
     scenario, words, _ = WRONG["grows"]
     fly = {
         "mujoco": lambda: run(dataclasses.replace(scenario, kind="mujoco")),
         "session": lambda: skyarm.Session(scenario),
         "batch": lambda: Batch(scenario),
-        "batch_session": lambda: BatchSession(scenario, 2),
     }
     with pytest.raises(ValueError, match="Growing") as caught:
         fly[plane]()

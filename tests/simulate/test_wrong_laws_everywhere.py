@@ -18,7 +18,6 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.simulate.user_code import check_law
 from skyarm.studies.stability.along import evidence
@@ -31,7 +30,6 @@ PLANES: dict[str, Callable[[Any], Any]] = {
     "mujoco": lambda scenario: run(dataclasses.replace(scenario, kind="mujoco")),
     "session": skyarm.Session,
     "batch": lambda scenario: Batch(scenario, ["plant.payload.mass"]),
-    "batch_session": lambda scenario: BatchSession(scenario, 2, law=True),
     "check_law": check_law,
     "margins": lambda scenario: evidence(scenario, 0),
     "basin": lambda scenario: basin(scenario, 4),

@@ -62,7 +62,7 @@ class Outcome:
 
 
 class Batch:
-    """Episodes of a scenario that is compiled once, flown whole by its law; :class:`BatchSession` steps them.
+    """Episodes of a scenario that is compiled once, flown whole by its law; :mod:`skyarm.envs` steps many.
 
     Threads that a call asks for are kept for the next one; they end with the batch, or with :meth:`close`, which the
     end of a ``with`` calls.

@@ -1,4 +1,4 @@
-"""Checks of the arguments of batches and sessions: counts, masks, actions, and the numbers of each lane."""
+"""Checks of the arguments of batches: counts, masks, and the numbers of each lane."""
 
 from __future__ import annotations
 
@@ -106,15 +106,6 @@ def lane_mask(mask: Any, lanes: int) -> Array:
     if mask is None:
         return np.ones(lanes, dtype=bool)
     return checked_array("mask", mask, [(lanes,)], f"True or False for each of {lanes} lanes", "b")
-
-
-def lane_numbers(field: str, values: Any, lanes: int) -> Array:
-    """(lanes,) numbers of one path, of one number for all or of one a lane."""
-    allowed = f"one number, or one for each of {lanes} lanes"
-    found = checked_array(field, values, [(), (lanes,)], allowed).astype(float)
-    if np.isnan(found).any():
-        raise ScenarioError(f"{field}: nan is not a number")
-    return np.broadcast_to(found, (lanes,))
 
 
 def lane_columns(

@@ -22,7 +22,6 @@ from skyarm.simulate.lane_numbers import (
     LaneRules,
     checked_array,
     lane_mask,
-    lane_numbers,
     require_count,
     require_paths,
     require_rigid_body,
@@ -37,6 +36,15 @@ from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[Any]
+
+
+def lane_numbers(field: str, values: Any, lanes: int) -> Array:
+    """(lanes,) numbers of one path, of one number for all or of one a lane."""
+    allowed = f"one number, or one for each of {lanes} lanes"
+    found = checked_array(field, values, [(), (lanes,)], allowed).astype(float)
+    if np.isnan(found).any():
+        raise ScenarioError(f"{field}: nan is not a number")
+    return np.broadcast_to(found, (lanes,))
 
 
 def _beyond() -> np.errstate:
