@@ -102,8 +102,10 @@ films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --no-ghost --fine \
 		--stop 11 --speed 1.5 --size 720x450 --fps 12
 
+ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip,centroidal_tip_robust
+
 envelope: $(VENV)/.test
-	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope
+	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope --laws $(ENVELOPE_LAWS)
 	$(BIN)/python tests/website/envelope_of_laws.py out/envelope
 
 fresh:

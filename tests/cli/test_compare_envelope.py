@@ -24,7 +24,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
         found.append((envelope, folder, threads))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.compare_command.fly_envelope", fly)
+    monkeypatch.setattr("skyarm.cli.compare_command.fly_suite", fly)
     monkeypatch.setattr(Envelope, "plan_cells", lambda _envelope: ([], {}))
     return found
 
@@ -125,5 +125,5 @@ def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert found["axes"]["swing_amplitude"]["values"] == [0.25, 1.25]
-    assert found["sentences"]["paper_pd"].startswith("within 100 mm")
+    assert found["axes"]["circle"]["laws"]["paper_pd"]
     assert "1 of 1 perfect swing_amplitude paper_pd" not in done.out

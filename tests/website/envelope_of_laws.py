@@ -13,9 +13,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from envelope_rules import FLAGSHIP, sentence, violation_rows, violations
 from PIL import Image
 
-from skyarm.studies.compare.envelope_report import FLAGSHIP, summary_head, summary_rows, violation_rows, violations
+from skyarm.studies.compare.envelope_report import summary_head, summary_rows
 from skyarm.view.pages import markdown, number
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,8 +30,8 @@ PICTURE = "docs/images/envelope.png"
 def block(found: Mapping[str, Any]) -> str:
     """What stands between the marks of the page, from the content of ``envelope.json``."""
     laws, axes = found["laws"], found["axes"]
-    own = [law for law in (FLAGSHIP, ROBUST) if law in found["sentences"]]
-    words = "\n\n".join(f"`{law}` keeps the tip {found['sentences'][law]}" for law in own)
+    own = [law for law in (FLAGSHIP, ROBUST) if law in laws]
+    words = "\n\n".join(f"`{law}` keeps the tip {sentence(law, axes)}" for law in own)
     trials = {law: ", ".join(words_of(row) for row in violation_rows(violations(axes, law))) or "none" for law in own}
     rules = "\n\n".join(
         f"Trials in which `{law}` is lost and another of these laws is not, or over 10 % worse than the paper's: "

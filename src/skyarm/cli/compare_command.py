@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,11 +24,11 @@ from skyarm.records.files import must_be_one_of, require_writable, shown, taken_
 from skyarm.records.registry import names as registered
 from skyarm.simulate.user_code import check_law, require_shapes
 from skyarm.studies.compare.comparison import SUITE, Comparison
-from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact
+from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite
 from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
 from skyarm.studies.compare.contact_tasks import OWN, TASKS
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant, own_entrant
-from skyarm.studies.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope
+from skyarm.studies.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
@@ -42,7 +42,7 @@ MOST = 1_000_000
 OF_SUITES = {
     SUITE: ("--conditions", "--plants", "--seeds", "--one-by-one"),
     ENVELOPE: ("--axes", "--vehicle", "--quick"),
-    CONTACT: ("--tasks", "--worlds", "--films", "--quick", "--one-by-one"),
+    CONTACT: ("--tasks", "--worlds", "--quick", "--one-by-one"),
 }
 """Suite -> options that not every comparison has."""
 
@@ -82,7 +82,6 @@ def compare(
     quick: Annotated[
         bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights; in contact: 16 worlds")
     ] = False,
-    films: Annotated[bool, typer.Option("--films", help="film a flight of each task in contact")] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
     one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
@@ -110,10 +109,10 @@ def compare(
     common: dict[str, Any] = {"seed": seed, "plant": plant}
     if suite == ENVELOPE:
         asked: Suite = _envelope(laws, axes, vehicle or PAPER, quick=quick, **common)
-        _fly(asked, out or "out/envelope", threads, fly_envelope)
+        _fly(asked, out or "out/envelope", threads)
     elif suite == CONTACT:
-        asked = _contact(laws, tasks, worlds, quick, one_by_one=one_by_one, films=films, **common)
-        _fly(asked, out or "out/contact", threads, fly_contact)
+        asked = _contact(laws, tasks, worlds, quick, one_by_one=one_by_one, **common)
+        _fly(asked, out or "out/contact", threads)
     else:
         if suite == SUITE:
             there = conditions_of(plants, seeds)
@@ -121,7 +120,7 @@ def compare(
             asked = Comparison(entrants=_entrants(laws), conditions=chosen, one_by_one=one_by_one, **common)
         else:
             asked = _scenario(suite, laws, seeds=seeds, **common)
-        _fly(asked, out or "out/compare", threads, fly_suite)
+        _fly(asked, out or "out/compare", threads)
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
@@ -161,7 +160,7 @@ def _contact(laws: str | None, tasks: str | None, worlds: int | None, quick: boo
     return ContactSuite(laws=chosen, tasks=named, worlds=count, **flown)
 
 
-def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]]) -> None:
+def _fly(suite: Suite, out: str, threads: int) -> None:
     """Fly what is missing of a suite's folder; one that was made here is gone where it is refused.
 
     Raises:
@@ -174,9 +173,9 @@ def _fly(suite: Any, out: str, threads: int, fly: Callable[..., dict[str, Any]])
         require_shapes(scenario)
         check_law(scenario)
     with taken_back(folder, folder / "cells"):
-        prepare(require_writable(out))
+        prepare(require_writable(out), *suite.folders)
         with bar(suite.name, pause=0.0) as advance:
-            found = fly(suite, folder, threads=threads, progress=advance)
+            found = fly_suite(suite, folder, threads=threads, progress=advance)
     report = suite.report(found)
     give(found, folder=folder, title=report.title)
     tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")

@@ -1,4 +1,4 @@
-"""An envelope flown: a batch is a loop of flights, cells are kept, laws of a folder stay, files are whole."""
+"""An envelope flown: a batch is a loop of flights, cells are kept, files are whole."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare import run_suite
 from skyarm.studies.compare.cells import fly, key
-from skyarm.studies.compare.envelope import Envelope, axis_flights, fly_envelope, with_laws_of
+from skyarm.studies.compare.envelope import Envelope, axis_flights
 from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widen
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
@@ -27,7 +27,7 @@ def flown(tmp_path_factory):
     """A quick envelope and its folder."""
     folder = tmp_path_factory.mktemp("envelope")
     told = []
-    return fly_envelope(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
+    return run_suite.fly_suite(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
 
 
 def test_every_file_is_there_and_holds_what_was_flown(flown):
@@ -89,16 +89,6 @@ def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypat
     assert again == [todo[0].label]
     assert np.array_equal(cells[0].metrics[TIP], repaired[0].metrics[TIP])
     assert repaired[0].metrics[TIP_MAX][-1] == found["axes"]["circle"]["laws"]["paper_pd"][-1]["tip_max"]
-
-
-def test_a_law_that_a_folder_holds_stays_in_its_tables(flown, monkeypatch):
-    _, folder, _ = flown
-    monkeypatch.setattr(run_suite, "fly", None)
-    monkeypatch.setattr(run_suite, "write_suite", lambda *_: None)
-    one = dataclasses.replace(QUICK, laws=("paper_ct",))
-    assert fly_envelope(one, folder)["laws"] == ["paper_pd", "paper_ct"]
-    # of another seed it holds nothing
-    assert with_laws_of(folder, dataclasses.replace(one, seed=1)).laws == ("paper_ct",)
 
 
 def test_every_value_meets_the_same_noise():
@@ -165,14 +155,14 @@ def test_joints_with_servos_do_not_fly_the_lag_of_torques():
 @pytest.mark.thorough
 def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
     found, _, _ = flown
-    assert fly_envelope(QUICK, tmp_path, threads=2) == found
+    assert run_suite.fly_suite(QUICK, tmp_path, threads=2) == found
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("vehicle", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2"])
 def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
     envelope = Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True)
-    found = fly_envelope(envelope, tmp_path, threads=2)
+    found = run_suite.fly_suite(envelope, tmp_path, threads=2)
     assert list(found["axes"]) == list(envelope.flyable_axes)
     for name in ("circle", "vertical", "swing", "payload", "noise"):
         easiest, hardest = found["axes"][name]["laws"]["centroidal_tip"]

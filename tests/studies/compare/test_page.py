@@ -1,4 +1,4 @@
-"""The comparison's page: every law in its kind, and what a part buys in numbers of the right case and condition."""
+"""The comparison's page: every law in its kind, every condition, and its title."""
 
 from __future__ import annotations
 
@@ -9,11 +9,7 @@ import numpy as np
 
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.comparison_report import (
-    ABLATED,
-    ABLATIONS,
     GROUPS,
-    ablation_head,
-    ablation_rows,
     comparison_report,
     main_sections,
 )
@@ -48,39 +44,6 @@ def made():
     return {"summaries": table(cells), "step_times": {}, "seed": 0, "plant": "rigid_body"}
 
 
-def test_a_row_of_the_ablations_is_its_law_in_the_case_and_condition_of_the_head():
-    found = made()["summaries"]
-    for group, (whole, _) in ABLATIONS.items():
-        rows = ablation_rows(found, ENTRANTS, group, whole)
-        assert [row[0] for row in rows] == [whole, *(name for name in LAWS if ENTRANTS[name].group == group)]
-        for row in rows:
-            assert len(row) == len(ablation_head())
-            for shown, (condition, column) in zip(row[1:], ABLATED, strict=False):
-                wanted = number(condition, column.case, row[0], column.metric) * column.factor
-                assert abs(float(shown) - wanted) <= (0.51 if wanted > 100.0 else 0.0051)
-            assert row[-2:] == [f"{len(row[0]) % 5 / 4:.1%}"] * 2
-
-
-def test_heads_of_the_ablations_name_case_and_condition():
-    assert ablation_head()[:4] == [
-        "law",
-        ">perfect: case 3 base, mm",
-        ">perfect: case 3 tip, mm",
-        ">perfect: wind base, mm",
-    ]
-    assert [(condition, column.case) for condition, column in ABLATED] == [
-        *([("perfect", "case3")] * 2),
-        *([("perfect", "case3_wind")] * 2),
-        *([("noisy", "case3_wind")] * 3),
-    ]
-
-
-def test_a_group_that_did_not_enter_has_no_table():
-    few = {name: ENTRANTS[name] for name in ("paper_ct", "centroidal_tip")}
-    assert ablation_rows(made()["summaries"], few, "step", "paper_ct") == []
-    assert len(main_sections(made(), few, EVERY)) == len(EVERY)
-
-
 def test_every_law_stands_once_in_every_table_under_its_kind():
     (first,) = [each.html() for each in main_sections(made(), ENTRANTS, EVERY) if each.title.startswith("perfect:")]
     errors = first.split("</table>")[0]
@@ -90,13 +53,6 @@ def test_every_law_stands_once_in_every_table_under_its_kind():
         wanted += [title.replace("'", "&#39;"), *(name for name in LAWS if ENTRANTS[name].group == group)]
     assert found == wanted
     assert set(LAWS) < set(found)
-
-
-def test_the_page_holds_every_condition_and_both_ablations():
-    page = comparison_report(made(), ENTRANTS, EVERY).html()
-    for condition in EVERY.values():
-        assert f"{condition.name}: {condition.title}" in page
-    assert page.count("<h2>Ablation") == 2
 
 
 def test_columns_of_numbers_are_set_to_the_right_and_text_is_escaped():

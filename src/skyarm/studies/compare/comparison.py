@@ -12,7 +12,7 @@ from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
-from skyarm.studies.compare.step_times import flown_latency, latency
+from skyarm.studies.compare.step_times import compiled_step_time, flown_step_time
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -85,18 +85,18 @@ class Comparison(Suite):
 
 def step_times(
     entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS, seconds: float = SECONDS
-) -> dict[str, Any]:
+) -> dict[str, dict[str, float]]:
     """Microseconds of one control step of each law: median and 99th percentile.
 
-    A law that does not compile is timed in a flight; ``solving`` are those of the steps in which it solves a problem.
+    A law that does not compile is timed in a flight.
     """
-    found: dict[str, Any] = {}
+    found = {}
     for name, entrant in entrants.items():
         scenario = Flights(entrant=entrant, case=CASES["case3_wind"], condition=condition).scenario()
         if scenario.controller.compiled:
-            found[name] = latency(scenario, calls)["compiled"]
+            found[name] = compiled_step_time(scenario, calls)
         else:
-            found[name] = flown_latency(dataclasses.replace(scenario, duration=seconds))
+            found[name] = flown_step_time(dataclasses.replace(scenario, duration=seconds))
     return found
 
 

@@ -1,4 +1,4 @@
-"""The comparison's tables: errors of every law in every case, successes on perturbed plants, and ablations."""
+"""The comparison's tables: errors of every law in every case, and successes on perturbed plants."""
 
 from __future__ import annotations
 
@@ -44,13 +44,6 @@ TRACKING = (
 WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
 """Which case a head means that names none."""
 
-WRONG = (
-    Column("wind base, mm", "case3_wind", BASE),
-    Column("wind tip, mm", "case3_wind", TOOL),
-    Column("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
-    Column("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
-)
-
 COST = (
     Column("rotor jitter, rad/s", "case3_wind", "rotor_jitter", 1.0),
     Column("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
@@ -78,8 +71,6 @@ WRONG_NOTE = (
 
 TRUTH_NOTE = "Means over 10 to 20 s against the continuous reference; the gust: peaks from its start on."
 
-ABLATION_NOTE = "Means as in the tables above; successes on perturbed plants in the wind. The first row is the whole."
-
 GROUPS = {
     "paper": "the paper's controllers",
     "step": "the paper's law made better one step at a time",
@@ -89,22 +80,6 @@ GROUPS = {
     "own": "user-defined laws",
 }
 """Group of an entrant -> its title."""
-
-ABLATIONS = {
-    "step": ("paper_ct", "Ablation: the paper's law made better one step at a time"),
-    "part": ("centroidal_tip", "Ablation: the centroidal law, tip mode, without one of its parts"),
-}
-"""Group -> the law that its rows are compared with, and the title of its table."""
-
-ABLATED = (
-    *(("perfect", column) for column in TRACKING if column.case in ("case3", "case3_wind")),
-    *(("noisy", Column(f"wind {what}, mm", "case3_wind", metric)) for what, metric in (("base", BASE), ("tip", TOOL))),
-    ("noisy", Column("wind rotor jitter, rad/s", "case3_wind", "rotor_jitter", 1.0)),
-)
-"""Condition and column of each number of an ablation."""
-
-SPREAD = ("plants", "plants_noisy")
-"""Conditions whose share of successes an ablation shows."""
 
 
 def value(summaries: Mapping[str, Any], column: Column, entrant: str) -> float | None:
@@ -158,7 +133,7 @@ def comparison_report(
 def main_sections(
     found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]
 ) -> list[Section]:
-    """Tables of every condition that flew, and of what a part of a law is worth."""
+    """Tables of every condition that flew."""
     sections = []
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
@@ -172,11 +147,6 @@ def main_sections(
                     tables=_tables(summaries, entrants, condition),
                 )
             )
-    for group, (whole, title) in ABLATIONS.items():
-        rows = ablation_rows(found["summaries"], entrants, group, whole)
-        if rows:
-            tables = [Table(head=ablation_head(), rows=rows, caption=title)]
-            sections.append(Section(title=title, remark=ABLATION_NOTE, tables=tables))
     return sections
 
 
@@ -187,13 +157,12 @@ def _tables(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], condi
         return [
             _table_by_kind(head, plants_rows(summaries, entrants, condition.cases), entrants, "Successes, tip errors")
         ]
-    errors = WRONG if condition.change else TRACKING
     return [
         _table_by_kind(
             ["law", *(f">{c.head}" for c in columns)], truth_rows(summaries, entrants, columns), entrants, caption
         )
         for columns, caption in (
-            (errors, f"Errors ({WHICH})"),
+            (TRACKING, f"Errors ({WHICH})"),
             (COST, f"What they were bought with, in {COST_CASE}"),
         )
     ]
@@ -236,32 +205,9 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
     return rows
 
 
-def ablation_head() -> list[str]:
-    """Columns of an ablation."""
-    shares = (f">{CASES['case3_wind'].name} success, {name}" for name in SPREAD)
-    return ["law", *(f">{condition}: {column.head}" for condition, column in ABLATED), *shares]
-
-
-def ablation_rows(
-    summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], group: str, whole: str
-) -> list[list[str]]:
-    """Rows of a group behind the law it is compared with; none where the group did not fly."""
-    names = [name for name, each in entrants.items() if each.group == group]
-    rows = []
-    for name in [whole, *names] if names else []:
-        cells = [number(value(summaries.get(condition, {}), column, name)) for condition, column in ABLATED]
-        for condition in SPREAD:
-            found = summaries.get(condition, {}).get("case3_wind", {}).get(name)
-            cells.append(DASH if found is None else f"{found['success_rate']:.1%}")
-        rows.append([name, *cells])
-    return rows
-
-
 def step_rows(found: Mapping[str, Any]) -> list[list[str]]:
-    """One row per law: median and 99th percentile of a control step, microseconds; one more for steps that solve."""
-    rows = []
-    for name, each in (found.get("step_times") or {}).items():
-        every = {name: each} | ({f"{name}, solving": each["solving"]} if each and each.get("solving") else {})
-        for words, times in every.items():
-            rows.append([words, *(f"{times[which]:.2f}" if times else DASH for which in ("p50_us", "p99_us"))])
-    return rows
+    """One row per law: median and 99th percentile of a control step, microseconds."""
+    return [
+        [name, *(f"{times[which]:.2f}" for which in ("p50_us", "p99_us"))]
+        for name, times in (found.get("step_times") or {}).items()
+    ]

@@ -192,7 +192,7 @@ def _pictures(found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
         ending = "" if facts["status"] == "completed" else f", {facts['status']}"
         caption = f"{found['tasks'][name]['title']}: {facts['law']}, first world, {facts['condition']}{ending}"
         png = pictures[facts["picture"]]
-        drawn.append(image(caption, caption, png, small=True, link=facts.get("film", "")))
+        drawn.append(image(caption, caption, png, small=True))
     return "".join(drawn)
 
 

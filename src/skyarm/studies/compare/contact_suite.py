@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.control.controller import ControllerError
-from skyarm.records.files import require_writable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
@@ -21,12 +20,10 @@ from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_reco
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import DPI, Progress, Refused, Suite, fly_suite
+from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.figures.path_views import task_figure
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.film.make_film import FilmSettings, make_film
-from skyarm.view.film.offscreen import offscreen
 from skyarm.view.pages import Report
 
 Array = npt.NDArray[Any]
@@ -35,9 +32,6 @@ CONTACT = "contact-suite"
 
 WORLDS, QUICK = 200, 16
 """Perturbed worlds of each task; where it is to be quick."""
-
-FILM: Mapping[str, Any] = {"camera": "fixed", "width": 640, "height": 400, "fps": 12, "speed": 2.0, "ghost": False}
-"""Settings of a film that is small enough to stand in a report's folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +99,7 @@ class ContactSuite(Suite):
 
     Attributes:
         laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
-            flies. one_by_one: worlds that a law meets whose flights fly one by one. films: of one world of each task.
+            flies. one_by_one: worlds that a law meets whose flights fly one by one.
     """
 
     laws: tuple[str, ...] = LAWS
@@ -114,9 +108,9 @@ class ContactSuite(Suite):
     seed: int = 0
     plant: str = "rigid_body"
     one_by_one: int = ONE_BY_ONE
-    films: bool = False
 
     name, file = CONTACT, "contact"
+    folders = ("flights", "pictures")
 
     @property
     def options(self) -> dict[str, Any]:
@@ -175,16 +169,13 @@ class ContactSuite(Suite):
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
-        """Fly and draw the first world of each task, and film it on request; ``shown`` names the files."""
+        """Fly and draw the first world of each task; ``shown`` names the files."""
         found["shown"], drawn = {}, {}
         for name, flights in shown_flights(todo).items():
             log = run(episode_scenario(flights, 0))
             files = {"flight": f"flights/{name}.npz", "picture": f"pictures/{name}.png"}
             log.save_npz(folder / files["flight"])
             drawn[files["picture"]] = image_bytes(task_figure(log), dpi=DPI)
-            if self.films:
-                files["film"] = f"films/{name}.webp"
-                make_film(log, folder / files["film"], FilmSettings(**FILM, title=flights.case.title))
             facts = {"law": flights.entrant.name, "condition": flights.condition.name, "status": str(log.status)}
             found["shown"][name] = facts | files
         return drawn
@@ -192,22 +183,6 @@ class ContactSuite(Suite):
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """Successes, pictures, numbers and handles."""
         return contact_report(found, pictures)
-
-
-def fly_contact(
-    suite: ContactSuite, folder: Path, *, threads: int = 1, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Fly a contact suite as :func:`skyarm.studies.compare.run_suite.fly_suite`.
-
-    Raises:
-        NoDisplayError: before any flight, where films are asked for and nothing can be drawn.
-    """
-    if suite.films:
-        with offscreen():
-            pass
-    for name in ("flights", "pictures", *(["films"] if suite.films else [])):
-        require_writable(folder / name)
-    return fly_suite(suite, folder, threads=threads, progress=progress)
 
 
 def shown_flights(todo: Sequence[Flights]) -> dict[str, Flights]:

@@ -6,7 +6,6 @@ A law flies an axis as one batch where the axis' values are data of one scenario
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.control.catalogue import is_named
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import Cell, Cells, Flights
+from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (
@@ -28,11 +26,9 @@ from skyarm.studies.compare.envelope_report import (
     envelope_picture,
     envelope_report,
     points_of,
-    sentence,
-    violations,
 )
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.studies.compare.run_suite import Progress, Refused, Suite, fly_suite
+from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
 
@@ -48,9 +44,6 @@ TUNED_LAWS = (
     *("centroidal_tip", "centroidal_tip_robust"),
 )
 """The same on another vehicle than the paper's, which the paper's gains are not for."""
-
-ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip", "centroidal_tip_robust")
-"""Of laws in tables; others follow."""
 
 QUICK = 10.0
 """s, of a trial where the envelope is to be quick."""
@@ -199,43 +192,19 @@ class Envelope(Suite):
         return found, refused
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
-        """Points of every law along every axis, each law in a sentence, and violations of the rules."""
+        """Points of every law along every axis."""
         axes: dict[str, Any] = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
             assert isinstance(flights, AxisFlights)
             points = points_of(cell, flights.axis, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(points)
         laws = [law for law in self.laws if law not in refused]
-        found = {"laws": laws, "not_flown": dict(refused), "sentences": {law: sentence(law, axes) for law in laws}}
-        return {**found, "violations": violations(axes), "axes": axes}
+        return {"laws": laws, "not_flown": dict(refused), "axes": axes}
 
     def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
         """Every axis."""
         return {"envelope.png": envelope_picture(found)}
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Sentences, summary, violations and a table for each axis."""
+        """Summary, and a table for each axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))
-
-
-def fly_envelope(
-    envelope: Envelope, folder: Path, *, threads: int = 1, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Fly an envelope as :func:`skyarm.studies.compare.run_suite.fly_suite`, with those laws that its folder holds."""
-    return fly_suite(with_laws_of(folder, envelope), folder, threads=threads, progress=progress)
-
-
-def with_laws_of(folder: Path, envelope: Envelope) -> Envelope:
-    """The envelope and those laws whose cells a folder holds whole, of the same vehicle, axes and seed."""
-    try:
-        stored = json.loads((folder / "envelope.json").read_bytes())["laws"]
-        others = [law for law in stored if isinstance(law, str) and is_named(law) and law not in envelope.laws]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        others = []
-    cells, laws = Cells(folder / "cells"), list(envelope.laws)
-    for law in others:
-        mine, refused = dataclasses.replace(envelope, laws=(law,)).plan_cells()
-        if not refused and all(cells.get(each) is not None for each in mine):
-            laws.append(law)
-    known = [law for law in ORDER if law in laws]
-    return dataclasses.replace(envelope, laws=(*known, *(law for law in laws if law not in known)))

@@ -1,4 +1,4 @@
-"""Judgement and report of the envelope: where each law is good, where it is lost, and what is violated."""
+"""Judgement and report of the envelope: where each law is good, and where it is lost."""
 
 from __future__ import annotations
 
@@ -15,15 +15,6 @@ from skyarm.studies.compare.envelope_setting import Setting
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
-
-FLAGSHIP = "centroidal_tip"
-"""The law that the two rules are about."""
-
-PAPER_LAWS = ("paper_ct", "hybrid_computed_torque_tuned", "hybrid_computed_torque")
-"""What it is measured against: the first of the paper's laws that flies."""
-
-WORSE = 1.1
-"""Times the error of the paper's law from which on the flagship violates the second rule."""
 
 LEVELS = (0.010, 0.100)
 """m: how far along an axis the error stays within these says where a law is good and where it still serves."""
@@ -118,94 +109,9 @@ def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
     return [k for k, point in enumerate(points) if point["lost"]]
 
 
-def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
-    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law.
-
-    Every plant of an axis of plants is a trial; those of a value that violate one rule are told together.
-    """
-    found = []
-    for name, axis in axes.items():
-        laws = axis["laws"]
-        for k in range(len(laws.get(flagship, ()))):
-            at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
-            found += [{**at, **each} for each in _violations_at({law: laws[law][k] for law in laws}, flagship)]
-    return found
-
-
-def _violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, Any]]:
-    """Violations of one value: at most one of each rule."""
-    trials = {law: point["plants"]["each"] if "plants" in point else [point] for law, point in points.items()}
-    paper = next((law for law in PAPER_LAWS if law in points), None)
-    kept: dict[str, None] = {}
-    lost, worse = [], []
-    for k, own in enumerate(trials[flagship]):
-        others = {law: flown[k] for law, flown in trials.items() if law != flagship and k < len(flown)}
-        if own["lost"]:
-            survive = [law for law, other in others.items() if not other["lost"]]
-            kept |= dict.fromkeys(survive)
-            lost += [k] if survive else []
-        elif paper in others and not others[paper]["lost"] and own["judged"] > WORSE * others[paper]["judged"]:
-            worse.append((own["judged"] / others[paper]["judged"], k))
-    found: list[dict[str, Any]] = []
-    if lost:
-        found.append({"rule": "lost", "kept_by": list(kept), "own": None, "other": None})
-    if worse:
-        _, k = max(worse)
-        own, other = (trials[law][k]["judged"] for law in (flagship, paper) if law)
-        found.append({"rule": "worse", "kept_by": [paper], "own": own, "other": other})
-    if "plants" in points[flagship]:
-        counts = {"lost": len(lost), "worse": len(worse)}
-        return [{**each, "plants": counts[each["rule"]]} for each in found]
-    return found
-
-
-def sentence(law: str, axes: Mapping[str, Any]) -> str:
-    """The envelope of a law in a sentence: its range along each axis, and its limits.
-
-    Good is what is within the first level that the law reaches anywhere.
-    """
-    flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
-
-    def counts(level: float) -> dict[str, int]:
-        return {name: within(axis["laws"][law], level) for name, axis in flown.items()}
-
-    level = next((level for level in LEVELS if any(counts(level).values())), LEVELS[-1])
-    ends, whole, never = [], [], []
-    for name, count in counts(level).items():
-        values, words = axes[name]["values"], name.replace("_", " ")
-        if count == len(values):
-            whole.append(words)
-        elif count:
-            towards = "up to" if values[-1] >= values[0] else "down to"
-            ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
-        else:
-            never.append(words)
-    parts = [f"within {1e3 * level:g} mm: {', '.join([*ends, *(f'all of {words}' for words in whole)]) or 'nowhere'}"]
-    parts += [f"never on {', '.join(never)}"] if never and (ends or whole) else []
-    lost = [_losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
-    return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."
-
-
-def _losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:
-    """From the first lost value on, or at single ones."""
-    if not gone:
-        return ""
-    values = axis["values"]
-    if len(gone) > 1 and list(gone) == list(range(gone[0], len(values))):
-        where = f"from {values[gone[0]]:g}"
-    else:
-        where = "at " + " and ".join(f"{values[k]:g}" for k in gone)
-    return f"{name.replace('_', ' ')} {where} {axis['unit']}"
-
-
 DPI = 160
 LOST = "lost"
 CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"
-
-RULES = (
-    "No trial in which the flagship is lost and another law is not; none in which its error is more than "
-    f"{100.0 * (WORSE - 1.0):.0f} % larger than that of the paper's law."
-)
 
 MEANING = (
     "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
@@ -220,10 +126,6 @@ HOW = (
     "where that is smaller, and swings of the arm by its joints' limits."
 )
 
-NO_FLAGSHIP, NO_VIOLATION = f"Not known: {FLAGSHIP} did not fly.", "None."
-
-VIOLATION_HEAD = ("trial", "rule", ">flagship, mm", ">other, mm")
-
 
 def envelope_picture(found: Mapping[str, Any]) -> bytes:
     """PNG of every axis."""
@@ -231,14 +133,11 @@ def envelope_picture(found: Mapping[str, Any]) -> bytes:
 
 
 def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> Report:
-    """Sentences, summary, a table for each axis, and violations."""
+    """Summary, and a table for each axis."""
     axes, laws = found["axes"], found["laws"]
-    rows = violation_rows(found["violations"])
-    none = [NO_VIOLATION if FLAGSHIP in laws else NO_FLAGSHIP] if not rows else []
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
     counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
                ((laws, "law", "laws"), (axes, "axis", "axes"))]  # fmt: skip
-    violated = [Table(head=VIOLATION_HEAD, rows=rows)] if rows else []
     return Report(
         title=f"The envelope of {found['vehicle']}",
         facts=f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
@@ -252,18 +151,16 @@ def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> R
                 )
                 for name, axis in axes.items()
             ),
-            Section(title="Violations", notes=[RULES, *none], tables=violated),
         ],
     )
 
 
 def summary_section(found: Mapping[str, Any], picture: bytes | None = None) -> Section:
-    """Each law in a sentence, and its range along every axis."""
+    """The range of every law along every axis."""
     axes, laws = found["axes"], found["laws"]
-    words = [f"{law} keeps the tip {sentence}" for law, sentence in found["sentences"].items()]
-    words += [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     return Section(
-        name="In a sentence",
+        name="How far each law is good",
         notes=[MEANING, *words],
         pictures=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
         tables=[Table(head=summary_head(laws), rows=summary_rows(axes, laws))],
@@ -327,15 +224,3 @@ def summary_head(laws: Sequence[str]) -> list[str]:
     """Names of its columns."""
     levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
     return [f"within {levels} mm up to", *(f">{law}" for law in laws)]
-
-
-def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """A row for each violation: trial, rule, the flagship's error, the other law's."""
-    rows = []
-    for each in found:
-        count = f" ({each['plants']} of the plants)" if "plants" in each else ""
-        trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}{count}"
-        lost = f"lost; not lost: {', '.join(each['kept_by'])}"
-        rule = lost if each["rule"] == LOST else f"worse than {each['kept_by'][0]}"
-        rows.append([trial, rule, number(each["own"], 1e3), number(each["other"], 1e3)])
-    return rows

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import require_writable, write_atomically
@@ -38,11 +38,12 @@ class Suite(ABC):
     """Flights of a study and their evaluation.
 
     Attributes:
-        name: of the suite. file: name of its results, without the suffix.
+        name: of the suite. file: name of its results, without the suffix. folders: made beside that of the cells.
     """
 
     name: str
     file: str
+    folders: ClassVar[tuple[str, ...]] = ()
 
     @property
     @abstractmethod
@@ -78,7 +79,7 @@ def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progres
     todo, refused = suite.plan_cells()
     if not todo:
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
-    prepare(folder)
+    prepare(folder, *suite.folders)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
     found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.options}
     if identities():
@@ -90,14 +91,15 @@ def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progres
     return found
 
 
-def prepare(folder: Path) -> None:
-    """Make the folders of a suite.
+def prepare(folder: Path, *inner: str) -> None:
+    """Make the folders of a suite, with those inside it.
 
     Raises:
         OSError: one of them cannot be written.
     """
     require_writable(folder)
-    require_writable(folder / "cells")
+    for name in (*inner, "cells"):
+        require_writable(folder / name)
 
 
 def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skyarm.algebra import Vec3
@@ -95,7 +95,6 @@ class Condition:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
         episodes: flights of each case. cases: names.
         spread: how wrong the plants are; None flies the truth as it is.
-        change: further change of the scenario.
     """
 
     name: str
@@ -104,7 +103,6 @@ class Condition:
     episodes: int
     cases: tuple[str, ...]
     spread: Spread | None = None
-    change: Callable[[Scenario], Scenario] | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario under this condition, except for its controller."""
@@ -112,25 +110,7 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        scenario = scenario.with_words(delays=delays, noise=NOISE if self.noisy else scenario.noise)
-        return self.change(scenario) if self.change else scenario
-
-
-def everything_wrong(scenario: Scenario) -> Scenario:
-    """Arm 20 % heavier (masses and inertias), 50 g at the tip, rotors 10 % weaker."""
-    vehicle = scenario.plant.vehicle
-    links = tuple(
-        dataclasses.replace(
-            link,
-            body=dataclasses.replace(link.body, mass=link.body.mass * 1.2, inertia=link.body.inertia * 1.2),
-        )
-        for link in vehicle.links
-    )
-    rotors = tuple(
-        dataclasses.replace(rotor, thrust_coefficient=rotor.thrust_coefficient * 0.9) for rotor in vehicle.rotors
-    )
-    wrong = dataclasses.replace(vehicle, links=links, rotors=rotors).with_payload(0.05)
-    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=wrong))
+        return scenario.with_words(delays=delays, noise=NOISE if self.noisy else scenario.noise)
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
@@ -144,14 +124,6 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
     found = (
         Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
         Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
-        Condition(
-            name="wrong",
-            title="everything wrong: arm +20 %, 50 g, thrust -10 %, noise, delay",
-            noisy=True,
-            episodes=seeds,
-            cases=("case2_gust", "case3_wind"),
-            change=everything_wrong,
-        ),
         Condition(
             name="plants",
             title="perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of",
@@ -167,14 +139,6 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
             episodes=plants,
             cases=PAPER_CASES,
             spread=Spread(),
-        ),
-        Condition(
-            name="plants_late",
-            title="the same with delay 0 to 15 ms",
-            noisy=True,
-            episodes=plants,
-            cases=("case3_wind",),
-            spread=Spread(delay=0.015),
         ),
     )
     return {each.name: each for each in found}

@@ -1,0 +1,66 @@
+"""Rules about the flagship on an envelope, and the sentence of a law."""
+
+from __future__ import annotations
+
+from envelope_rules import sentence, violation_rows, violations
+
+from envelope_points import AXES_FLOWN, LOST, axis, plants, point
+
+
+def test_violations_are_a_loss_that_another_law_survives_and_ten_per_cent_over_the_paper():
+    found = violations(AXES_FLOWN)
+    assert [(each["axis"], each["value"], each["rule"]) for each in found] == [
+        ("circle", 3.0, "worse"),
+        ("turning_wind", 5.0, "lost"),
+    ]
+    assert (found[0]["own"], found[0]["other"], found[0]["kept_by"]) == (0.5, 0.4, ["paper_ct"])
+    assert found[1]["kept_by"] == ["l1_adaptive"]
+    assert violation_rows(found) == [
+        ["circle 3 m/s", "worse than paper_ct", "500", "400"],
+        ["turning wind 5 s", "lost; not lost: l1_adaptive", "-", "-"],
+    ]
+
+
+def test_what_every_law_loses_and_what_is_nine_per_cent_worse_is_no_violation():
+    both = {"circle": axis((1.0, 2.0), paper_ct=[LOST, point(0.1)], centroidal_tip=[LOST, point(0.109)])}
+    assert violations(both) == []
+    alone = {"circle": axis((1.0,), centroidal_tip=[LOST])}
+    assert violations(alone) == []
+    # the paper's law is lost: nothing to be worse than
+    assert violations({"circle": axis((1.0,), paper_ct=[LOST], centroidal_tip=[point(0.9)])}) == []
+
+
+def test_on_another_vehicle_the_tuned_form_of_the_paper_s_law_is_the_measure():
+    found = violations(
+        {"circle": axis((1.0,), hybrid_computed_torque_tuned=[point(0.1)], centroidal_tip=[point(0.12)])}
+    )
+    assert found[0]["kept_by"] == ["hybrid_computed_torque_tuned"]
+
+
+def test_the_sentence_of_a_law_says_how_far_and_where_lost():
+    assert sentence("centroidal_tip", AXES_FLOWN) == (
+        "within 10 mm: circle up to 1 m/s, turning wind down to 20 s; lost: turning wind at 5 s."
+    )
+    assert sentence("paper_ct", AXES_FLOWN) == (
+        "within 100 mm: circle up to 2 m/s; never on turning wind; lost: turning wind at 5 s."
+    )
+    assert sentence("l1_adaptive", AXES_FLOWN) == (
+        "within 100 mm: circle up to 1 m/s; never on turning wind; lost: circle from 2 m/s."
+    )
+    calm = {"circle": axis((1.0, 2.0), centroidal_tip=[point(0.001), point(0.002)])}
+    assert sentence("centroidal_tip", calm) == "within 10 mm: all of circle; lost: nowhere."
+    far = {"circle": axis((1.0, 2.0), indi=[point(0.2), LOST])}
+    assert sentence("indi", far) == "within 100 mm: nowhere; lost: circle at 2 m/s."
+
+
+def test_every_plant_is_a_trial_of_the_rules():
+    own = plants(point(0.10), point(0.12), LOST, LOST)
+    paper = plants(point(0.10), point(0.10), LOST, point(0.1))
+    few = plants(point(0.2), point(0.2), point(0.3))
+    laws = {"centroidal_tip": [own], "paper_ct": [paper], "nmpc": [few]}
+    found = violations({"wrong_plants": axis((1.0,), "times", **laws)})
+    assert [(each["rule"], each["plants"], sorted(each["kept_by"])) for each in found] == [
+        ("lost", 2, ["nmpc", "paper_ct"]),
+        ("worse", 1, ["paper_ct"]),
+    ]
+    assert violation_rows(found)[1] == ["wrong plants 1 times (1 of the plants)", "worse than paper_ct", "120", "100"]
