@@ -7,6 +7,7 @@ import gc
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -186,6 +187,7 @@ def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, m
 
 FORKED = """
 import os, sys, numpy as np, skyarm
+from stepped_lanes import BatchSession
 from skyarm.compile.llvm import lane_stepper, shared_steps
 lane_stepper.ALONE, shared_steps.SHARED = 0, 1e-12
 batch = BatchSession(skyarm.load_scenario("case3", duration=1.0), 103, threads=3)
@@ -205,7 +207,9 @@ print("both")
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 def test_a_fork_flies_on_with_threads_of_its_own():
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", FORKED], capture_output=True, text=True, timeout=60)  # noqa: PLW1510
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n{FORKED}"
+    words = [sys.executable, "-W", "ignore", "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "both"), done.stderr
 
 
