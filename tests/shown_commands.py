@@ -49,7 +49,7 @@ ELSEWHERE: Mapping[str, str] = {
 }
 """Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
 
-QUICK = ("list", "check", "new", "show", "run", "cache", "export-c")
+QUICK = ("check", "new", "show", "run", "doctor")
 """Commands shown that take seconds in any environment, without extras and without each other's files."""
 
 

@@ -68,7 +68,6 @@ def test_the_page_on_the_command_line_shows_commands():
         "export",
         "compare",
         "margins",
-        "basin",
         "studio",
         "film",
     }

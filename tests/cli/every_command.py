@@ -22,7 +22,6 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "identify": ("flight.npz", "--end", "2"),
     "margins": ("short.toml", "--instants", "0"),
     "tune": ("hummingbird", "--controller", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
-    "basin": ("short.toml", "--flights", "16"),
     "sweep": ("study.toml", "--out", "rows"),
     "stats": ("rows",),
     "compare": ("short.toml", "--laws", "paper_pd"),

@@ -393,7 +393,6 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["stats", ""], ("folder = ''", "must be one that 'skyarm sweep' wrote")),
         (["sweep", ""], ("study = ''", "shipped studies are")),
         (["margins", ""], ("scenario = ''", "shipped scenarios are")),
-        (["basin", ""], ("scenario = ''", "shipped scenarios are")),
         (["compare", ""], ("suite = ''", "paper-suite")),
         (["run", ""], ("scenario = ''", "shipped scenarios are")),
         (["show", ""], ("vehicle = ''", "hexarotor_arm6")),

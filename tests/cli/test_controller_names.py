@@ -101,7 +101,6 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
     [
         ("run", "case1", "--controller", "{}"),
         ("margins", "case1", "--controller", "{}"),
-        ("basin", "case1", "--controller", "{}"),
         ("export", "--to", "c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
@@ -162,13 +161,6 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
         ),
         (("sweep", "robustness", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
         (("compare", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
-        (("basin", "case1", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
-        (
-            ("basin", "case1", "--flights", "99999999999999999999"),
-            "flights = 99999999999999999999: must be from 1",
-        ),
-        (("basin", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1000"),
-        (("basin", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1000"),
         (
             ("export", "--to", "c", "case1", "--out", "x.c", "--rate", "1e300"),
             "--rate = 1e+300: must be from 0.001 to 1000000 Hz",
@@ -196,13 +188,13 @@ def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, wor
 
 def test_every_list_of_controllers_and_every_help_says_file_make(folder: Path) -> None:
     refused(skyarm("run", "case3", "--controller", "lqr"), "or FILE.py:make on the command line")
-    for command in ("run", "margins", "basin", "export-c"):
+    for command in ("run", "margins", "export"):
         shown = " ".join(skyarm(command, "--help").out.replace("│", " ").split())
         assert "FILE.py:make" in shown, command
 
 
 def test_no_help_shows_a_type_of_python(folder: Path) -> None:
-    for command in ("run", "sweep", "stats", "margins", "basin", "compare", "export-c"):
+    for command in ("run", "sweep", "stats", "margins", "compare", "export"):
         assert "list[" not in skyarm(command, "--help").out, command
     assert "list[" not in skyarm("--help").out
 

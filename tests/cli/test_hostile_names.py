@@ -104,7 +104,6 @@ REFUSED: list[tuple[str, ...]] = [
     ("sweep", f"{EVIL}.toml"),
     ("stats", EVIL),
     ("margins", "case1", "--controller", EVIL),
-    ("basin", f"{EVIL}.toml", "--controller", "paper_ct"),
     ("compare", EVIL),
     ("compare", "--laws", EVIL),
     ("reproduce", "--plant", EVIL),

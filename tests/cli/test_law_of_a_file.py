@@ -147,16 +147,12 @@ def test_compare_flies_it_beside_others_and_another_file_again(folder, plant, wo
     assert json.loads((folder / "bench" / "results.json").read_text())["plugins"] != {"own_law.py": DIGEST}
 
 
-def test_margins_and_basin_take_it(folder):
+def test_margins_take_it(folder):
     ran("margins", "case3", "--controller", LAW, "--instants", "0", "--out", "margins.json")
     found = json.loads((folder / "margins.json").read_text())
     assert (found["controller"], found["plugins"]) == ("lqr", {"own_law.py": DIGEST})
     radii = [each["radius"] for each in found["instants"][0]["by_lag"].values()]
     assert all(0.9 < radius < 1.0 for radius in radii)
-    ran("basin", "case3", "--controller", LAW, "--flights", "20", "--rate", "0.1", "--out", "map")
-    (file,) = (folder / "map").glob("*.json")
-    assert file.name == "basin_make_lqr of own_law.py_case3.json"
-    assert json.loads(file.read_text())["plugins"] == {"own_law.py": DIGEST}
 
 
 def test_export_c_takes_it_and_says_whose_it_is(folder):
@@ -175,7 +171,6 @@ def test_a_file_never_names_a_file(folder):
     words = ("controller.law = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)
     refused(skyarm("run", "mine.toml"), *words)
     refused(skyarm("margins", "mine.toml", "--plugin", "own_law.py"), *words)
-    refused(skyarm("basin", "mine.toml", "--out", LAW), *words)
     (folder / "file.toml").write_text(STUDY.replace('"paper_ct"', f'"{LAW}"'))
     words = ("controllers = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)
     refused(skyarm("sweep", "file.toml"), *words)
@@ -189,7 +184,6 @@ WORDS = {
     "compare": ["compare", "--conditions", "perfect", "--workers", "2", "--laws"],
     "compare_mujoco": ["compare", "--conditions", "perfect", "--plant", "mujoco", "--workers", "2", "--laws"],
     "margins": ["margins", "case1", "--instants", "0", "--controller"],
-    "basin": ["basin", "case1", "--flights", "4", "--controller"],
     "export_c": ["export", "--to", "c", "-o", "x.c", "--vehicle", "hummingbird_arm2"],
 }
 RAISES = Mistake("def law(memory, seen, wanted, dt, *, par):\n    raise KeyError('no such gain')  # here\n", "")

@@ -226,15 +226,6 @@ def test_an_option_of_one_s_own_that_is_called_so_stays_one_s_own() -> None:
     assert seen == ["x"]
 
 
-def test_a_former_command_is_done_with_a_line_that_says_the_new() -> None:
-    ended = skyarm("list", "--json")
-    assert json.loads(ended.out)["command"] == "show"
-    assert ended.err == "skyarm: 'skyarm list' is now: skyarm show\n"
-    ended = skyarm("export-c", "paper_ct", "--vehicle", "hummingbird_arm2", "-o", "c.c", "--rate", "2500")
-    assert (ended.code, ended.err) == (0, "skyarm: 'skyarm export-c' is now: skyarm export --to c\n")
-    refused(skyarm("export-c", "paper_ct", "-o", "c.c"), "--vehicle: is missing")
-
-
 def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal in colours; none with NO_COLOR, and none where it is dumb or no terminal."""
     import io

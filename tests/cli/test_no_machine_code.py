@@ -113,7 +113,6 @@ def told(outcome: Outcome, code: int, *words: str) -> None:
 
 NEED_IT = {
     "sweep": ("sweep", "robustness", "--out", "rows"),
-    "basin": ("basin", "case1", "--controller", "centroidal_tip", "--flights", "8"),
     "margins": ("margins", "case1", "--controller", "centroidal_tip", "--instants", "0"),
     "margins along": ("margins", "case1", "--instants", "2"),
     "compare": ("compare", "--laws", "paper_ct", "--conditions", "perfect", "--workers", "1"),

@@ -63,7 +63,6 @@ COMMANDS = {
     "sweep": ("sweep", "small.toml", "--controller", "mine.py:make", "--out", "new/out"),
     "compare": ("compare", "case3", "--laws", "mine.py:make", "--out", "new/out"),
     "suite": ("compare", "--laws", "mine.py:make", "--conditions", "perfect", "--out", "new/out"),
-    "basin": ("basin", "case3", "--controller", "mine.py:make", "--flights", "4", "--out", "new/out"),
     "run": ("run", "case3", "--controller", "mine.py:make", "--out", "new/out"),
 }
 

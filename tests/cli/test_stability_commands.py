@@ -1,4 +1,4 @@
-"""``skyarm margins`` and ``skyarm basin`` as a user types them."""
+"""``skyarm margins`` as a user types it."""
 
 from __future__ import annotations
 
@@ -158,21 +158,10 @@ def test_the_command_line_keeps_blas_to_one_thread_and_leaves_what_the_user_set(
     assert done.stdout.strip() == "False", "the variables would come too late"
 
 
-def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
-    ended = skyarm("basin", "short.toml", "--flights", "64", "--safety", "--out", "b", "--workers", "1")
-    assert ended.code == 0, ended.err
-    assert "guarded_decoupled_pd:" in ended.out
-    found = json.loads((folder / "b" / "basin_guarded_decoupled_pd_short.json").read_text())
-    assert found["flights"] == 64
-    assert (folder / "b" / "basin_guarded_decoupled_pd_short.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
     refused(skyarm("margins", "short.toml", "--controller", "best"), "controller = 'best': must be a preset")
     refused(skyarm("margins", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
-    refused(skyarm("basin", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 10000000")
-    refused(skyarm("basin", "short.toml", "--workers", "-1"), "--workers = -1: must be from 0 to 10000")
 
 
 @pytest.mark.thorough
@@ -197,35 +186,3 @@ def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> N
 def test_too_many_instants_are_refused(folder: Path) -> None:
     assert folder.exists()
     refused(skyarm("margins", "case3", "--instants", "10000000000"), "--instants = 10000000000: must be from 0")
-
-
-@pytest.mark.parametrize("option", ["--rate", "--offset", "--speed"])
-def test_limits_beyond_reason_are_refused(folder: Path, option: str) -> None:
-    assert folder.exists()
-    refused(skyarm("basin", "short.toml", option, "1e300"), f"{option[2:]} = 1e+300: must be from 0 to 1000")
-
-
-def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> None:
-    wanted = {"rate": 3.0, "offset": 0.25, "speed": 0.75}
-    options = [word for name, value in wanted.items() for word in (f"--{name}", str(value))]
-    ended = skyarm("basin", "short.toml", "--flights", "16", *options, "--out", "b", "--workers", "1")
-    assert ended.code == 0, ended.err
-    (file,) = (folder / "b").glob("*.json")
-    assert json.loads(file.read_text())["limits"] == wanted
-    assert "caught: 12 s after its start within 5 m of the reference" in ended.out
-
-
-def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) -> None:
-    refused(skyarm("margins", "short.toml", "--out", ""), "--out = '': must be the path of a file")
-    export = ("export", "paper_ct", "--to", "c", "--vehicle", "hummingbird_arm2")
-    refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
-    (folder / "there").mkdir()
-    refused(skyarm(*export, "-o", "there"), "there is a folder of this name")
-    refused(skyarm("margins", "short.toml", "--out", "there"), "there is a folder of this name")
-
-
-@pytest.mark.parametrize("rate", ["1e300", "1e-300"])
-def test_an_exported_rate_beyond_reason_is_refused(folder: Path, rate: str) -> None:
-    words = ("export", "paper_ct", "--to", "c", "--vehicle", "hummingbird_arm2", "-o", "law.c", "--rate", rate)
-    refused(skyarm(*words), "--rate = 1e", "must be from 0.001 to 1000000 Hz")
-    assert not (folder / "law.c").exists()

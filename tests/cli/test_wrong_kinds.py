@@ -40,7 +40,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("margins", "v.toml"), "must be a scenario file, and this is a vehicle file, for 'skyarm show'"),
         (("run", "hummingbird"), "this is a vehicle, for 'skyarm show hummingbird'"),
         (("run", "robustness"), "this is a study, for 'skyarm sweep robustness'"),
-        (("basin", "hummingbird"), "this is a vehicle, for 'skyarm show hummingbird'"),
         (("show", "case3"), "this is a scenario, for 'skyarm run case3'"),
         (("sweep", "case3"), "this is a scenario, for 'skyarm run case3'"),
         (("run", "arm.urdf.xacro"), "this is a vehicle, for 'skyarm show arm.urdf.xacro'"),
@@ -109,7 +108,6 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
     for words in (
         ("run", "f.toml", "--duration", "0.1"),
         ("run", "f.toml", "--duration", "0.1"),
-        ("basin", "f.toml", "--flights", "16", "--workers", "1"),
         ("export", "--to", "c", "f.toml", "-o", f"{NAME}.c"),
         ("sweep", "y.toml", "--workers", "1"),
         ("stats", f"out/{NAME}"),
@@ -118,7 +116,6 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
         assert ended.code == 0, (words, ended.err)
     assert Log.load_npz(folder / "out" / "run" / f"{NAME}.npz").info["scenario"] == NAME
     assert (folder / "out" / "run" / f"{NAME}_1.csv").exists()
-    assert (folder / "out" / "basin" / f"basin_hybrid_computed_torque_{NAME}.png").exists()
 
 
 @pytest.mark.thorough
@@ -210,7 +207,7 @@ def test_help_has_a_short_name(words: tuple[str, ...]) -> None:
 
 
 def test_the_old_order_of_words_is_not_in_the_help() -> None:
-    for command in ("margins", "basin"):
+    for command in ("margins", "tune"):
         assert "second" not in skyarm(command, "--help").out
 
 

@@ -21,7 +21,6 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.simulate.user_code import check_law
 from skyarm.studies.stability.along import evidence
-from skyarm.studies.stability.basin import basin
 from wrong_laws import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake
 
 PLANES: dict[str, Callable[[Any], Any]] = {
@@ -32,7 +31,6 @@ PLANES: dict[str, Callable[[Any], Any]] = {
     "batch": lambda scenario: Batch(scenario, ["plant.payload.mass"]),
     "check_law": check_law,
     "margins": lambda scenario: evidence(scenario, 0),
-    "basin": lambda scenario: basin(scenario, 4),
     "export_c": lambda scenario: export_c(scenario.controller, name="mine", period=0.005),
     "with_safety_layer": lambda scenario: with_safety_layer(scenario.controller),
     "guarded_run": lambda scenario: run(under_guard(scenario)),

@@ -41,21 +41,12 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "sweep": ("sweep_commands:sweep", "Fly a study's episodes; rows as Parquet."),
     "stats": ("sweep_commands:stats", "Success, quantiles, curves, maps of a sweep."),
     "margins": ("margins_commands:margins", "Linearise the closed loop: eigenvalues, margins."),
-    "basin": ("margins_commands:basin", "Map what initial attitudes and rates are caught."),
     "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
     "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),
     "reproduce": ("reproduce_command:reproduce", "Fly the paper; write tables, figures, report."),
     "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
 }
 """Command -> its function, and its line of the help."""
-
-OTHER_NAMES: Mapping[str, Sequence[str]] = {
-    "list": ("show",),
-    "cache": ("doctor", "--cache"),
-    "export-c": ("export", "--to", "c"),
-    "export-mjcf": ("export", "--to", "mjcf"),
-}
-"""Command of before -> the words that stand for it now."""
 
 PLUGIN = "--plugin"
 
@@ -110,12 +101,9 @@ def perform() -> int:
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
         with _lines_for_users():
-            arguments, renamed = present_words(without_plugins(sys.argv[1:]))
+            arguments = without_plugins(sys.argv[1:])
             typed = shlex.split(os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "")
-            code = int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)
-            if renamed:  # after the work, so that wrong input stays one line
-                say(renamed)
-            return code
+            return int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)
     except USAGE_ERROR as error:
         return say(f"{error.format_message().rstrip('.')}; see '{_command(error)} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
@@ -135,16 +123,6 @@ def perform() -> int:
         return say(_in_users_code(error) or _refusal(error), WRONG_INPUT)
     finally:
         warnings.showwarning = usual
-
-
-def present_words(arguments: Sequence[str]) -> tuple[list[str], str]:
-    """The words of a command line with a command's former name replaced, and a line about that."""
-    at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
-    former = "".join(arguments[at : at + 1])
-    if former not in OTHER_NAMES:
-        return [*arguments], ""
-    words = [*arguments[:at], *OTHER_NAMES[former], *arguments[at + 1 :]]
-    return words, f"'skyarm {former}' is now: skyarm {' '.join(OTHER_NAMES[former])}"
 
 
 def without_plugins(arguments: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""``skyarm margins`` and ``skyarm basin``: the loop linearised, and its flights from many initial states."""
+"""``skyarm margins``: the loop linearised."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import Controller, Flying, Out, Scenario, require_not_another, require_within, workers
+from skyarm.cli.arguments import Controller, Scenario, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting, write_json
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
-from skyarm.records.files import output_file, require_writable, shown, taken_back, write_atomically
-from skyarm.records.registry.plugins import identities, law_of_file_name
+from skyarm.records.files import output_file, shown, write_atomically
+from skyarm.records.registry.plugins import identities
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
 from skyarm.studies.stability.hover_delay import HoverDelay, hover_delay_if_known
-
-DPI = 160
 
 GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
 """Field of the margins -> head of its column."""
@@ -109,52 +107,6 @@ def margins(
         tell(f"written: {write_json(written, document)}")
     if not found.completed:
         raise typer.Exit(NOT_COMPLETED)
-
-
-def basin(
-    scenario: Scenario,
-    controller: Controller = None,
-    out: Out = "out/basin",
-    flights: Annotated[int, typer.Option(help="initial states")] = 100_000,
-    rate: Annotated[float, typer.Option(help="largest initial body rate, rad/s")] = 12.0,
-    offset: Annotated[float, typer.Option(help="largest initial distance, m")] = 1.0,
-    speed: Annotated[float, typer.Option(help="largest initial speed, m/s")] = 2.0,
-    safety: Safety = False,
-    seed: Annotated[int, typer.Option(help="of the draws")] = 0,
-    flying: Flying = 0,
-) -> None:
-    """Map what initial attitudes and rates are caught."""
-    from skyarm.studies.stability.basin import CAUGHT
-    from skyarm.studies.stability.basin import basin as fly
-    from skyarm.view.figures.study_figures import basin_figure
-    from skyarm.view.figures.style import image_bytes
-
-    require_within("--seed", seed, 0)
-    threads = workers(flying)
-    planned = _prepare(scenario, controller, safety=safety)
-    with taken_back(out):
-        folder = require_writable(out)
-        with waiting(f"{planned.name}: {flights} flights"):
-            found = fly(planned, flights, seed=seed, threads=threads, rate=rate, offset=offset, speed=speed)
-    flown = law_of_file_name(controller) if controller else found.controller
-    # a map with the safety layer is another map
-    if isinstance(planned.controller.par, SafetyParameters) and not flown.startswith("guarded_"):
-        flown = f"guarded_{flown}"
-    table, picture = (folder / f"basin_{flown}_{planned.name}.{suffix}" for suffix in ("json", "png"))
-    document = found.plain() | _plugins()
-    give(document, files=[picture, table])
-    write_json(table, document)
-    write_atomically(picture, image_bytes(basin_figure(found), dpi=DPI))
-    if planned.changes:
-        tell("changes in flight are left out: this is the basin of the scenario as it begins")
-    upside = found.tilt > 0.5 * math.pi
-    tell(
-        f"{found.controller}: {found.caught.mean():.2%} of {flights} flights caught, {found.returned.mean():.2%} back "
-        f"on their reference; of {int(upside.sum())} that began upside down "
-        f"{found.caught[upside].mean() if upside.any() else 0.0:.2%}",
-        f"caught: {CAUGHT}",
-        f"map in {folder}: {picture.name}, {table.name}",
-    )
 
 
 def tell_margin(scenario: Record, label: str) -> None:

@@ -92,7 +92,7 @@ def recorded(scenario, periods):
 def test_the_command_line_exports_the_filter_of_a_scenario(tmp_path):
     file = tmp_path / "flight.toml"
     file.write_text(TEXT)
-    result = typed("export-c", str(file), "-o", str(tmp_path / "law.c"))
+    result = typed("export", "--to", "c", str(file), "-o", str(tmp_path / "law.c"))
     assert result.code == 0, result.err
     text = (tmp_path / "law.c").read_text()
     for member in (

@@ -71,7 +71,7 @@ def command(*words: str, path: Path) -> subprocess.CompletedProcess[str]:
 
 def test_a_command_with_an_old_library_is_one_line_not_silence(tmp_path: Path) -> None:
     distribution(tmp_path, "typer-0.12.5")
-    done = command("list", path=tmp_path)
+    done = command("show", path=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("skyarm: typer 0.12.5 is installed: must be at least 0.20; ")
     assert done.stderr.count("\n") == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from added_components import registry_kept
-from skyarm.cli.commands import COMMANDS, OTHER_NAMES
+from skyarm.cli.commands import COMMANDS
 from skyarm.control.catalogue import PRESETS
 from skyarm.records.registry import RegistryError, names, register
 from skyarm.records.registry.plugins import load_plugin
@@ -20,15 +20,14 @@ def _kept():
 
 
 def test_the_reserved_names_are_those_that_there_are():
-    assert sorted(RESERVED["command"]["a command"]) == sorted((*COMMANDS, *OTHER_NAMES))
+    assert sorted(RESERVED["command"]["a command"]) == sorted(COMMANDS)
     assert sorted(RESERVED["law"]["a preset"]) == sorted(PRESETS)
     assert RESERVED["law"]["the controller of the scenario"] == (OWN,)
 
 
 TAKEN = {
     ("command", "run"): "is a command of skyarm",
-    ("command", "list"): "is a command of skyarm",
-    ("command", "export-c"): "is a command of skyarm",
+    ("command", "export"): "is a command of skyarm",
     ("law", "paper_ct"): "is a preset of skyarm",
     ("law", "indi_tuned"): "is the tuned gains of 'indi' of skyarm",
     ("law", "own"): "is the controller of the scenario of skyarm",

@@ -10,16 +10,9 @@ import numpy as np
 import pytest
 from hand_made import T, double_integrator
 
-import skyarm
-from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.sensing.measurement import SensorNoise
-from skyarm.simulate import Rates
-from skyarm.studies.stability.along import SETTLING, hovering
 from skyarm.studies.stability.margins import LONGEST, STRIDE, delay_margin, gain_edge, radius
-from skyarm.world import NO_WIND
 
 MARGINS = importlib.import_module("skyarm.studies.stability.margins")
-ROOM = importlib.import_module("skyarm.studies.stability.basin")  # the room's own name is the function's, too
 STEP = 0.001
 """s, between the delays of the loop by hand."""
 
@@ -90,26 +83,3 @@ def test_no_gain_beyond_the_limit_is_looked_at():
     assert gain_edge(asked.append, STRIDE, 100.0) == 100.0
     assert gain_edge(asked.append, 1.0 / STRIDE, 0.5) == 0.5
     assert (min(asked), max(asked)) == (0.5, 100.0)
-
-
-class _AskedError(Exception):
-    """Ends a basin before it flies; holds the scenario."""
-
-
-@pytest.mark.parametrize("control", [200, 250, 7, 333])
-def test_flights_of_a_basin_and_of_a_hover_last_as_long_as_they_say(monkeypatch, control):
-    def batch(flight, paths):
-        raise _AskedError(flight)
-
-    monkeypatch.setattr(ROOM, "Batch", batch)
-    scenario = skyarm.load_scenario("case3_wind")
-    rates = Rates(physics=2 * control, control=control, reference=control)
-    noise = SensorNoise(position=0.01, rate=0.1)
-    scenario = dataclasses.replace(scenario, rates=rates, noise=noise, ground=True)
-    assert scenario.wind != NO_WIND
-    with pytest.raises(_AskedError) as caught:
-        ROOM.basin(scenario, 3)
-    (flight,) = caught.value.args
-    assert (flight.duration, hovering(scenario).duration) == (ROOM.DURATION, SETTLING) == (12.0, 5.0)
-    assert flight.steps == 12 * control
-    assert (flight.kind, flight.noise, flight.wind, flight.ground) == ("rigid_body", PERFECT_SENSORS, NO_WIND, False)

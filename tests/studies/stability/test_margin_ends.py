@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
-import numpy as np
 import pytest
 from hand_made import KD, T, double_integrator
 
 from skyarm.studies.stability import margins
-from skyarm.studies.stability.basin import RATES, TILTS, Basin
 from skyarm.studies.stability.margins import EDGE, radius
 
 HIGHEST = 2.0 / (KD * T)
@@ -36,27 +33,3 @@ def test_a_stable_loop_bears_what_is_left_of_the_highest_gain(factor):
     found = margins(with_gain(factor))
     assert found.rotor_gain == pytest.approx((0.0, HIGHEST / factor), rel=1e-6)
     assert found.delay > 0.0
-
-
-def test_the_edges_of_a_map_are_of_rate_up_to_its_limit_and_of_tilt_up_to_upside_down():
-    none = np.zeros(0)
-    found = Basin(
-        controller="law",
-        scenario="case",
-        seed=0,
-        tilt=none,
-        rate=none,
-        offset=none,
-        speed=none,
-        caught=none.astype(bool),
-        returned=none.astype(bool),
-        status=none.astype(str),
-        rate_limit=7.0,
-        offset_limit=1.0,
-        speed_limit=2.0,
-    )
-    np.testing.assert_allclose(found.rate_edges, np.arange(RATES + 1) * 7.0 / RATES, rtol=1e-15, atol=1e-15)
-    np.testing.assert_allclose(found.tilt_edges, np.arange(TILTS + 1) * math.pi / TILTS, rtol=1e-15, atol=1e-15)
-    without_rates = dataclasses.replace(found, rate_limit=0.0)
-    assert without_rates.rate_edges[-1] == 1.0
-    assert [len(edges) for edges in found.edges(4, 3)] == [4, 5]

@@ -150,9 +150,9 @@ OLD_NAMES: Mapping[str, Mapping[str, str]] = {
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
-            *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
-            *("sweep", "stats", "margins", "basin", "compare", "studio"),
-            *("check", "new", "doctor", "attach", "export-mjcf", "tune", "identify"),
+            *("reproduce", "run", "show", "replay", "diff", "export", "plot", "film"),
+            *("sweep", "stats", "margins", "compare", "studio"),
+            *("check", "new", "doctor", "attach", "tune", "identify"),
         ),
     },
     "law": {

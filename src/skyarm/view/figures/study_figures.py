@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.files.names import require_suffix
 from skyarm.scenario.numbers import axis_label
 from skyarm.studies.stability.along import Locus
-from skyarm.studies.stability.basin import CAUGHT, RATES, TILTS, Basin
 from skyarm.studies.stability.disk_margins import MOST
 from skyarm.studies.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
 from skyarm.studies.sweep.maps import RobustnessMap
@@ -229,8 +227,8 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
     return figure
 
 
-MAP_WIDTH, MAP_HEIGHT, BASIN_HEIGHT = 4.2, 3.4, 3.8
-"""in: the caption of a basin needs more than a map alone."""
+MAP_WIDTH, MAP_HEIGHT = 4.2, 3.4
+"""in."""
 
 COLORS = "cividis"
 """Even in lightness, and read alike with every form of colour vision."""
@@ -239,18 +237,6 @@ BOUNDARY = 0.5
 """Share of successes on the failure boundary."""
 
 LINE = "#d7301f"
-
-UPSIDE_DOWN = 90.0
-"""degrees of tilt beyond which body z points down."""
-
-ENOUGH, SURE = 50, 400
-"""Flights a bin for its shade, and for the line of half caught: a share is then good to 0.07, and to 0.025."""
-
-BINS = ((TILTS, RATES), (9, 6), (6, 4))
-"""(tilts, rates), finest first."""
-
-LETTERS = 78
-"""Of a line of the caption."""
 
 
 def robustness_figure(found: RobustnessMap) -> Figure:
@@ -268,38 +254,6 @@ def robustness_figure(found: RobustnessMap) -> Figure:
     return figure
 
 
-def basin_figure(found: Basin) -> Figure:
-    """Draw the share of caught flights by initial tilt and rate, coarser with fewer flights, of very few as points.
-
-    Bins without a flight stay blank, beyond the dashed line the flights began upside down.
-    """
-    figure, ax = PAPER.single(MAP_WIDTH, BASIN_HEIGHT)
-    bins, sure = (bins_for(len(found.caught), enough) for enough in (ENOUGH, SURE))
-    if bins:
-        edges, share = _bin_shares(found, bins)
-        _shade(figure, ax, edges, share, "share caught")
-    else:
-        _starts(ax, found)
-    if sure:
-        edges, share = _bin_shares(found, sure)
-        _boundary(ax, [0.5 * (each[1:] + each[:-1]) for each in edges], share)
-    ax.axvline(UPSIDE_DOWN, color=PAPER.frame, linestyle="--", linewidth=0.8)
-    ax.set_xlim(0.0, 180.0)
-    ax.set_xticks(range(0, 181, 30))
-    title = f"{found.controller} in {found.scenario}: {found.caught.mean():.1%} of {len(found.caught)} flights caught"
-    ax.set_title("\n".join(textwrap.wrap(title, 62)), **PAPER.words)
-    ax.set_xlabel("initial tilt, degrees", **PAPER.small_words)
-    ax.set_ylabel("initial body rate, rad/s", **PAPER.small_words)
-    caption = "\n".join(textwrap.wrap(f"Caught: {CAUGHT}.", LETTERS))
-    figure.supxlabel(caption, **{**PAPER.small_words, "color": PAPER.frame})
-    return figure
-
-
-def bins_for(flights: int, enough: int = ENOUGH) -> tuple[int, int] | None:
-    """The finest (tilts, rates) with enough flights in each bin; None where there are too few for any."""
-    return next((each for each in BINS if flights >= enough * each[0] * each[1]), None)
-
-
 def _shade(figure: Figure, ax: Axes, edges: Sequence[Any], share: Any, label: str) -> None:
     """Shade of each cell, with its bar."""
     ax.grid(visible=False)
@@ -314,26 +268,6 @@ def _boundary(ax: Axes, centers: Sequence[Any], share: Any) -> None:
     if min(share.shape) >= 2 and np.nanmin(share) < BOUNDARY < np.nanmax(share):
         look: dict[str, Any] = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
         ax.contour(*centers, np.ma.masked_invalid(share), **look).set_label("half succeed")
-
-
-def _bin_shares(found: Basin, bins: tuple[int, int]) -> tuple[tuple[Any, Any], Any]:
-    """Edges in degrees of tilt and rad/s of rate, and the share caught of each bin."""
-    caught, flown = found.counts(*bins)
-    turning, leaning = found.edges(*bins)
-    return (np.degrees(leaning), turning), np.where(flown > 0, caught / np.maximum(flown, 1), np.nan)
-
-
-def _starts(ax: Axes, found: Basin) -> None:
-    """Each flight where it began: a disc if caught, a cross if not."""
-    ax.grid(visible=False)
-    for chosen, marker, color, label in (
-        (found.caught, "o", "#00204d", "caught"),
-        (~found.caught, "x", LINE, "not caught"),
-    ):
-        at = np.degrees(found.tilt[chosen]), found.rate[chosen]
-        ax.plot(*at, marker, color=color, markersize=2.5, markeredgewidth=0.7, linestyle="none", label=label)
-    ax.set_ylim(0.0, found.rate_limit or 1.0)
-    ax.legend(loc="upper right", framealpha=0.9, borderaxespad=0.3, prop=PAPER.prop)
 
 
 ACROSS, DIAGRAM = 3, 2.1
