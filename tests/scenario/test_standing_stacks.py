@@ -9,7 +9,6 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
-from skyarm.world.contact.initial_world import require_places_apart
 from skyarm.world.contact.static_equilibrium import stacks_of, with_standing_objects
 from standing_vehicles import at_rest, limp
 
@@ -78,16 +77,3 @@ def test_a_stack_is_set_down_from_below_in_whatever_order_and_from_however_far_a
         assert tuple(one.objects[i].position) == pytest.approx(tuple(other.objects[j].position), abs=1e-9)
     assert float(one.objects[1].position.z) == pytest.approx(0.075, abs=1e-3), "on the lower one, not below it"
     assert stacks_of(one) == [[0, 1]]
-
-
-@pytest.mark.thorough
-def test_boxes_of_one_size_that_pass_each_other_are_refused_with_the_reason():
-    """Their corners are on each other's edges."""
-    with pytest.raises(ValueError, match="must start outside of each other; a box carries another only where corners"):
-        require_places_apart(settled(box("a", 0.2, 0.3, 0.0, 0.03), box("b", 0.2, 0.3, 0.0, 0.08)), G, 2.0)
-
-
-def test_boxes_in_one_place_are_refused():
-    apart = [dataclasses.replace(each, standing=False) for each in (LOWER, dataclasses.replace(LOWER, name="b"))]
-    with pytest.raises(ValueError, match=r"must start outside of each other$"):
-        require_places_apart(Contact(surfaces=(GROUND,), objects=tuple(apart)), G, 2.0)

@@ -66,7 +66,7 @@ def export(
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
     file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
-    actuators, a keyframe to start from, lights and a camera that follows it.
+    actuators and a keyframe to start from.
     """
     if to not in ("c", "mjcf"):
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")

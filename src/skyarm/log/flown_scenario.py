@@ -19,36 +19,12 @@ SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 GROUPS = ("solver", "agent", "environment")
 """Fields of a scenario that are records themselves; what is replaced in it may be a field of one."""
 
-OLD_FIELDS: Mapping[str, tuple[str, str]] = {
-    **{old: ("solver", new) for old, new in (("plant", "kind"), ("integrator", "integrator"))},
-    **{name: ("environment", name) for name in ("wind", "air", "forces", "ground")},
-    "contact": ("environment", "world"),
-    **{old: ("agent", new) for old, new in (("world", "plant"), ("trajectory", "reference"))},
-    **{old: ("agent", new) for old, new in (("joined", "tracking_start"), ("sensors", "noise"))},
-    "instruments": ("agent", "sensors"),
-    **{
-        name: ("agent", name)
-        for name in (
-            *("controller", "path_time", "pause", "estimator", "drives", "delays", "initial", "faults", "payloads"),
-        )
-    },
-}
-"""Fields of the version before this one -> group and field of this one."""
-
 
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data of the scenario of a log's ``info`` in the fields of this version; empty tables without one."""
+    """The scenario of a log as plain data; empty where it keeps none."""
     record = info.get("scenario_record")
-    record = record if isinstance(record, dict) else {}
-    if all(isinstance(record.get(group), dict) for group in GROUPS):
-        return record
-    kinds = {group: {"type": f"{SCENARIO.partition(':')[0]}:{group.capitalize()}"} for group in GROUPS}
-    found: dict[str, Any] = {name: value for name, value in record.items() if name not in (*OLD_FIELDS, *GROUPS)}
-    found |= kinds
-    for name, (group, field) in OLD_FIELDS.items():
-        if name in record:
-            found[group][field] = record[name]
-    return found
+    whole = isinstance(record, dict) and all(isinstance(record.get(group), dict) for group in GROUPS)
+    return record if isinstance(record, dict) and whole else {}
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
@@ -67,11 +43,10 @@ def flown_scenario(
     """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not isinstance(written, dict) or written.get("type") != SCENARIO:
+    if not written_scenario(info) or written.get("type") != SCENARIO:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _fits(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-    written = written_scenario(info)
     known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
     with _in_words_of_the_log(plugins):
         kind, fields = restore_fields(_flat(written), known, without)

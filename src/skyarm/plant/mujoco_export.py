@@ -10,7 +10,6 @@ MuJoCo's own writer keeps six.
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,97 +28,12 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 HEADER = "Written by skyarm export-mjcf; control of a rotor is its thrust in N, of a joint its effort in N m or N."
 
 
-EXACT = {
-    "body": ("bodies", ("pos", "quat")),
-    "joint": ("joints", ("axis", "armature", "frictionloss", "damping", "range")),
-    "site": ("sites", ("pos", "quat")),
-    "general": ("actuators", ("gear", "ctrlrange")),
-    "key": ("keys", ("qpos", "qvel", "ctrl")),
-}
-"""Tag of a named element -> where a spec has it, and its attributes, which are those of the spec."""
-
-ALWAYS = ("pos", "axis", "gear")
-"""Attributes that are written even where MuJoCo's own writer takes six digits for a default."""
-
-
-LOOKS = """
-<mujoco>
-  <visual>
-    <global offwidth="1280" offheight="720"/>
-  </visual>
-  <asset>
-    <texture type="2d" name="grid" builtin="checker" rgb1="0.85 0.86 0.88" rgb2="0.75 0.77 0.8" width="300"
-      height="300"/>
-    <material name="floor" texture="grid" texuniform="true"/>
-  </asset>
-  <worldbody>
-    <geom name="floor" type="plane" size="0 0 1" material="floor" contype="0" conaffinity="0"/>
-    <light name="sun" type="directional" pos="0 0 10" dir="0.3 0.2 -1" diffuse="0.6 0.6 0.6"/>
-  </worldbody>
-</mujoco>
-"""
-"""A sun, and a floor that nothing touches."""
-
-
-def exact_xml(spec: Any, looks: str = "<mujoco/>") -> str:
-    """XML of a spec that has been compiled, with every number of its mechanics written so that it reads back the same.
-
-    Args:
-        spec: ``mujoco.MjSpec`` whose bodies, joints, sites, actuators and equalities have names.
-        looks: elements that are added, without mechanics.
-    """
-    root = ET.fromstring(spec.to_xml())
-    for section in ET.fromstring(looks):
-        there = root.find(section.tag)
-        if there is None:
-            there = ET.SubElement(root, section.tag)
-        there[:0] = list(section)
-    root.insert(0, ET.Comment(f" {HEADER} "))
-    option = root.find("option")
-    if option is None:
-        option = ET.SubElement(root, "option")
-    option.set("timestep", _text(spec.option.timestep))
-    option.set("gravity", _text(spec.option.gravity))
-    ties = {tie.name: tie for tie in spec.equalities}
-    for element in root.findall("equality/joint"):
-        element.set("polycoef", _text(ties[element.get("name", "")].data[:5]))
-    tied = {element for parent in root.findall("equality") for element in parent}
-    for tag, (several, attributes) in EXACT.items():
-        named = {each.name: each for each in getattr(spec, several)}
-        for element in root.iter(tag):
-            if element in tied or element.get("type") == "free":
-                continue
-            held = named[element.get("name", "")]
-            for name in attributes:
-                if element.get(name) is not None or name in ALWAYS or tag == "body":
-                    value = np.ravel(getattr(held, name))
-                    element.set(name, _text(value[:1] if name == "damping" else value))
-            inertial = element.find("inertial")
-            if inertial is not None:
-                inertial.attrib.pop("fullinertia", None)
-                values = {"pos": held.ipos, "quat": held.iquat, "mass": held.mass, "diaginertia": held.inertia}
-                inertial.attrib.update({name: _text(value) for name, value in values.items()})
-    return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _text(values: Any) -> str:
-    """Numbers so that each reads back as itself."""
-    return " ".join(repr(float(each)) for each in np.ravel(values))
-
-
 START = "start"
 """Keyframe of the first state, rotors in hover."""
 
-CAMERA = "follow"
 
 HEIGHT = 1.0
 """m above the floor, where nobody says where to start."""
-
-AWAY = (-4.0, -3.0, 2.0)
-"""Direction of the camera from the vehicle's centre of mass."""
-
-FIELD = 45.0
-"""Degrees that the camera sees, upright."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +60,10 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
     """
     require_plant(vehicle)
     spec = build_spec(vehicle, gravity, timestep=timestep)
-    spec.option.disableflags = 0
-    bodies = {body.name: body for body in spec.bodies}
+    spec.option.disableflags, spec.compiler.degree = 0, False
+    floor, sun = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    spec.worldbody.add_geom(name="floor", type=floor, size=[0.0, 0.0, 1.0], contype=0, conaffinity=0)
+    spec.worldbody.add_light(name="sun", type=sun, pos=[0.0, 0.0, 10.0], dir=[0.3, 0.2, -1.0])
     for joint in spec.joints:
         _finish_joint(joint, vehicle)
     for each in vehicle.followers:
@@ -155,10 +71,9 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
         _tie(spec, each.link.joint.name, leader, float(each.offset), float(each.ratio))
     names = _add_actuators(spec, vehicle)
     model = spec.compile()
-    qpos = _add_start(spec, vehicle, model, start, gravity)
-    _add_views(bodies[spec.worldbody.first_body().name], _extent(model, qpos))
+    _add_start(spec, vehicle, model, start, gravity)
     spec.compile()
-    return Exported(exact_xml(spec, LOOKS), len(vehicle.bodies), len(vehicle.moving), names)
+    return Exported(f"<!-- {HEADER} -->\n{spec.to_xml()}", len(vehicle.bodies), len(vehicle.moving), names)
 
 
 def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
@@ -229,32 +144,7 @@ def _bound(actuator: Any, low: float, high: float) -> None:
         actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
 
 
-def _extent(model: Any, qpos: Any) -> float:
-    """Radius of the ball about the centre of mass that holds every shape, m."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    distances = np.linalg.norm(data.geom_xpos - data.subtree_com[0], axis=1) + model.geom_rbound
-    return float(distances.max())
-
-
-def _add_views(base: Any, size: float) -> None:
-    """A lamp and a camera that follow."""
-    lamp, follow = mujoco.mjtLightType.mjLIGHT_SPOT, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
-    above = [0.0, 0.0, 5.0 * size]
-    base.add_light(
-        name="lamp", type=lamp, mode=follow, pos=above, dir=[0.0, 0.0, -1.0], diffuse=[0.15] * 3, cutoff=60.0
-    )
-    back = np.array(AWAY) / np.linalg.norm(AWAY)
-    away = 1.05 * size / math.sin(0.5 * math.radians(FIELD)) * back
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).ravel())
-    base.add_camera(name=CAMERA, mode=follow, pos=away, quat=quaternion, fovy=FIELD)
-
-
-def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> Any:
+def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
     """A keyframe: the first state, each rotor at the thrust that hovers with the joints there; its qpos."""
     joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
@@ -269,7 +159,6 @@ def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gra
         speeds = [float(speed) for speed in start.rotor_speeds]
     ctrl[: len(speeds)] = [_thrust(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)]
     spec.add_key(name=START, qpos=qpos, qvel=qvel, ctrl=ctrl)
-    return qpos
 
 
 def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> list[float]:
