@@ -11,7 +11,6 @@ from typing import Any
 from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
 from skyarm.algebra.scalars import add, divide, mul, sub
 from skyarm.dynamics.composite_body import mass_matrix
-from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
 from skyarm.vehicle.linkage import BASE
@@ -53,7 +52,7 @@ def forward_dynamics(
     inverse_d: list[Any] = [0] * n
     u: list[Any] = [0] * n
     for i in reversed(range(n)):
-        S = joint_direction(links[i].joint)
+        S = links[i].joint.motion_subspace
         U[i] = inertias[i].apply(S)
         armature = links[i].joint.armature
         inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
@@ -75,7 +74,7 @@ def forward_dynamics(
         a = parent.into_child(places[i].R, places[i].p) + moving[i].products
         qdd = mul(sub(u[i], a.dot(U[i])), inverse_d[i])
         joint_accelerations.append(qdd)
-        accelerations.append(a + joint_direction(links[i].joint) * qdd)
+        accelerations.append(a + links[i].joint.motion_subspace * qdd)
     return base_acceleration, tuple(joint_accelerations)
 
 

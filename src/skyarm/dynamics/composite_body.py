@@ -10,7 +10,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
 from skyarm.algebra.scalars import add
-from skyarm.dynamics.kinematics import every_joint, joint_direction, onto_leaders
+from skyarm.dynamics.kinematics import every_joint, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -37,10 +37,10 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
             composite[vehicle.links[i].parent] = composite[vehicle.links[i].parent] + carried
     M = _base_block(whole, R_WB, 6 + vehicle.n)
     for i in range(vehicle.n):
-        force = composite[i].apply(joint_direction(vehicle.links[i].joint))
+        force = composite[i].apply(vehicle.links[i].joint.motion_subspace)
         j = i
         while j != BASE:
-            M[6 + i][6 + j] = M[6 + j][6 + i] = joint_direction(vehicle.links[j].joint).dot(force)
+            M[6 + i][6 + j] = M[6 + j][6 + i] = vehicle.links[j].joint.motion_subspace.dot(force)
             force = force.into_parent(places[j].R, places[j].p)
             j = vehicle.links[j].parent
         M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)

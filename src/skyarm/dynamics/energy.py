@@ -38,11 +38,10 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
     for i, link in enumerate(vehicle.links):
         parent = 0 if link.parent == BASE else link.parent + 1
-        axis = poses[i + 1].R.apply(link.joint.axis) * state.joint_rates[i]
+        R, own, rate = poses[i + 1].R, link.joint.motion_subspace, state.joint_rates[i]
         carried = origins[parent] + rates[parent].cross(poses[i + 1].p - poses[parent].p)
-        revolute = link.joint.kind == "revolute"
-        rates.append(rates[parent] + axis if revolute else rates[parent])
-        origins.append(carried if revolute else carried + axis)
+        rates.append(rates[parent] + R.apply(own.angular) * rate)
+        origins.append(carried + R.apply(own.linear) * rate)
     moving = []
     for body, pose, w, v in zip(vehicle.bodies, poses, rates, origins, strict=True):
         arm = pose.R.apply(body.com)

@@ -40,11 +40,6 @@ def joint_placement(joint: Joint, q: Any) -> Pose:
     return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
 
 
-def joint_direction(joint: Joint) -> Motion:
-    """Motion of the child against its parent per unit of joint rate, child axes, at the child's origin."""
-    return Motion(joint.axis, ZERO3) if joint.kind == "revolute" else Motion(ZERO3, joint.axis)
-
-
 def placements(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
     """Pose of every link in its parent."""
     return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
@@ -86,11 +81,9 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> l
     index = frame.link
     while index != BASE:
         link, pose = vehicle.links[index], poses[index]
-        axis = pose.R.apply(link.joint.axis)
-        if link.joint.kind == "revolute":
-            columns[index] = Motion(axis, axis.cross(tip - pose.p))
-        else:
-            columns[index] = Motion(ZERO3, axis)
+        own = link.joint.motion_subspace
+        turn = pose.R.apply(own.angular)
+        columns[index] = Motion(turn, pose.R.apply(own.linear) + turn.cross(tip - pose.p))
         index = link.parent
     return columns
 

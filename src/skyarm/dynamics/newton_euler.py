@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.algebra.scalars import add, mul
-from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, joint_direction, onto_leaders
+from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -28,15 +28,14 @@ class JointMotion:
 def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Any) -> JointMotion:
     """Angular velocity of the child, and the part of its origin's acceleration that is quadratic in velocity.
 
-    With w the rates and s = axis * joint_rate: angular w x s (revolute); linear R^T (w_P x (w_P x p)), and the
-    Coriolis term 2 w x s (prismatic).
+    With w the rates and s the joint's own motion: angular w x s; linear R^T (w_P x (w_P x p)), and the Coriolis term
+    2 w x s of a sliding joint.
     """
     carried = placement.R.apply_T(parent_rate)
-    slide = joint.axis * joint_rate
+    own = joint.motion_subspace * joint_rate
     inward = placement.R.apply_T(centripetal(parent_rate, placement.p))
-    if joint.kind == "revolute":
-        return JointMotion(carried + slide, Motion(carried.cross(slide), inward))
-    return JointMotion(carried, Motion(Vec3(0, 0, 0), inward + carried.cross(slide) * 2.0))
+    products = Motion(carried.cross(own.angular), inward + carried.cross(own.linear) * 2.0)
+    return JointMotion(carried + own.angular, products)
 
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]) -> list[JointMotion]:
@@ -82,14 +81,14 @@ def inverse_dynamics(
     forces: list[Force] = []
     for link, member, motion, qdd in zip(vehicle.links, held, moving, joint_accelerations, strict=True):
         parent = base if link.parent == BASE else accelerations[link.parent]
-        a = parent.into_child(member.place.R, member.place.p) + motion.products + joint_direction(link.joint) * qdd
+        a = parent.into_child(member.place.R, member.place.p) + motion.products + link.joint.motion_subspace * qdd
         accelerations.append(a)
         forces.append(member.inertia.apply(a) + member.inertia.velocity_force(motion.rate))
     torques: list[Any] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
         own = mul(link.joint.armature, joint_accelerations[i])
-        torques[i] = add(joint_direction(link.joint).dot(forces[i]), own)
+        torques[i] = add(link.joint.motion_subspace.dot(forces[i]), own)
         carried = forces[i].into_parent(places[i].R, places[i].p)
         if link.parent == BASE:
             total = total + carried

@@ -98,11 +98,11 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer
-    from skyarm.control.safety.limits import ERRORS, TIP_ERRORS
+    from skyarm.control.safety.limits import usual_joint_errors
 
     limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
-    errors = TIP_ERRORS if scenario.controller.keeps_tip else ERRORS
-    if limits["trusted_joint_error"] == tuple(errors[link.joint.kind] for link in before.model.vehicle.links):
+    usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.controller.keeps_tip)
+    if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]
     stow: Any = before.recovery.stow

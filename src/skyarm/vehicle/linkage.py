@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, where
 from skyarm.records.coerce import coefficient, inertia, number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
@@ -115,6 +115,11 @@ class Joint:
     def has_stops(self) -> bool:
         """True if stops hold the joint at its limits; a structural question, also where the numbers are traced."""
         return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
+
+    @property
+    def motion_subspace(self) -> Motion:
+        """Motion of the child against its parent per unit of joint rate, child axes, at the child's origin."""
+        return Motion(self.axis, ZERO3) if self.kind == "revolute" else Motion(ZERO3, self.axis)
 
 
 JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")

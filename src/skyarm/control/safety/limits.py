@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -17,10 +16,10 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
 from skyarm.records.files import shown
-from skyarm.records.units import Unit, units
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
-from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 STEP = 1e-3
 """m and m/s: small, so that no limit of the law's own is met."""
@@ -105,55 +104,67 @@ class Limits:
         calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
     """
 
-    tilt: Annotated[float, _limit("rad", "asked for")]
+    tilt: Annotated[float, _limit("rad", "asked for")] = math.radians(40.0)
     climb: Annotated[float, _limit("m/s^2", "asked for, up or down")]
-    speed: Annotated[float, _limit("m/s", "asked for")]
-    step: Annotated[float, _limit("m", "error that passes")]
-    step_speed: Annotated[float, _limit("m/s", "error that passes")]
+    speed: Annotated[float, _limit("m/s", "asked for")] = 4.0
+    step: Annotated[float, _limit("m", "error that passes")] = 0.4
+    step_speed: Annotated[float, _limit("m/s", "error that passes")] = 1.5
     stiffness: Annotated[float, _finite("1/s^2", "acceleration the law asks per position error")]
     damping: Annotated[float, _finite("1/s", "acceleration the law asks per velocity error")]
     joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of the joints")]
     joint_step: Annotated[tuple[float, ...], _limit("rad or m", "step of a reference that passes")]
     joint_slew: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of longer steps of a reference")]
     joint_margin: Annotated[tuple[float, ...], Unit("rad or m", "kept from the joints' limits", low=0.0)]
-    joint_pole: Annotated[float, _finite("1/s", "how fast a joint closes in on a limit")]
+    joint_pole: Annotated[float, _finite("1/s", "how fast a joint closes in on a limit")] = 25.0
     effort: Annotated[tuple[float, ...], _limit("N m or N")]
     rotor_slew: Annotated[float, _limit("rad/s^2", "of the commanded speeds")]
     effort_slew: Annotated[tuple[float, ...], _limit("N m/s or N/s")]
-    trusted_tilt: Annotated[float, _limit("rad", "largest for longer than patience")]
-    trusted_rate: Annotated[float, _limit("rad/s", "largest for longer than patience")]
+    trusted_tilt: Annotated[float, _limit("rad", "largest for longer than patience")] = math.radians(70.0)
+    trusted_rate: Annotated[float, _limit("rad/s", "largest for longer than patience")] = 12.0
     trusted_joint_error: Annotated[tuple[float, ...], _limit("rad or m", "largest for longer than patience")]
-    lost_rate: Annotated[float, _limit("rad/s", "largest for a moment")]
-    lost_speed: Annotated[float, _limit("m/s", "largest for a moment")]
+    lost_rate: Annotated[float, _limit("rad/s", "largest for a moment")] = 40.0
+    lost_speed: Annotated[float, _limit("m/s", "largest for a moment")] = 15.0
     lost_joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "largest for a moment")]
-    patience: Annotated[float, Unit("s", low=0.0, infinite=True)]
-    calm: Annotated[float, _limit("s", "of calm flight before the law starts anew")]
+    patience: Annotated[float, Unit("s", low=0.0, infinite=True)] = 0.25
+    calm: Annotated[float, _limit("s", "of calm flight before the law starts anew")] = math.inf
 
 
 STEEPEST = math.radians(85.0)
-"""Of the tilt that may be asked for."""
-
-SPEEDS = {"revolute": 12.0, "prismatic": 1.5}
-"""rad/s and m/s: twice what the shipped flights ask of their arms, and less than small gear motors run free."""
-
-MARGINS = {"revolute": 0.05, "prismatic": 0.005}
-"""rad and m: what a joint of 12 rad/s covers in one control period of 4 ms."""
+"""Of the tilt that may be requested."""
 
 
-ERRORS = {"revolute": 0.6, "prismatic": 0.1}
-"""rad and m: more than any shipped law that tracks joints loses them by in the paper's cases."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class UsualJoint:
+    """Default limits of a joint of one kind, rad or m, and per second.
 
-TIP_ERRORS = {"revolute": 1.5, "prismatic": 0.3}
-"""rad and m: the same for a law that moves the joints by the tilt, and by more, to keep the tip in place."""
+    Attributes:
+        speed: twice what the shipped flights request of their arms, and less than small gear motors run free.
+        margin: what a joint of 12 rad/s covers in one control period of 4 ms.
+        error: more than any shipped law that tracks joints loses them by in the paper's cases.
+        tip_error: the same for a law that moves the joints by the tilt, and by more, to keep the tip in place.
+        step, slew: of a reference: above those a law meets it as a jump, at the pace of a quick reach.
+        stow_speed: of the arm's way to its stowed pose, which hardly moves the base.
+    """
 
-STEPS = {"revolute": (0.5, 3.0), "prismatic": (0.05, 0.3)}
-"""(rad, rad/s) and (m, m/s) of a joint's reference: above those a law meets as a jump, at the pace of a quick reach."""
+    speed: float
+    margin: float
+    error: float
+    tip_error: float
+    step: float
+    slew: float
+    stow_speed: float
 
-HIGHEST = 1e9
-"""Upper end of every finite limit: squares and products stay far from overflow. Infinity stands for no limit."""
 
-SLOWEST = 0.1
-"""1/s, of the rotors' highest speed: a smaller slew could not hold an attitude."""
+USUAL_JOINTS = {
+    "revolute": UsualJoint(speed=12.0, margin=0.05, error=0.6, tip_error=1.5, step=0.5, slew=3.0, stow_speed=1.0),
+    "prismatic": UsualJoint(speed=1.5, margin=0.005, error=0.1, tip_error=0.3, step=0.05, slew=0.3, stow_speed=0.1),
+}
+
+
+def usual_joint_errors(vehicle: Vehicle, *, keeps_tip: bool) -> tuple[float, ...]:
+    """Default ``trusted_joint_error`` of a law that keeps the tip, or of one that tracks joints."""
+    usual = [USUAL_JOINTS[link.joint.kind] for link in vehicle.links]
+    return tuple(each.tip_error if keeps_tip else each.error for each in usual)
 
 
 def limits_for(controller: Controller, **given: Any) -> Limits:
@@ -166,64 +177,53 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     Raises:
         ControllerError: an unknown field, or a number out of its range.
     """
-    model: Model = controller.par.model
-    joints = [link.joint for link in model.vehicle.links]
+    vehicle = controller.par.model.vehicle
     for name in given:
         if name not in rules(Limits):
             raise ControllerError(f"safety.{name}: unknown field; allowed: {', '.join(rules(Limits))}")
-    values = _defaults(model, joints, TIP_ERRORS if controller.keeps_tip else ERRORS)
+    values = _defaults(controller)
     per_joint = {name for name, value in values.items() if isinstance(value, tuple)}
     if "stiffness" not in given or "damping" not in given:
         values |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
     for name, value in (values | given).items():
         alone = name in per_joint and not isinstance(value, (list, tuple))
-        values[name] = held = _check_limit(name, (value,) * len(joints) if alone else value)
-        if name in per_joint and len(held) != len(joints):
+        try:
+            values[name] = held = rules(Limits)[name](f"safety.{name}", (value,) * vehicle.n if alone else value)
+        except RecordError as error:
+            raise ControllerError(str(error)) from None
+        if name in per_joint and len(held) != vehicle.n:
             said = f"safety.{name} = {shown(value)}: {len(held)} values"
-            raise ControllerError(f"{said}, must be {len(joints)} (one per joint)")
-        if name in given and any(HIGHEST < each < math.inf for each in (held if name in per_joint else (held,))):
-            none = ", or inf for no limit" if units(Limits)[name].infinite else ""
-            raise ControllerError(f"safety.{name} = {shown(value)}: must be at most {HIGHEST:g}{none}")
-    _check_ranges(values, model)
-    return Limits(**values)
+            raise ControllerError(f"{said}, must be {vehicle.n} (one per joint)")
+    limits = Limits(**values)
+    for name, top in (("tilt", STEEPEST), ("trusted_tilt", math.pi), ("climb", float(controller.par.model.gravity))):
+        if getattr(limits, name) > top:
+            raise ControllerError(f"safety.{name} = {getattr(limits, name)!r}: must be at most {top:.4g}")
+    for i, (margin, link) in enumerate(zip(limits.joint_margin, vehicle.links, strict=True)):
+        if not 4.0 * margin <= float(link.joint.upper) - float(link.joint.lower):
+            raise ControllerError(f"safety.joint_margin[{i}] = {margin!r}: must be at most a quarter of the range")
+    return limits
 
 
-def _check_limit(name: str, value: Any) -> Any:
-    """A limit as its field holds it."""
-    try:
-        return rules(Limits)[name](f"safety.{name}", value)
-    except RecordError as error:
-        raise ControllerError(str(error)) from None
-
-
-def _defaults(model: Model, joints: list[Joint], errors: Mapping[str, float]) -> dict[str, Any]:
-    """All but stiffness and damping, which are the law's."""
-    fastest = _fastest(model)
+def _defaults(controller: Controller) -> dict[str, Any]:
+    """Limits that follow from the vehicle, and whether the law keeps the tip."""
+    model: Model = controller.par.model
+    joints = [link.joint for link in model.vehicle.links]
+    usual = [USUAL_JOINTS[joint.kind] for joint in joints]
+    ranges = [float(joint.upper) - float(joint.lower) for joint in joints]
     efforts = tuple(float(joint.effort_limit) for joint in joints)
-    speeds = tuple(SPEEDS[joint.kind] for joint in joints)
+    fastest = _fastest(model)
     return {
-        "tilt": math.radians(40.0),
         "climb": 0.5 * float(model.gravity),
-        "speed": 4.0,
-        "step": 0.4,
-        "step_speed": 1.5,
-        "joint_speed": speeds,
-        "joint_step": tuple(STEPS[joint.kind][0] for joint in joints),
-        "joint_slew": tuple(STEPS[joint.kind][1] for joint in joints),
-        "joint_margin": tuple(_margin(joint) for joint in joints),
-        "joint_pole": 25.0,
+        "joint_speed": tuple(each.speed for each in usual),
+        "joint_step": tuple(each.step for each in usual),
+        "joint_slew": tuple(each.slew for each in usual),
+        "joint_margin": tuple(min(each.margin, 0.1 * width) for each, width in zip(usual, ranges, strict=True)),
         "effort": efforts,
         # from rest to full speed in one period of 5 ms: real motors take longer, and a law that inverts lag needs it
         "rotor_slew": 200.0 * fastest if fastest > 0.0 else math.inf,
         "effort_slew": tuple(200.0 * effort for effort in efforts),
-        "trusted_tilt": math.radians(70.0),
-        "trusted_rate": 12.0,
-        "trusted_joint_error": tuple(errors[joint.kind] for joint in joints),
-        "lost_rate": 40.0,
-        "lost_speed": 15.0,
-        "lost_joint_speed": tuple(4.0 * speed for speed in speeds),
-        "patience": 0.25,
-        "calm": math.inf,
+        "trusted_joint_error": usual_joint_errors(model.vehicle, keeps_tip=controller.keeps_tip),
+        "lost_joint_speed": tuple(4.0 * each.speed for each in usual),
     }
 
 
@@ -233,23 +233,3 @@ def _fastest(model: Model) -> float:
     hover = max((float(speed) for speed in trim.speeds), default=0.0)
     tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
     return max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)
-
-
-def _margin(joint: Joint) -> float:
-    """Not more than a tenth of the joint's range."""
-    return min(MARGINS[joint.kind], 0.1 * (float(joint.upper) - float(joint.lower)))
-
-
-def _check_ranges(values: dict[str, Any], model: Model) -> None:
-    fastest = _fastest(model)
-    if values["rotor_slew"] < SLOWEST * fastest < math.inf:
-        raise ControllerError(
-            f"safety.rotor_slew = {values['rotor_slew']!r}: must be at least {SLOWEST * fastest:.4g}, a tenth of "
-            "the rotors' highest speed in a second"
-        )
-    for name, top in (("tilt", STEEPEST), ("trusted_tilt", math.pi), ("climb", float(model.gravity))):
-        if values[name] > top:
-            raise ControllerError(f"safety.{name} = {values[name]!r}: must be at most {top:.4g}")
-    for i, (margin, link) in enumerate(zip(values["joint_margin"], model.vehicle.links, strict=True)):
-        if not 4.0 * margin <= float(link.joint.upper) - float(link.joint.lower):
-            raise ControllerError(f"safety.joint_margin[{i}] = {margin!r}: must be at most a quarter of the range")

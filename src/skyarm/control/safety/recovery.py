@@ -116,10 +116,6 @@ STRAIGHT = 1e-6
 """1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
 
 
-STOW_SPEEDS = {"revolute": 1.0, "prismatic": 0.1}
-"""rad/s and m/s: the arm's way to its stowed pose hardly moves the base."""
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Recovery:
     """Constants of the recovery law.

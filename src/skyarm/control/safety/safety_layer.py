@@ -24,9 +24,8 @@ from skyarm.control.safety.command_limits import (
     within_efforts,
 )
 from skyarm.control.safety.governor import govern_base, govern_joints
-from skyarm.control.safety.limits import Limits, limits_for
+from skyarm.control.safety.limits import USUAL_JOINTS, Limits, limits_for
 from skyarm.control.safety.recovery import (
-    STOW_SPEEDS,
     Confidence,
     Recovery,
     base_stiffness,
@@ -294,7 +293,7 @@ def with_safety_layer(
         gains=default_gains(model),
         joint_gains=default_joint_gains(model, torque=True),
         stow=tuple(stow_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
-        stow_speed=tuple(STOW_SPEEDS[link.joint.kind] for link in links),
+        stow_speed=tuple(USUAL_JOINTS[link.joint.kind].stow_speed for link in links),
     )
     par = SafetyParameters(
         model=model,

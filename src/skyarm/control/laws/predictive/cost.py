@@ -187,9 +187,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
 def given_way(vehicle: Vehicle, joints: tuple[Any, ...], tilt: Vec3) -> tuple[Any, ...]:
     """Joints whose first ones take back a tilt of the base (body axes, sine): what follows keeps its own angle."""
     return tuple(
-        sub(q, link.joint.rotation.apply(link.joint.axis).dot(tilt))
-        if link.parent == BASE and link.joint.kind == "revolute"
-        else q
+        sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
         for link, q in zip(vehicle.links, joints, strict=True)
     )
 
