@@ -102,14 +102,6 @@ def test_a_place_that_is_passed_fast_is_found_in_a_flight_of_any_length(duration
     assert [part.words for part in flight_parts(placed)] == ["", " with 8 kg (payloads[0])"]
 
 
-@pytest.mark.parametrize("duration", [15.0, 600.0])
-def test_what_a_gripper_takes_is_held_until_it_opens(duration):
-    parts = flight_parts(skyarm.load_scenario("pick_and_carry", duration=duration))
-    assert [part.words for part in parts] == ["", " with 0.1 kg (box)", ""]
-    assert parts[1].start == pytest.approx(4.0, abs=1.5)
-    assert parts[1].stop == pytest.approx(11.2, abs=0.01)
-
-
 def test_a_scheduled_payload_counts_from_its_instant(hover):
     later = dataclasses.replace(hover, changes=(Change(at=2.0, path="plant.payload.mass", value=8.0),))
     said = found(later)["rotors along the reference"]

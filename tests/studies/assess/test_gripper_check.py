@@ -28,7 +28,7 @@ def carrier(folder: Path, mimic: str):
 
 
 def warned(vehicle):
-    return [each.field for each in arm_workspace(vehicle, arm_poses(vehicle)) if each.level == WARNING]
+    return [each.field for each in arm_workspace(arm_poses(vehicle)) if each.level == WARNING]
 
 
 def test_fingers_that_follow_each_other_are_no_fault_of_the_arm(tmp_path):

@@ -106,15 +106,14 @@ def test_no_pose_has_less_angular_acceleration_than_the_one_found(name):
     poses, allocation = arm_poses(vehicle, 256), Allocation.of(make_mixer(vehicle))
     joints = arm_poses(vehicle, 2000, seed=5).joints
     squared, inertia = allocation.squared_speeds(hover_efforts(vehicle, 9.81, joints)), locked_inertia(vehicle, joints)
-    for axis, found in enumerate(torque_authority(vehicle, allocation, poses, 9.81)):
+    for axis, found in enumerate(torque_authority(poses)):
         room = np.minimum(*(allocation.room(squared, sign * np.eye(4)[axis]) for sign in (1.0, -1.0)))
         assert found.value <= 1.001 * (room / inertia[:, axis, axis]).min()
 
 
 def test_the_least_angular_acceleration_is_that_of_a_search_by_other_means():
     # differential evolution over forces and bodies put together from the file alone: roll 41.75, pitch 35.35 rad/s^2
-    allocation = Allocation.of(make_mixer(HEXAROTOR12))
-    roll, pitch, _ = torque_authority(HEXAROTOR12, allocation, arm_poses(HEXAROTOR12), 9.81)
+    roll, pitch, _ = torque_authority(arm_poses(HEXAROTOR12))
     assert (roll.value, pitch.value) == pytest.approx((41.75, 35.35), rel=2e-3)
 
 
@@ -135,7 +134,7 @@ def finger():
 
 def test_a_dynamic_effort_is_had_in_the_pose_that_is_shown_and_of_a_slide_in_metres():
     vehicle = finger()
-    found = joint_torques(vehicle, arm_poses(vehicle, 64), 9.81)
+    found = joint_torques(arm_poses(vehicle, 64))
     texts = {each.question: each.text for each in found}
     assert "0.1 m in 2 s" in texts["joints[finger] dynamic effort"]
     assert "1 rad in 2 s" in texts["joints[elbow] dynamic effort"]

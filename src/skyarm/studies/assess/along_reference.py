@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,7 +14,7 @@ from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, mo
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
-from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, OK, WARNING, Finding
+from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.layout import center_of_mass_shift
@@ -29,9 +28,6 @@ SHORTEST = 1e-3
 
 POSES_HELD = 100
 """Poses of the reference while a load is held, in which a level hover is looked at."""
-
-JUMP = 1e-9
-"""s before a switch of the reference at which it is looked at for a jump."""
 
 
 LEFT = 1e-3
@@ -60,7 +56,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     parts = flight_parts(scenario)
     followed = follow(parts)
     demand, vehicle = followed.demand, scenario.plant.vehicle
-    found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
+    found = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
     if vehicle.n:
@@ -91,14 +87,10 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     answers: dict[str, list[Finding]] = {}
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
-        vehicle, gravity = part.vehicle, float(part.scenario.plant.gravity)
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
-        poses = ArmPoses.only(vehicle, lanes(reference.joints, POSES_HELD).T)
-        found = [
-            *thrust_margin(vehicle, Allocation.of(make_mixer(vehicle)), poses, gravity, part.words),
-            *center_of_mass_shift(vehicle, poses, gravity, part.words),
-        ]
-        for each in found:
+        joints, gravity = lanes(reference.joints, POSES_HELD).T, float(part.scenario.plant.gravity)
+        poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
+        for each in (*thrust_margin(poses), *center_of_mass_shift(poses)):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
     return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
 
@@ -146,21 +138,6 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
     demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion, disturbance=disturbance)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     return Followed(demand, demand.squared / top, _effort_shares(part, demand))
-
-
-def _jumps(scenario: Scenario) -> list[Finding]:
-    """Instants at which the reference itself jumps, which no vehicle follows."""
-    found = []
-    for t in scenario.reference.switch_times():
-        if not 0.0 < t < scenario.duration:
-            continue
-        before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
-        moved = math.dist([float(c) for c in before.position], [float(c) for c in after.position])
-        turned = max((abs(float(a) - float(b)) for a, b in zip(before.joints, after.joints, strict=True)), default=0.0)
-        if moved > 1e-6 or turned > 1e-6:
-            text = f"jumps at {t:g} s: base by {moved:.3g} m, a joint by {turned:.3g} rad or m"
-            found.append(Finding("reference", NOTE, text, "reference", value=t, unit="s"))
-    return found
 
 
 def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
+from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
@@ -157,35 +159,50 @@ ROUNDS, AROUND, CLOSER = 16, 24, 0.65
 """Rounds of the local search, tries of each around the worst pose so far, and how their steps shrink."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmPoses:
-    """Joint ranges and sampled poses of an arm.
+    """Level hovers of a vehicle in sampled poses of its arm; joints that nothing drives hang at rest.
 
     Attributes:
+        vehicle: with what it holds. held: that in words, as " with 0.3 kg"; empty without a load.
         low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
-        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points; joints that
-            nothing drives hang.
-        seed: of the points' random shift and of the local search.
-        vehicle: whose joints without a drive hang in all of them; None leaves them where the search puts them.
+        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
+        gravity: m/s^2. seed: of the points' random shift and of the local search.
         searched: whether the search may leave the sampled poses.
     """
 
+    vehicle: Vehicle
     low: Array
     high: Array
     joints: Array
-    seed: int
-    vehicle: Vehicle | None = None
+    gravity: float
+    seed: int = 0
+    held: str = ""
     searched: bool = True
 
     @classmethod
-    def only(cls, vehicle: Vehicle, joints: Array) -> ArmPoses:
-        """Poses (count, n) of a vehicle and no others; its hanging joints are at rest."""
+    def only(cls, vehicle: Vehicle, joints: Array, gravity: float, held: str) -> ArmPoses:
+        """Poses (count, n) of a vehicle and no others."""
         none = np.zeros(vehicle.n)
-        return cls(none, none, joints, 0, searched=False).of(vehicle)
+        poses = cls(vehicle=vehicle, low=none, high=none, joints=joints, gravity=gravity, searched=False)
+        return poses.of(vehicle, held)
 
-    def of(self, vehicle: Vehicle) -> ArmPoses:
-        """The same poses of the vehicle under another load, its hanging joints at rest."""
-        return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle)
+    def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
+        """The same poses of the vehicle under another load."""
+        return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
+
+    @cached_property
+    def allocation(self) -> Allocation:
+        """Allocation of the rotors; they must span torque and thrust."""
+        return Allocation.of(make_mixer(self.vehicle))
+
+    def efforts(self, joints: Array) -> Array:
+        """Efforts (4 + n, lanes) of level hovers."""
+        return hover_efforts(self.vehicle, self.gravity, joints)
+
+    def squared_speeds(self, joints: Array) -> Array:
+        """Squared rotor speeds (rotors, lanes) of level hovers, before any limit."""
+        return self.allocation.squared_speeds(self.efforts(joints))
 
     def worst(self, quantities: Quantities) -> tuple[Array, Array]:
         """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
@@ -201,8 +218,7 @@ class ArmPoses:
         for _ in range(ROUNDS):
             steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
             near = np.clip(best[:, None] + steps, self.low, self.high)
-            if self.vehicle is not None:
-                near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
+            near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
             found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
             own = found[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
@@ -220,13 +236,14 @@ def in_parts(quantities: Quantities, joints: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
+def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0, gravity: float = GRAVITY) -> ArmPoses:
     """Poses of a vehicle's arm; a vehicle without joints has one.
 
     Args:
         vehicle: its joints' limits.
         count: sampled poses beside zero and the corners.
         seed: shifts the points (Cranley and Patterson 1976).
+        gravity: m/s^2.
 
     Raises:
         ValueError: one line: a count or a seed outside of what is allowed.
@@ -238,13 +255,13 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
     ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
     low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
-    if not n:
-        return ArmPoses(low, high, np.zeros((1, 0)), seed)
     rng = np.random.default_rng(seed)
-    unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
-    corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
-    zero = np.clip(np.zeros((1, n)), low, high)
-    return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed).of(vehicle)
+    joints = np.clip(np.zeros((1, n)), low, high)
+    if n:
+        unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
+        corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
+        joints = np.vstack([joints, low + (high - low) * np.vstack([corners, unit])])
+    return ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity, seed=seed).of(vehicle)
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:

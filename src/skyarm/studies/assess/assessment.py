@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from skyarm.records.files import number
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
 from skyarm.studies.assess.along_reference import along_reference
-from skyarm.studies.assess.arm_poses import POSES, Allocation, ArmPoses, arm_poses
+from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques, servo_stiffness
@@ -214,8 +213,7 @@ def assess_vehicle(
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
         )
-    sampled = arm_poses(vehicle, poses, seed)
-    findings = (*_of_vehicle(vehicle, gravity, payload, sampled), *certificate(vehicle, gravity, seed))
+    findings = (*_of_vehicle(arm_poses(vehicle, poses, seed, gravity), payload), *certificate(vehicle, gravity, seed))
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, seed, findings)
 
 
@@ -239,28 +237,31 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
 
 
-def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPoses) -> list[Finding]:
+def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
     """Every question about a vehicle; those about rotors only where it has some."""
+    vehicle, gravity = poses.vehicle, poses.gravity
     found = [*units_of_vehicle(vehicle), *mass_and_inertia(vehicle, gravity)]
-    allocation = None
     if vehicle.rotors:
         found += rotor_layout(vehicle, gravity)
-        with contextlib.suppress(AllocationError):  # said by rotor_layout
-            allocation = Allocation.of(make_mixer(vehicle))
     else:
-        text = "no rotors: nothing holds it up"
-        found.append(Finding("rotors", FAULT, text, "rotors", "add [[rotors]]"))
-    loads = [(vehicle, ""), *([(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
-    for held, words in loads:
-        hanging = poses.of(held)
-        if allocation is not None:
-            found += thrust_margin(held, allocation, hanging, gravity, words)
-        found += center_of_mass_shift(held, hanging, gravity, words)
-        found += joint_torques(held, hanging, gravity, words)
-    if allocation is not None:
-        found += torque_authority(held, allocation, hanging, gravity)
-        found += sideways_reach(held, hanging, gravity)
-        found += largest_payload(vehicle, allocation, poses, gravity, payload)
-        found += largest_wind(vehicle, gravity, payload)
-    endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]
-    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *servo_stiffness(vehicle), *endurance]
+        found.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
+    loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
+    turned = bool(vehicle.rotors) and _can_turn(vehicle)
+    for loaded in loads:
+        if turned:
+            found += thrust_margin(loaded)
+        found += [*center_of_mass_shift(loaded), *joint_torques(loaded)]
+    if turned:
+        found += [*torque_authority(loads[-1]), *sideways_reach(loads[-1])]
+        found += [*largest_payload(poses, payload), *largest_wind(vehicle, gravity, payload)]
+    endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
+    return [*found, *arm_workspace(poses), *motor_lag(vehicle), *servo_stiffness(vehicle), *endurance]
+
+
+def _can_turn(vehicle: Vehicle) -> bool:
+    """True if the rotors span torque and thrust; else :func:`rotor_layout` has a fault."""
+    try:
+        make_mixer(vehicle)
+    except AllocationError:
+        return False
+    return True

@@ -1,4 +1,4 @@
-"""Loads along a flight: payloads, gripped objects, scheduled changes, and what wind, forces and faults add."""
+"""Loads along a flight: payloads, scheduled changes, and what wind, forces and faults add."""
 
 from __future__ import annotations
 
@@ -33,9 +33,6 @@ from skyarm.world.faults import effectiveness_at
 AT_ONCE = 1 << 14
 """Control periods whose frames are computed at once: bounds the memory of a long flight."""
 
-BESIDE = 0.02
-"""m beyond a gripper's reach within which its reference takes an object: what is left to the object's own shape."""
-
 OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
 """Beginnings of the paths of changes that leave plant, surroundings and reference as they are."""
 
@@ -45,7 +42,7 @@ class Load:
     """A load that the vehicle holds for a part of the flight. One on a cord counts as a point mass at its frame.
 
     Attributes:
-        name: of the payload or object. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
+        name: of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
     """
 
     name: str
@@ -75,7 +72,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
     """The parts of a scenario's flight, in order."""
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
     scenario = dataclasses.replace(scenario, changes=of_the_world)
-    loads = [*_payloads(scenario), *_gripped_objects(scenario)]
+    loads = _payloads(scenario)
     changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
     edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}
     cuts = [0.0, *sorted(t for t in edges if 0.0 < t < scenario.duration), scenario.duration]
@@ -119,47 +116,6 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
 def _first(times: Array, found: Array) -> float:
     """First of the times at which something holds; inf for none."""
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
-
-
-def _gripped_objects(scenario: Scenario) -> list[Load]:
-    """Free objects that grippers with a command take hold of along the reference, from closing to opening."""
-    contact = scenario.world
-    if contact is None or not contact.objects:
-        return []
-    times = np.concatenate(list(_control_instants(scenario)))
-    where = {each.name: np.array([float(c) for c in each.position]) for each in contact.objects}
-    found = []
-    for gripper in contact.grippers:
-        if gripper.kind == "hook":
-            continue  # takes hold by its motion, which the reference alone does not fix
-        closed = np.broadcast_to(np.asarray(gripper.closed.at(times), dtype=bool), len(times))
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(int)))
-        at = _along(scenario, gripper.frame, times[np.minimum(edges, len(times) - 1)]).T
-        for k, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-            closing, opening = at[2 * k], at[2 * k + 1]
-            near = [
-                each
-                for each in contact.objects
-                if np.linalg.norm(where[each.name] - closing)
-                <= float(gripper.reach) + max(float(c) for c in each.size) + BESIDE
-            ]
-            if not near:
-                continue
-            taken = min(near, key=lambda each: float(np.linalg.norm(where[each.name] - closing)))
-            stop = float(times[last]) if last < len(times) else math.inf
-            mass = float(taken.mass)
-            found.append(Load(taken.name, float(times[first]), stop, mass, _point_at(gripper, mass)))
-            if last < len(times):
-                where[taken.name] = opening
-    return found
-
-
-def _point_at(gripper: Any, mass: float) -> Callable[[Vehicle], tuple[int, Body]]:
-    def body(vehicle: Vehicle) -> tuple[int, Body]:
-        at = vehicle.frame(gripper.frame or None)
-        return at.link, Body(mass=mass, com=at.position)
-
-    return body
 
 
 def reference_at(scenario: Scenario, time: Array) -> Reference:

@@ -14,7 +14,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import no_load_speed
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
-from skyarm.studies.assess.layout import disc_radius
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.mobility import joint_mobility
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -34,21 +33,22 @@ PEAK_ACCELERATION, PEAK_RATE = 10.0 / math.sqrt(3.0), 1.875
 """Of a rest-to-rest motion of least jerk by 1 in 1 s (Flash and Hogan 1985)."""
 
 
-def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+def joint_torques(poses: ArmPoses) -> list[Finding]:
     """Largest static and dynamic effort of every joint against its limit, base level.
 
     The dynamic effort is the largest that any signs of the joints' accelerations can ask for, with friction.
     """
+    vehicle, held = poses.vehicle, poses.held
     if not vehicle.n:
         return []
 
     def holding(joints: Array) -> Array:
-        return -np.abs(hover_efforts(vehicle, gravity, joints)[WRENCH:])
+        return -np.abs(poses.efforts(joints)[WRENCH:])
 
     least, at = poses.worst(holding)
     static = np.where(-least > NOTHING, -least, 0.0)
     tried = np.vstack([at, poses.joints])
-    moving = _dynamic(vehicle, tried, gravity)
+    moving = _dynamic(vehicle, tried, poses.gravity)
     dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
     found = []
     limits, servos = effort_limits(vehicle), servos_of(vehicle)
@@ -65,8 +65,6 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
         if servo is not None and limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
             stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
-        if servo is not None:
-            found += _bent(joint, servo, float(static[i]), held, at[i])
         by = f"{SWEEP[joint.kind]:g} {length} in {SECONDS:g} s"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         for kind, value, bad, pose, why in (
@@ -81,27 +79,9 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
     return found
 
 
-BENT = {"revolute": 0.5, "prismatic": 0.05}
-"""rad or m by which the arm's weight bends a position servo off its setpoint: hobby servos give way by 0.1 rad."""
-
-
 def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
     """Servos by the names of their joints."""
     return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
-
-
-def _bent(joint: Joint, servo: Servo, static: float, held: str, pose: Array) -> list[Finding]:
-    """A warning where a position servo without an integral yields under the weight that it holds."""
-    if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
-        return []
-    bent, (length, effort) = static / float(servo.stiffness), UNITS[joint.kind]
-    if bent <= BENT[joint.kind]:
-        return []
-    per = "N m/rad, not N m/degree" if joint.kind == "revolute" else "N/m, not N/mm"
-    question, field = f"joints[{joint.name}] under the arm's weight{held}", f"drives.{joint.name}.stiffness"
-    text = f"{static:.3g} {effort} bend its servo by {bent:.3g} {length} off its setpoint"
-    remedy = f"check {field} ({per}?), or an integral"
-    return [Finding(question, WARNING, text, field, remedy, bent, BENT[joint.kind], length, pose)]
 
 
 def effort_limits(vehicle: Vehicle) -> Array:
@@ -140,10 +120,6 @@ LARGEST = 1.0
 that the law's torque is not what the joint feels, and the joint drifts off its reference."""
 
 
-LEAST = 0.01
-"""Stated over least inertia of a joint: a smaller one only makes the steps of the integrator short."""
-
-
 def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
     """Frequency of every servo's loop on the least inertia that its joint has, against the control period.
 
@@ -158,7 +134,7 @@ def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
     for link, each in zip(vehicle.links, ease.tolist(), strict=True):
         servo = servos.get(link.joint.name)
         if servo is not None and math.isfinite(each) and each > 0.0:
-            found += _loop(link.joint, servo, 1.0 / each)
+            found.append(_loop(link.joint, servo, 1.0 / each))
     return found
 
 
@@ -169,8 +145,8 @@ def frequency(servo: Servo, inertia: float) -> float:
     return float(servo.gain) / inertia if isinstance(servo, VelocityServo) else 0.0
 
 
-def _loop(joint: Joint, servo: Servo, inertia: float) -> list[Finding]:
-    """Frequency of a servo's loop, and its stated inertia, on the least inertia of its joint."""
+def _loop(joint: Joint, servo: Servo, inertia: float) -> Finding:
+    """Frequency of a servo's loop on the least inertia of its joint."""
     rate, most, drive = frequency(servo, inertia), LARGEST / PERIOD, f"drives.{joint.name}"
     text = f"its loop moves the joint at {rate:.3g} rad/s; a torque held for {1e3 * PERIOD:g} ms asks for {most:g}"
     if rate > most:
@@ -179,14 +155,7 @@ def _loop(joint: Joint, servo: Servo, inertia: float) -> list[Finding]:
     if not float(joint.armature):
         field = f"joints[{joint.name}].armature"
         remedy = f"state {field}, what the gear makes of the motor's inertia, or {remedy}"
-    found = [at_most(f"joints[{joint.name}] servo", rate, text, field, remedy, warning=most, unit="rad/s")]
-    stated, least, unit = float(servo.inertia), LEAST * inertia, "kg m^2 or kg"
-    if stated < least:
-        text = f"{stated:.3g} {unit} stated, the joint moves {inertia:.3g} at least: steps are needlessly short"
-        remedy = f"check {drive}.inertia (kg m^2, not less than the joint moves)"
-        question = f"joints[{joint.name}] servo's inertia"
-        found.append(Finding(question, WARNING, text, f"{drive}.inertia", remedy, stated, least, unit))
-    return found
+    return at_most(f"joints[{joint.name}] servo", rate, text, field, remedy, warning=most, unit="rad/s")
 
 
 OFTEN = 0.05
@@ -235,20 +204,18 @@ SMALLEST_RANGE = {"revolute": 0.05, "prismatic": 0.005}
 """rad or m; fingers slide by some millimetres."""
 
 
-def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+def arm_workspace(poses: ArmPoses) -> list[Finding]:
     """Box of the tip's places over all poses, joints without effect, and limits that look wrong."""
+    vehicle = poses.vehicle
     if not vehicle.n:
         return []
     found = [*_ranges(vehicle)]
     if vehicle.end_effector and vehicle.frame().link != BASE:
-        tips = tip_places(vehicle, poses.joints)
         ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
         low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
         box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
         found.append(Finding("workspace", OK, f"tip in base axes: {box} m", "frames"))
-        if vehicle.rotors:
-            found += _blades(vehicle, tips)
-    return [*found, *_joints_without_effect(vehicle, poses)]
+    return [*found, *_joints_without_effect(vehicle, poses.joints[:PROBED])]
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
@@ -274,24 +241,9 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
     return found
 
 
-def _blades(vehicle: Vehicle, tips: Array) -> list[Finding]:
-    """True if the tip can come into a rotor's disc."""
-    radius = 0.8 * disc_radius(vehicle)
-    for rotor in vehicle.rotors:
-        away = tips - np.array([float(c) for c in rotor.position])
-        axis = np.array([float(c) for c in rotor.axis])
-        height = away @ axis
-        beside = np.linalg.norm(away - height[:, None] * axis, axis=1)
-        if np.any((np.abs(height) < 0.1 * radius) & (beside < radius)):
-            text = f"the tip can come into the disc of rotors[{rotor.name}]: joint limits are up to whoever flies it"
-            return [Finding("tip and rotors", NOTE, text, "joints.lower, joints.upper")]
-    return []
-
-
-def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
+def _joints_without_effect(vehicle: Vehicle, probed: Array) -> list[Finding]:
     """Joints that move neither the tip nor the centre of mass, and pairs that do the same in every pose."""
-    n, probed = vehicle.n, poses.joints[:PROBED]
-    lanes = len(probed)
+    n, lanes = vehicle.n, len(probed)
     still, level = np.zeros((lanes, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (lanes, 1))
     step = 1e-6
     moved = []

@@ -24,15 +24,15 @@ LIGHTEST = 0.2
 """Share of the base in the whole mass."""
 
 
-def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+def center_of_mass_shift(poses: ArmPoses) -> list[Finding]:
     """Smallest distance of the centre of mass from the edge of the rotors' polygon, over all arm poses."""
-    hubs = rotor_polygon(vehicle)
+    hubs = rotor_polygon(poses.vehicle)
     if len(hubs) < 3:
         return []
-    mass = float(vehicle.mass)
+    mass = float(poses.vehicle.mass)
 
     def inside(joints: Array) -> Array:
-        x, y = center_of_mass(hover_efforts(vehicle, gravity, joints), mass, gravity)
+        x, y = center_of_mass(poses.efforts(joints), mass, poses.gravity)
         return np.stack([_inside(hubs, x, y), -np.hypot(x - hubs[:, 0].mean(), y - hubs[:, 1].mean())])
 
     (least, shift), at = poses.worst(inside)
@@ -40,10 +40,10 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
     off, inner = 1e3 * -float(shift), 1e3 * float(least)
     text = f"at most {off:.3g} mm from the rotors' middle, {inner:.3g} mm within their polygon"
     text = text if least >= 0.0 else f"outside the rotors' polygon in the worst arm pose: {text}"
-    field = field_of_mass(vehicle, at[0])
+    field = field_of_mass(poses.vehicle, at[0])
     words = (text, field, f"move mass towards the rotors' middle ({field}; m, not mm?)")
     limit = 0.25 * width
-    return [at_least(f"centre of mass{held}", least, *words, fault=0.0, warning=limit, unit="m", joints=at[0])]
+    return [at_least(f"centre of mass{poses.held}", least, *words, fault=0.0, warning=limit, unit="m", joints=at[0])]
 
 
 def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
@@ -89,32 +89,11 @@ def gyration(body: Body) -> float:
 STAGGERED = 0.1
 """Height between two hubs over their distance from which their discs may lie above each other."""
 
-CROWDED = 0.5
-"""Distance of two neighbours over that of the others' from which one of them stands in a wrong place."""
-
 
 def disc_radius(vehicle: Vehicle) -> float:
-    """Half the least distance of two rotors at one height that are not above each other: the largest disc that fits, m.
-
-    Of two that crowd (:func:`crowded_pair`) the distance does not count.
-    """
-    apart = _beside(vehicle)
-    pair = crowded_pair(vehicle)
-    if pair is not None:
-        apart[pair] = apart[pair[::-1]] = np.inf
-    least = float(apart.min(initial=np.inf))
+    """Radius of the largest disc that fits between rotors at one height that are not above each other, m."""
+    least = float(_beside(vehicle).min(initial=np.inf))
     return 0.5 * least if least < np.inf else 0.1
-
-
-def crowded_pair(vehicle: Vehicle) -> tuple[int, int] | None:
-    """Indices of the two rotors that stand much nearer to each other than all others to their neighbours, if two do."""
-    apart = _beside(vehicle)
-    if len(apart) < 4:
-        return None
-    i, j = divmod(int(np.argmin(apart)), len(apart))
-    others = np.delete(np.delete(apart, [i, j], axis=0), [i, j], axis=1).min(axis=0)
-    known = others[np.isfinite(others)]
-    return (i, j) if known.size and apart[i, j] < CROWDED * known.min() else None
 
 
 def _beside(vehicle: Vehicle) -> Array:
@@ -188,7 +167,7 @@ EVENER = 0.25
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
     """Rank of the allocation, senses of rotation, thrust and moment coefficients."""
-    found = [*_axes(vehicle), *_places(vehicle), *_coefficients(vehicle)]
+    found = [*_axes(vehicle), *_coefficients(vehicle)]
     try:
         make_mixer(vehicle)
     except AllocationError as error:
@@ -209,19 +188,6 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
             remedy = f"turn {name} round: it is that of positive thrust"
             found.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
     return found
-
-
-def _places(vehicle: Vehicle) -> list[Finding]:
-    """Two rotors whose discs overlap while the others keep their distance."""
-    pair = crowded_pair(vehicle)
-    if pair is None:
-        return []
-    a, b = (vehicle.rotors[i] for i in pair)
-    apart, usual = math.dist(map(float, a.position), map(float, b.position)), disc_radius(vehicle)
-    text = f"{a.name} and {b.name} are {1e3 * apart:.3g} mm apart, all others {2e3 * usual:.3g} mm or more"
-    field = f"rotors[{a.name}].position, rotors[{b.name}].position"
-    remedy = f"check {field}: one stands where the other is"
-    return [Finding("places of the rotors", FAULT, text, field, remedy, apart, 2.0 * usual, "m")]
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from skyarm.dynamics.actuators import AllocationError, make_mixer, rotor_forces
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.actuators.tilting import as_pairs
 from skyarm.dynamics.array_front import center_of_mass, mass_matrix
-from skyarm.studies.assess.arm_poses import WRENCH, Allocation, ArmPoses, Array, hanging_joints, hover_efforts
-from skyarm.studies.assess.endurance import speed_share
+from skyarm.studies.assess.arm_poses import WRENCH, Allocation, ArmPoses, Array, hanging_joints
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.layout import field_of_mass
@@ -27,22 +26,12 @@ LEAST_SHARE = 0.05
 """Of the slowest rotor's thrust in the mean: below it a small torque stops that rotor."""
 
 
-def thrust_margin(
-    vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float, held: str = ""
-) -> list[Finding]:
-    """Thrust margin of the busiest rotor and share of the idlest, over all arm poses.
-
-    Args:
-        vehicle: with its payload, if it holds one.
-        allocation: of its rotors.
-        poses: of its arm.
-        gravity: m/s^2.
-        held: the payload in words, as " with 0.3 kg"; empty without one.
-    """
+def thrust_margin(poses: ArmPoses) -> list[Finding]:
+    """Thrust margin of the busiest rotor and share of the idlest, over all arm poses."""
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
-        busiest = np.max(squared / allocation.highest[:, None], axis=0)
+        squared = poses.squared_speeds(joints)
+        busiest = np.max(squared / poses.allocation.highest[:, None], axis=0)
         idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
         return np.stack([-busiest, idlest])
 
@@ -50,30 +39,24 @@ def thrust_margin(
     text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
     if share < 0.0:
         text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
-    field = field_of_mass(vehicle, at[1])
+    field = field_of_mass(poses.vehicle, at[1])
     remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
-    words = (f"balance of the rotors{held}", share, text, field, remedy)
+    words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
     return [
-        _margin(vehicle, gravity, -float(busiest), at[0], held),
+        _margin(poses, -float(busiest), at[0]),
         at_least(*words, fault=0.0, warning=LEAST_SHARE, joints=at[1]),
     ]
 
 
-def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: Array, held: str) -> Finding:
-    question = f"thrust margin{held}"
-    if any(math.isinf(float(rotor.max_speed)) for rotor in vehicle.rotors):
-        text, remedy = "not known: a rotor has no max_speed", "state rotors.max_speed, rad/s"
-        return Finding(question, NOTE, text, "rotors.max_speed", remedy)
-    sagging = speed_share(vehicle, gravity)
-    margin = sagging**2 / busiest if busiest > 0.0 else math.nan
+def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
+    question, field = f"thrust margin{poses.held}", "rotors.max_speed"
+    if any(math.isinf(float(rotor.max_speed)) for rotor in poses.vehicle.rotors):
+        return Finding(question, NOTE, "not known: a rotor has no max_speed", field, f"state {field}, rad/s")
+    margin = 1.0 / busiest if busiest > 0.0 else math.nan
     text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
-    remedy = "less mass, a shorter arm, or more thrust: rotors.max_speed, rotors.thrust_coefficient"
-    if sagging < 1.0:
-        text += f", on its battery at the start, whose voltage lets rotors turn at {sagging:.3g} of max_speed"
-        remedy = "a fuller battery, more cells, less mass, or more thrust: rotors.max_speed"
+    remedy = f"less mass, a shorter arm, or more thrust: {field}, rotors.thrust_coefficient"
     if not margin >= 1.0:
-        text = f"cannot hover: {text} ({float(vehicle.mass) * gravity:.3g} N of weight)"
-    field = "rotors.max_speed" if busiest * ENOUGH > 1.0 or sagging == 1.0 else "battery.charge, battery.cells"
+        text = f"cannot hover: {text} ({float(poses.vehicle.mass) * poses.gravity:.3g} N of weight)"
     return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
 
 
@@ -83,7 +66,7 @@ FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
 """rad/s^2: below the first it cannot be held against a breeze, below the second it is slow; yaw can be weaker."""
 
 
-def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float) -> list[Finding]:
+def torque_authority(poses: ArmPoses) -> list[Finding]:
     """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose.
 
     The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
@@ -91,16 +74,16 @@ def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, 
     directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
-        inertias = locked_inertia(vehicle, joints)
-        return np.stack([allocation.room(squared, d) / inertias[:, i // 2, i // 2] for i, d in enumerate(directions)])
+        squared, inertias = poses.squared_speeds(joints), locked_inertia(poses.vehicle, joints)
+        rooms = (poses.allocation.room(squared, direction) for direction in directions)
+        return np.stack([room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)])
 
     least, at = poses.worst(quantities)
     found = []
     for axis, name in enumerate(AXES):
         i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
         acceleration = float(least[i])
-        torque = acceleration * float(locked_inertia(vehicle, at[i][None])[0, axis, axis])
+        torque = acceleration * float(locked_inertia(poses.vehicle, at[i][None])[0, axis, axis])
         text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
         text = text if acceleration >= FAULTS[axis] else f"cannot be turned: {text}"
         fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
@@ -126,12 +109,13 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
     return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
 
 
-def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Finding]:
+def sideways_reach(poses: ArmPoses) -> list[Finding]:
     """The force at the centre of mass, in the direction of least, in the worst arm pose; nothing of flat rotors.
 
     A direction's force is found as the centroidal law gives it: with the rotors' least squares, which for more than
     six rotors is less than they could.
     """
+    vehicle = poses.vehicle
     try:
         mixer = make_mixer(as_pairs(vehicle), "priority", sideways=True)
     except AllocationError:
@@ -139,7 +123,7 @@ def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Fi
     allocation, across = Allocation.of(mixer), np.array(mixer.across, dtype=float)
 
     def quantities(joints: Array) -> Array:
-        squared = allocation.squared_speeds(hover_efforts(vehicle, gravity, joints))
+        squared = allocation.squared_speeds(poses.efforts(joints))
         still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
         com = center_of_mass(vehicle, still, level, joints)
         # a force through the centre of mass turns about the base's origin by com x force
@@ -150,7 +134,7 @@ def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Fi
             return np.asarray(np.min(room / sizes, axis=0))[None]
 
     (least,), at = poses.worst(quantities)
-    force, weight = max(float(least), 0.0), float(vehicle.mass) * gravity
+    force, weight = max(float(least), 0.0), float(vehicle.mass) * poses.gravity
     text = (
         f"rotors give up to {force:.3g} N sideways at a level hover in any direction, as a tilt of "
         f"{math.degrees(math.atan2(force, weight)):.3g} deg would; option sideways of law centroidal uses it"
@@ -162,28 +146,24 @@ NOTHING = 1e-9
 """kg: rounding of a vehicle that holds its own weight and no more."""
 
 
-def largest_payload(
-    vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float, payload: float = 0.0
-) -> list[Finding]:
+def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
     """Largest point mass at the tip with which hover is possible in every pose, with ENOUGH thrust left.
 
     Wrench and efforts of a level hover are linear in the mass at the tip, so that each pose has its largest mass in
     closed form; the least of them is sought over the poses.
     """
-    question = "largest payload"
+    question, vehicle = "largest payload", poses.vehicle
     if not vehicle.end_effector:
         return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
-    loaded = vehicle.with_payload(1.0)
+    loaded = replace(poses, vehicle=vehicle.with_payload(1.0))
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
     names += [f"joints[{link.joint.name}].effort_limit" for link in vehicle.links]
 
     def largest(joints: Array) -> Array:
-        parts = _largest_by_part(vehicle, loaded, allocation, joints, gravity)
-        return np.asarray(np.min(parts, axis=0)[None], dtype=float)
+        return np.asarray(np.min(_largest_by_part(poses, loaded, joints), axis=0)[None], dtype=float)
 
     (least,), at = poses.worst(largest)
-    parts = _largest_by_part(vehicle, loaded, allocation, at, gravity)[:, 0]
-    binding = names[int(np.argmin(parts))]
+    binding = names[int(np.argmin(_largest_by_part(poses, loaded, at)[:, 0]))]
     most = max(float(least), 0.0)
     if math.isinf(most):
         return [Finding(question, NOTE, "not limited: no rotor or joint states a limit")]
@@ -198,15 +178,15 @@ def largest_payload(
     return [Finding(question, level, text, binding, remedy, most, limit, "kg", at[0])]
 
 
-def _largest_by_part(vehicle: Vehicle, loaded: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
+def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     """Largest payload (parts, lanes) that each rotor and joint allows, kg; negative where it cannot hold itself."""
-    bare = hover_efforts(vehicle, gravity, joints)
-    per_kilogram = hover_efforts(loaded, gravity, joints) - bare
+    allocation, bare = poses.allocation, poses.efforts(joints)
+    per_kilogram = loaded.efforts(joints) - bare
     squared, more = allocation.squared_speeds(bare), allocation.inverse @ per_kilogram[:WRENCH]
     with np.errstate(divide="ignore", invalid="ignore"):
         top = allocation.highest[:, None] / ENOUGH
         rotors = np.where(more > 0.0, (top - squared) / more, np.where(more < 0.0, -squared / more, np.inf))
-        limits = effort_limits(vehicle)[:, None]
+        limits = effort_limits(poses.vehicle)[:, None]
         effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
         efforts = np.where(np.abs(step) > 1e-12, (limits - np.sign(step) * effort) / np.abs(step), np.inf)
     return np.vstack([rotors, efforts])
@@ -291,7 +271,7 @@ def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, th
     share = np.sqrt(np.clip(thrust / float(highest_thrust(vehicle)), 0.0, 1.0))
     speeds = [float(rotor.max_speed) * share for rotor in vehicle.rotors]
     # a table changes the thrust, which is taken out again, and not the drag
-    rotors = tuple(dataclasses.replace(rotor, table=None) for rotor in vehicle.rotors)
+    rotors = tuple(replace(rotor, table=None) for rotor in vehicle.rotors)
     moving, still = (rotor_forces(rotors, speeds, velocity, ZERO3).force for velocity in (along * -speed, ZERO3))
     total = body_drag(vehicle.drag, along * -speed) + moving - still
     return np.asarray(total.dot(along), dtype=float) + 0.0 * speed, np.asarray(total.dot(up), dtype=float) + 0.0 * speed
