@@ -79,7 +79,7 @@ def _with_changes_text(
     kept_changes = [each for each in changes if each.tick(rate) < steps]
     tables = [{"at": each.at, "path": each.path, "value": each.table} for each in kept_changes]
     wanted: dict[str, Any] = {name: value for name, value in document.items() if name != "changes"}
-    wanted = _with(wanted, given)
+    wanted = document_with(wanted, given)
     if tables:
         wanted["changes"] = tables
     kept = _without_changes(text)
@@ -93,7 +93,7 @@ def _periods(document: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[flo
     return (given["duration"] * rate if "duration" in given else math.inf), rate
 
 
-def _with(document: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+def document_with(document: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """The document with what is replaced in it."""
     changed = dict(document)
     for field, value in given.items():

@@ -21,7 +21,6 @@ from skyarm.view.studio.fleet import (
     saved_document,
 )
 from skyarm.view.studio.knobs import knobs_of
-from skyarm.view.studio.sights import Watched
 from skyarm.world import TimedPayload
 from thorough import sampled
 
@@ -331,11 +330,11 @@ def test_a_payload_is_drawn_while_it_is_held() -> None:
     load = TimedPayload(mass=0.02, pick=0.01, drop=0.03)
     scenario = dataclasses.replace(skyarm.load_scenario("case2"), payloads=(load,))
     session = skyarm.Session(scenario, machine_code=False)
-    watched = Watched()
-    watched.session = session
+    flight = Flight.__new__(Flight)
+    flight.session, flight.moved = session, []
     held = []
     for _ in range(8):
         session.step()
-        held.append(sum(load.mass for load in watched.loads))
+        held.append(sum(load.mass for load in flight.loads))
     assert held == pytest.approx([0.0, 0.0, 0.02, 0.02, 0.02, 0.02, 0.0, 0.0])
     assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]

@@ -59,17 +59,17 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     nodes._vehicle, nodes._paint, nodes._loads = vehicle, PAINT, SolidNodes(scene, "/loads")
     nodes._cords = scene.add_line_segments("/cords")
     hangs, com = np.array([1.0, 2.0, 2.0]), Vec3(0.0, 0.0, 0.1)
-    loads, beside = (Load(0.3, com=com), Load(0.2, "hook"), Load(0.1, "hook", hangs=hangs)), np.array([0.0, 1.2, 0.0])
-    nodes._carry(loads, placed, beside)
+    loads = (Load(0.3, com=com), Load(0.2, "hook"), Load(0.1, "hook", hangs=hangs))
+    nodes._carry(loads, placed)
     tip, (R, p) = vehicle.frame(), (placed.rotations, placed.positions)
     middle = np.array([float(c) for c in tip.position + tip.rotation.apply(com)])
-    at = p[1 + tip.link] + R[1 + tip.link] @ middle + beside
+    at = p[1 + tip.link] + R[1 + tip.link] @ middle
     np.testing.assert_allclose(scene.nodes["/loads/payload1"].position, at, atol=1e-4)
-    held = p[0] + R[0] @ [0.1, 0.0, -0.2] + beside
+    held = p[0] + R[0] @ [0.1, 0.0, -0.2]
     np.testing.assert_allclose(scene.nodes["/loads/payload2"].position, held, atol=1e-4)
-    np.testing.assert_allclose(scene.nodes["/loads/payload3"].position, hangs + beside, atol=1e-4)
-    np.testing.assert_allclose(scene.nodes["/cords"].points[2], [held, hangs + beside], atol=1e-6)
+    np.testing.assert_allclose(scene.nodes["/loads/payload3"].position, hangs, atol=1e-4)
+    np.testing.assert_allclose(scene.nodes["/cords"].points[2], [held, hangs], atol=1e-6)
     assert scene.nodes["/cords"].visible
-    nodes._carry(loads[1:2], placed, beside)
+    nodes._carry(loads[1:2], placed)
     assert sorted(name for name in scene.nodes if "payload" in name) == ["/loads/payload1"]
     assert not scene.nodes["/cords"].visible

@@ -18,9 +18,10 @@ from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.controls import Chart, charts
-from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, View, force_arrows, tones_of, touch_arrows
+from skyarm.view.studio.fleet import Flight
+from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import Watched, sight
+from skyarm.view.studio.sights import sight
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
 from skyarm.world.scene.world_shapes import held_poses, world_shapes
 from world_flights import DOCUMENT, WALL_ANGLE
@@ -78,10 +79,6 @@ def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
     wall = seen.touching[acting]
     np.testing.assert_allclose(node.points[acting], [wall.spot, wall.spot + NEWTON * wall.force], rtol=1e-5)
     assert np.all(node.points[[i for i in range(len(seen.touching)) if i != acting]] == node.points[acting][0])
-    arrows.show(False)
-    assert not node.visible
-    arrows.show(True)
-    assert node.visible
     arrows.point(0.0 * ends)
     assert not node.visible
 
@@ -94,31 +91,20 @@ def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
     return picture, scene, camera
 
 
-def test_a_world_stands_once_or_beside_each_vehicle_and_a_tab_looks_round_the_wall() -> None:
-    picture, scene, camera = picture_of(session().scenario)
-    assert scene.nodes["/stage/ground"].position[2] == -0.3
-    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, False]
-    picture.choose(View(beside=True))
-    assert [bool(scene.nodes[f"/stage/world{i}"].visible) for i in (1, 2)] == [True, True]
-    assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
-    assert "/stage/law1/-1/point/skid" in scene.nodes
-    assert "/stage/ghost/-1/point/skid" not in scene.nodes
-
-
 def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_ground() -> None:
     picture, scene, _ = picture_of(session().scenario)
     flown = session()
     start, seen = flown.state, sight(flown)
     for follow in (True, False):
-        picture.choose(View(follow=follow))
+        picture.follow = follow
         for k in (1, 2):
             away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
-            flight = Watched()
+            flight = Flight.__new__(Flight)
             flight.session = SimpleNamespace(  # type: ignore[assignment]
-                state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now
+                state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now, ended=None
             )
-            flight.title, flight.sights = "a", [seen]
-            picture.draw([flight], 0.01)
+            flight.title, flight.sights, flight.first, flight.moved = "a", [seen], flown.scenario, []
+            picture.draw([flight])
             base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
             drawn = np.array(base.position) + stage.position
             np.testing.assert_allclose(drawn, list(start.position if follow else away.position), atol=1e-3)
@@ -154,24 +140,30 @@ def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
     assert (time.tolist(), error.tolist()) == ([0.0, 1.0, 2.0], [0.0, 12.346, -12.346])
 
 
-def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
+def test_a_world_stands_once_and_a_tab_looks_round_the_wall() -> None:
+    _, scene, camera = picture_of(session().scenario)
+    assert scene.nodes["/stage/ground"].position[2] == -0.3
+    assert "/stage/world1/world/wall" in scene.nodes
+    assert "/stage/world2" not in scene.nodes
+    assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
+    assert "/stage/law1/-1/point/skid" in scene.nodes
+    assert "/stage/ghost/-1/point/skid" not in scene.nodes
+
+
+def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
     vehicle, scene = load_vehicle("voliro_like"), Scene()
-    nodes = VehicleNodes(scene, "/law1", vehicle, tones_of((10, 20, 30)), blades=True)
+    nodes = VehicleNodes(scene, "/law1", vehicle, tones_of((10, 20, 30)))
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     turns = rotor_turns(vehicle, angles[None])
     nodes.tilt({name: turn[0] for name, turn in turns.items()})
     speeds = np.full(len(vehicle.rotors), 100.0)
-    nodes.spin(speeds, 0.3)
     placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
     seen: Any = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
     ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turns)  # type: ignore[arg-type]
-    blades = scene.nodes["/law1/-1/blades"].batched_wxyzs
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
         R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])
         np.testing.assert_allclose(R[:, 2], axis, atol=3e-4)
         np.testing.assert_allclose(node.position, [float(c) for c in rotor.position], atol=1e-4)
-        B = np.array([[float(c) for c in row] for row in Quaternion(*map(float, blades[i])).rotation().rows])
-        np.testing.assert_allclose(B[:, 2], axis, atol=1e-6)
         along = ends[i, 1] - ends[i, 0]
         np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-9)

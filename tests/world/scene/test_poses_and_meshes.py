@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.log.tip_positions import tip
-from skyarm.world.scene.shapes import Shape, blade_mesh, mesh_of, turn_onto
+from skyarm.world.scene.shapes import Shape, mesh_of, turn_onto
 from skyarm.world.scene.vehicle_shapes import body_poses, place, quaternions_of
 
 RNG = np.random.default_rng(7)
@@ -60,14 +60,6 @@ def test_a_mesh_stands_where_its_shape_does() -> None:
     vertices, _ = mesh_of(shape)
     assert np.allclose(vertices.min(axis=0), [0.9, 1.0, 2.9], atol=1e-9)
     assert np.allclose(vertices.max(axis=0), [1.1, 3.0, 3.1], atol=1e-9)
-
-
-def test_a_blade_reaches_as_far_as_its_rotor() -> None:
-    vertices, faces = blade_mesh(0.1)
-    assert np.allclose(vertices[:, 0].max(), 0.1)
-    assert np.allclose(vertices[:, 0].min(), -0.1)
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    assert float((a * np.cross(b, c)).sum() / 6.0) == pytest.approx(0.2 * 0.012 * 0.002)
 
 
 def test_an_unknown_kind_of_shape_is_refused() -> None:

@@ -5,49 +5,33 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.fleet import BLOW, GUST, MOST, SPEEDS, Fleet, Flight, law_names
 from skyarm.view.studio.knobs import Knob
-from skyarm.view.studio.picture import COLORS, View
+from skyarm.view.studio.picture import COLORS
 from skyarm.view.studio.sights import Sight
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.page import Page
 
 NO_LAW = "none"
 NO_CASE = "choose"
 DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 
 
-class Orders(Protocol):
-    """Orders of the controls to the page, from any thread."""
-
-    def do(self, work: Callable[[Fleet], None]) -> None:
-        """Do something with the fleet before the next picture."""
-
-    def choose_law(self, place: int, law: str | None) -> None:
-        """Let a law fly at a place; None takes the place away."""
-
-    def choose_case(self, name: str) -> None:
-        """Fly another scenario."""
-
-    def choose_view(self, view: View, dark: bool) -> None:
-        """Show and hide parts of the picture."""
-
-    def save(self) -> None:
-        """Write what was flown as a scenario."""
-
-
 class Controls:
     """The controls of the page.
 
     Args:
-        gui: of viser. orders: what they ask.
+        gui: of viser. orders: page that carries them out.
         laws: that fly at first.
     """
 
-    def __init__(self, gui: Any, orders: Orders, laws: list[str]) -> None:
+    def __init__(self, gui: Any, orders: Page, laws: list[str]) -> None:
         self._gui, self._orders = gui, orders
         self.status = gui.add_markdown("Machine code is being made ...")
         self._clock()
@@ -100,27 +84,14 @@ class Controls:
         """The shipped scenarios, and saving."""
         with self._gui.add_folder("cases"):
             menu = self._gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
-            _on_click(menu, self._case)
+            _on_click(menu, self._orders.choose_case)
             save = self._gui.add_button("Save as scenario", hint="with every change by hand, at its control period")
             _on_click(save, lambda _: self._orders.save())
 
-    def _case(self, name: str) -> None:
-        if name != NO_CASE:
-            self._orders.choose_case(name)
-
     def _view(self) -> None:
-        """Check boxes of the picture's parts."""
-        with self._gui.add_folder("view"):
-            names = ("follow", "beside", "ghost", "arrows", "trails", "dark")
-            boxes = {name: self._gui.add_checkbox(name, name in ("ghost", "arrows", "trails")) for name in names}
-
-        def choose(_: Any) -> None:
-            shown = {name: box.value for name, box in boxes.items()}
-            dark = shown.pop("dark")
-            self._orders.choose_view(View(**shown), dark)
-
-        for box in boxes.values():
-            _on_click(box, choose)
+        """The camera."""
+        box = self._gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
+        _on_click(box, self._orders.follow)
 
 
 CLOCK: dict[str, Callable[[Fleet], None]] = {

@@ -5,6 +5,8 @@ from __future__ import annotations
 import bisect
 import contextlib
 import copy
+import itertools
+import math
 import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,11 +18,13 @@ from skyarm.records.files import must_be_one_of, read_toml, require_writable, sh
 from skyarm.records.files.toml import toml_text
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.scenario.scenario_text import LAYERS
+from skyarm.scenario.scenario_text import document_with
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.knobs import Knob, knobs_of
-from skyarm.view.studio.sights import Load, Sight, Watched, sight
+from skyarm.view.studio.sights import Load, Sight, goal_of, held_loads, sight
+from skyarm.world.scene.vehicle_shapes import Placed, place
 
 MOST = 3
 """Flights at once."""
@@ -238,7 +242,7 @@ class Moved:
     value: float
 
 
-class Flight(Watched):
+class Flight:
     """A flight that steps forward, and back; manual changes are repeated at their own periods.
 
     A change at an instant takes the place of all that were made later: the flight goes another way from there.
@@ -278,10 +282,39 @@ class Flight(Watched):
         return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
 
     @property
+    def vehicle(self) -> Vehicle:
+        """The plant's."""
+        return self.first.plant.vehicle
+
+    def poses(self) -> Placed:
+        """Poses of the bodies now."""
+        state = self.session.state
+        return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+
+    def goal(self) -> Placed:
+        """Desired poses of the bodies now."""
+        return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
+
+    @property
     def loads(self) -> tuple[Load, ...]:
         """Payloads that are held, and the mass that a hand has hung at the tip."""
         mass = self.values.get("plant.payload.mass", 0.0)
-        return (*super().loads, Load(mass)) if mass > 0.0 else super().loads
+        found = held_loads(self.session.scenario.components, self.session.now.components)
+        return (*found, Load(mass)) if mass > 0.0 else found
+
+    @property
+    def last(self) -> Sight:
+        """The latest quantities up to now."""
+        return self.sights[self._after(self.tick) - 1]
+
+    def recent(self, seconds: float) -> list[Sight]:
+        """Quantities of the last seconds."""
+        first = math.ceil(self.tick - seconds * self.session.scenario.rates.control) - 1
+        return self.sights[self._after(first) : self._after(self.tick)]
+
+    def _after(self, tick: int) -> int:
+        """Number of instants up to a control period."""
+        return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
     def move(self, values: Mapping[str, float]) -> None:
         """Change numbers from the next period on.
@@ -383,19 +416,11 @@ def save_flights(fleet: Fleet, folder: Path) -> str:
     written = []
     for flight in fleet.flights:
         document = saved_document(fleet, flight, folder)
-        file = _free(folder, document["name"])
+        ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
+        file = next(path for end in ends if not (path := folder / f"{document['name']}{end}.toml").exists())
         write_atomically(file, toml_text(document).encode())
         written.append(f"skyarm run {file}")
     return "saved; fly it again: " + ", ".join(written)
-
-
-def _free(folder: Path, name: str) -> Path:
-    """A name that no file has yet."""
-    found, number = folder / f"{name}.toml", 0
-    while found.exists():
-        number += 1
-        found = folder / f"{name}_{number}.toml"
-    return found
 
 
 LONGEST = 600.0
@@ -497,64 +522,32 @@ def _faults(scenario: Scenario) -> list[dict[str, Any]]:
 def flown_document(
     prepared: Prepared, law: str | None, duration: float, paths: Collection[str], folder: Path
 ) -> dict[str, Any]:
-    """The tables of what was flown: parts that no hand touched are as the file has them.
+    """The tables of what was flown: with the adjustable parts only where one of them was moved.
 
     Args:
         prepared: what was flown.
         law: by name; None is the file's own.
         duration: s that were flown; a reference that is planned keeps the duration that it was planned for.
-        paths: numbers that a hand changed; changes of the file need parts of the file alone.
+        paths: numbers that were changed by hand.
         folder: where the tables are going to be written; paths of vehicles are made to start there.
     """
-    document = copy.deepcopy(dict(prepared.document))
-    if prepared.planned:
-        duration = document["duration"]
-    document["duration"] = duration
-    for table, word, moved in (
-        ("environment", "forces", prepared.push),
-        ("environment", "faults", "environment.faults."),
-        ("environment", "wind", "environment.wind."),
-        ("delays", "longest_command", "delays."),
-    ):
-        own = prepared.own.get(table, {})
-        if any(path.startswith(moved) for path in paths):
-            continue
-        document[table].pop(word, None)
-        if word in own:
-            document[table][word] = copy.deepcopy(own[word])
-    for word in ("environment", "delays"):
-        if not document[word]:
-            del document[word]
-    if any(stop > duration for stop in _ends(document.get("windows", {}))):
+    added = any(path.startswith(("environment.", "delays.")) for path in paths)
+    document = copy.deepcopy(dict(prepared.document if added else prepared.own))
+    lasting = prepared.own["duration"] if prepared.planned else duration
+    document = under_law(document_with(document, {"duration": lasting}), law)
+    if not document.get("windows", True):
         del document["windows"]
-    document = under_law(document, law)
     for table in ("plant", "model"):
         _move_vehicle(document.get(table, {}), prepared.folder, folder)
     return document
 
 
 def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
-    """The tables with a law by name in place of their own, if one is given; its layers stay, changes of it do not."""
+    """The tables with a law by name in place of their own, if one is given; changes of the own one go."""
     if law is None:
         return dict(document)
     changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
-    layers = {word: value for word, value in document["controller"].items() if word in LAYERS}
-    chosen: dict[str, Any] = {"law": law}
-    if law in PRESETS:
-        chosen = {"preset": law}
-    elif law not in LAWS and law.endswith(TUNED):
-        chosen = {"law": law.removesuffix(TUNED), "tuned": True}
-    kept = {word: value for word, value in document.items() if word != "changes"}
-    return {**kept, "controller": {**chosen, **layers}, **({"changes": changes} if changes else {})}
-
-
-def _ends(windows: Mapping[str, Any]) -> list[float]:
-    """Ends of the metrics' windows, s."""
-    found: list[float] = []
-    for value in windows.values():
-        for window in value if value and isinstance(value, list) and isinstance(value[0], list) else [value]:
-            found += [window[1]] if isinstance(window, list) else []
-    return found
+    return document_with({**document, "changes": changes}, {"controller": law})
 
 
 def _move_vehicle(table: dict[str, Any], old: Path, new: Path) -> None:

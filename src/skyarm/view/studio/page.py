@@ -1,4 +1,4 @@
-"""Pages: a fleet that flies in real time with its controls, and an episode that another program steps."""
+"""The page of the studio: a fleet that flies in real time, with its controls."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import HERTZ, Chart, Controls, KnobPanel, charts, literal
 from skyarm.view.studio.fleet import Fleet, Flight, law_knobs, load_fleet, make_flight, save_flights, shared_knobs
-from skyarm.view.studio.picture import Picture, View
+from skyarm.view.studio.picture import Picture
 
 FRAME = 1.0 / 60.0
 """s between two pictures."""
@@ -80,22 +81,19 @@ class Page:
         self._orders.put(choose)
 
     def choose_case(self, name: str) -> None:
-        """Fly another scenario under the same laws."""
+        """Fly a shipped scenario under the same laws; of any other word nothing happens."""
 
         def choose() -> None:
+            if name not in list_scenarios():
+                return
             laws = [flight.law for flight in self.fleet.flights]
             self._begin(load_fleet(name), laws or [None])
 
         self._orders.put(choose)
 
-    def choose_view(self, view: View, dark: bool) -> None:
-        """Show and hide parts of the picture."""
-
-        def choose() -> None:
-            self._picture.choose(view)
-            self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
-
-        self._orders.put(choose)
+    def follow(self, follows: bool) -> None:
+        """Let the camera go along with the first vehicle, or stand."""
+        self._orders.put(lambda: setattr(self._picture, "follow", follows))
 
     def save(self) -> None:
         """Write what was flown as scenarios, one for each law."""
@@ -119,13 +117,12 @@ class Page:
                 watched = bool(self._server.get_clients())
                 now = time.perf_counter()
                 self._obey()
-                before = self.fleet.tick
                 # laws that are chosen together begin together
                 if watched and self.fleet.flights and not (self._making and not self.fleet.tick):
                     self.fleet.advance(now - last)
                 with self._server.atomic():
                     if watched:
-                        self._picture.draw(self.fleet.flights, (self.fleet.tick - before) / self.fleet.rate)
+                        self._picture.draw(self.fleet.flights)
                     if now - slow >= 1.0 / HERTZ:
                         slow = now
                         self._draw_slowly()

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.scene_nodes import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import Load, Touching, Watched, goal_of
+from skyarm.view.studio.sights import Load, Touching, goal_of
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
 from skyarm.world.scene.world_shapes import (
@@ -44,9 +45,6 @@ SHAFT, TOUCH_SHAFT = 0.004, 0.005
 TRAIL = 4.0
 """s of tip trail."""
 
-APART = 1.2
-"""m between vehicles that are drawn beside each other."""
-
 SLOW = 6
 """Frames between two drawings of what moves slowly: the ghost, trails, labels."""
 
@@ -55,22 +53,6 @@ STAGE = "/stage"
 
 VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
 """m from the vehicle, from where a new tab may look at it."""
-
-
-@dataclass(slots=True)
-class View:
-    """Parts of the picture that are shown.
-
-    Attributes:
-        beside: vehicles beside each other, not over each other. follow: the camera goes along with the first vehicle.
-        ghost, arrows, trails: whether they are drawn.
-    """
-
-    beside: bool = False
-    follow: bool = False
-    ghost: bool = True
-    arrows: bool = True
-    trails: bool = True
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
@@ -84,7 +66,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
 
 
 class FlightNodes:
-    """Nodes of one flight: vehicle, forces, trail, name, world and payloads.
+    """Nodes of one flight: vehicle, forces, trail, name and payloads; of the first one also the world.
 
     Args:
         scene: of viser. number: of the flight, from 0.
@@ -94,11 +76,10 @@ class FlightNodes:
 
     def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
         vehicle, end = scenario.plant.vehicle, number + 1
-        self._vehicle, self._number, self._around, self._lost = vehicle, number, placed.tip, False
+        self._vehicle, self._around, self._lost = vehicle, placed.tip, False
+        self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint, points = tones_of(COLORS[number]), point_shapes(scenario.worlds, vehicle)
-        self.vehicle = VehicleNodes(
-            scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, blades=True, cast=not plain
-        )
+        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, cast=not plain)
         colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED, OBSERVED], np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
@@ -106,61 +87,52 @@ class FlightNodes:
         self._cords = scene.add_line_segments(f"{STAGE}/cords{end}", still, GREY, thickness=0.003)
         self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
         self._loads = SolidNodes(scene, f"{STAGE}/loads{end}")
-        self._world, self._touches = None, None
+        self._world, self._touches, self._moves = None, None, False
         contacts = scenario.worlds
-        if contacts:
+        if contacts and number == 0:
             self._world = SolidNodes(scene, f"{STAGE}/world{end}", shadow=not plain)
             self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
+            surfaces = [each for contact in contacts for each in contact.surfaces]
+            self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
         pairs = sum(contact.logged_pairs for contact in contacts)
         if pairs:
             self._touches = Arrows(scene, f"{STAGE}/touches{end}", [TOUCH] * pairs, TOUCH_SHAFT, at)
-        surfaces = [each for contact in contacts for each in contact.surfaces]
-        self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
-        self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)), np.zeros(3))
-
-    @property
-    def _above(self) -> Array:
-        """(3,) m: place of the label, seen from the base."""
-        return np.array([0.0, 0.0, 0.16 + 0.08 * self._number])
+        self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)))
 
     def _place_world(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
         if self._world is not None:
             solids = world_shapes(scenario.worlds, np.array([time]), tuple(self._around), carried=carried)
             self._world.place(solids)
 
-    def draw_bodies(self, placed: Placed, turns: dict[str, Array], beside: Array) -> None:
+    def draw_bodies(self, placed: Placed, turns: dict[str, Array]) -> None:
         """Move the bodies and the discs of rotors that tilt."""
-        self.vehicle.place(placed.rotations, placed.positions + beside)
+        self.vehicle.place(placed.rotations, placed.positions)
         self.vehicle.tilt({name: turn[0] for name, turn in turns.items()})
 
-    def draw(self, flight: Watched, seconds: float, beside: Array, view: View, *, slow: bool) -> Placed:
-        """Show the flight as it is now, ``beside`` (3,) m its own place; returns its poses."""
+    def draw(self, flight: Flight, *, slow: bool) -> Placed:
+        """Show the flight as it is now, the world, trail and label only if ``slow``; returns its poses."""
         session, placed = flight.session, flight.poses()
         state, last = session.state, flight.last
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
-        self.draw_bodies(placed, turns if session.running else {}, beside)
-        if session.running:
-            self.vehicle.spin(speeds, seconds)
-        self._carry(flight.loads, placed, beside)
-        if view.arrows:
-            self._forces.point(beside + force_arrows(flight, placed, speeds, turns))
-            if self._touches is not None:
-                self._touches.point(beside + touch_arrows(last.touching))
+        self.draw_bodies(placed, turns if session.running else {})
+        self._carry(flight.loads, placed)
+        self._forces.point(force_arrows(flight, placed, speeds, turns))
+        if self._touches is not None:
+            self._touches.point(touch_arrows(last.touching))
         if slow or self._moves:
             held = held_poses(session.scenario.components, session.now.components)
             self._place_world(session.scenario, session.time, held)
         if slow:
-            if view.trails:
-                self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)], beside)
+            self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)])
             if bool(flight.lost) != self._lost:
                 self._lost = bool(flight.lost)
                 self.vehicle.color(tones_of(LOST) if self._lost else self._paint)
             self._label.text = f"{flight.title}: lost" if self._lost else flight.title
             if np.isfinite(placed.positions[0]).all():
-                self._label.position = placed.positions[0] + beside + self._above
+                self._label.position = placed.positions[0] + self._above
         return placed
 
-    def _carry(self, loads: Sequence[Load], placed: Placed, beside: Array) -> None:
+    def _carry(self, loads: Sequence[Load], placed: Placed) -> None:
         """Show payloads where they are held, or where they hang on their cords."""
         solids: list[Solid] = []
         cords = []
@@ -171,22 +143,12 @@ class FlightNodes:
                 holder = placed.positions[1 + shape.body] + R @ np.array(shape.position)
                 at = holder if each.hangs is None else each.hangs
                 named = replace(shape, name=f"payload{len(solids) + 1}")
-                solids.append(Solid(named, (at + beside)[None], R[None], self._paint("payload")))
-                cords.append((holder + beside, at + beside))
+                solids.append(Solid(named, at[None], R[None], self._paint("payload")))
+                cords.append((holder, at))
         self._loads.place(solids)
         self._cords.visible = any(each.hangs is not None for each in loads)
         if self._cords.visible:
             self._cords.points = np.array(cords, np.float32)
-
-    def show(self, view: View) -> None:
-        """Show and hide parts; flights drawn over each other share the world of the first."""
-        self._trail.visible = view.trails
-        self._forces.show(view.arrows)
-        if self._touches is not None:
-            self._touches.show(view.arrows)
-        if self._world is not None:
-            self._world.show(self._number == 0 or view.beside)
-            self._world.root.position = np.array([0.0, APART * self._number, 0.0])
 
     def remove(self) -> None:
         """Take it out of the scene."""
@@ -196,7 +158,7 @@ class FlightNodes:
                 node.remove()
 
 
-def force_arrows(flight: Watched, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
+def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
     """Ends (rotors + 3, 2, 3) of thrusts, air, force from outside and estimated force, m."""
     vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
     ends = []
@@ -214,9 +176,9 @@ def touch_arrows(touching: Sequence[Touching]) -> Array:
     return np.array([(each.spot, each.spot + NEWTON * each.force) for each in touching]).reshape(-1, 2, 3)
 
 
-def trail(tips: Sequence[Array], beside: Array) -> Array:
+def trail(tips: Sequence[Array]) -> Array:
     """(N, 2, 3) segments of the tip's path."""
-    places = np.array(tips, dtype=np.float32).reshape(-1, 3) + beside if len(tips) > 1 else np.zeros((2, 3))
+    places = np.array(tips, dtype=np.float32).reshape(-1, 3) if len(tips) > 1 else np.zeros((2, 3))
     segments: Array = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
     return segments
 
@@ -234,7 +196,8 @@ class Picture:
     """
 
     def __init__(self, server: Any, *, plain: bool = False) -> None:
-        self._server, self._scene, self._plain, self.view = server, server.scene, plain, View()
+        self._server, self._scene, self._plain = server, server.scene, plain
+        self.follow = False
         self._flights: list[FlightNodes] = []
         self._ghost: VehicleNodes | None = None
         self._frame = 0
@@ -265,7 +228,6 @@ class Picture:
         self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
         self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
         self._ground.position = (0.0, 0.0, ground_height(scenario.worlds))
-        self.choose(self.view)
         self._look_at(scenario, placed)
 
     def _look_at(self, scenario: Scenario, placed: Placed) -> None:
@@ -276,21 +238,15 @@ class Picture:
         camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
         camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
 
-    def draw(self, flights: Sequence[Watched], seconds: float) -> None:
-        """Show the flights as they are now.
-
-        Args:
-            flights: as many as were built.
-            seconds: of flight since the last picture, for the blades.
-        """
+    def draw(self, flights: Sequence[Flight]) -> None:
+        """Show the flights, as many as were built, as they are now."""
         self._frame += 1
         slow = self._frame % SLOW == 0
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
-            beside = np.array([0.0, APART * i if self.view.beside else 0.0, 0.0])
-            placed = nodes.draw(flight, seconds, beside, self.view, slow=slow)
+            placed = nodes.draw(flight, slow=slow)
             if i == 0:
                 self._follow(placed.positions[0])
-        if slow and flights and self.view.ghost:
+        if slow and flights:
             self._draw_ghost(flights[0].goal())
 
     def _draw_ghost(self, goal: Placed) -> None:
@@ -299,18 +255,10 @@ class Picture:
 
     def _follow(self, at: Array) -> None:
         """Keep the first vehicle, (3,) m, where the camera first saw it; without following, the ground."""
-        moved = self._origin - at if self.view.follow else np.zeros(3)
+        moved = self._origin - at if self.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved
 
     def hurry(self) -> None:
         """Draw all of the next picture: a hand has moved something."""
         self._frame = -1
-
-    def choose(self, view: View) -> None:
-        """Show and hide parts of the picture."""
-        self.view = view
-        for nodes in self._flights:
-            nodes.show(view)
-        if self._ghost is not None:
-            self._ghost.show(view.ghost)

@@ -5,7 +5,6 @@ A node is sent a value only where it differs from the last one by more than can 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,11 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import Quaternion
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, blade_mesh, floats, mesh_of, turn_onto
-from skyarm.world.scene.vehicle_shapes import disc_name, quaternions_of, rotor_radius, vehicle_shapes
+from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
+from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -25,9 +23,6 @@ Paint = Callable[[str], RGBA]
 """Role of a shape -> its colour."""
 
 GREY = (90, 96, 105)
-
-SLOWED = 40.0
-"""Times that rotors are drawn slower than they turn."""
 
 DIGITS = 4
 """Decimals of places (0.1 mm) and of quaternions that are sent: more would not be seen, and packs worse."""
@@ -107,7 +102,7 @@ class VehicleNodes:
         scene: of viser. name: beginning of the nodes' names.
         vehicle: with concrete numbers.
         paint: colours.
-        points: marks of contact points. blades: whether rotors have blades. cast: whether it casts shadows.
+        points: marks on its bodies. cast: whether it casts shadows.
     """
 
     def __init__(
@@ -118,7 +113,6 @@ class VehicleNodes:
         paint: Paint,
         *,
         points: Sequence[Shape] = (),
-        blades: bool = False,
         cast: bool = False,
     ) -> None:
         self._vehicle = vehicle
@@ -133,20 +127,6 @@ class VehicleNodes:
             for shape in shapes
         ]
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
-        self._blades = self._add_blades(scene, name) if blades and vehicle.rotors else None
-        self._turned = np.zeros(len(vehicle.rotors))
-
-    def _add_blades(self, scene: Any, name: str) -> Any:
-        vertices, faces = blade_mesh(0.95 * rotor_radius(self._vehicle))
-        rotors = self._vehicle.rotors
-        hubs = np.array([floats(rotor.position) for rotor in rotors])
-        turned = np.array([turn_onto(floats(rotor.axis)) for rotor in rotors])
-        self._lifts, self._ups = quaternions_of(turned), turned[:, :, 2]
-        still = np.tile([1.0, 0.0, 0.0, 0.0], (len(hubs), 1))
-        return scene.add_batched_meshes_simple(
-            f"{name}/{BASE}/blades", vertices, faces, still, hubs, batched_colors=GREY, lod="off", cast_shadow=False,
-            receive_shadow=False,
-        )  # fmt: skip
 
     def place(self, rotations: Array, positions: Array) -> None:
         """Move the bodies: R_WB (bodies, 3, 3) and p_WB (bodies, 3), the base first."""
@@ -155,40 +135,16 @@ class VehicleNodes:
         for node, rotation, position in zip(self._links, rotations[1:], positions[1:], strict=True):
             node.put(R.T @ (position - p), R.T @ rotation)
 
-    def spin(self, speeds: Array, seconds: float) -> None:
-        """Turn the blades by so much time; what is too fast to see is slowed down, and keeps its order.
-
-        Args:
-            speeds: of the rotors, rad/s.
-            seconds: since the last picture.
-        """
-        if self._blades is None:
-            return
-        senses = np.array([float(rotor.direction) for rotor in self._vehicle.rotors])
-        self._turned = (self._turned + senses * speeds * seconds / SLOWED) % (2.0 * math.pi)
-        half = 0.5 * self._turned
-        # about the axis of the rotor, after the turn of z onto it
-        spun = Quaternion(np.cos(half), *(np.sin(half) * self._ups.T)) * Quaternion(*self._lifts.T)
-        self._blades.batched_wxyzs = np.stack(list(spun), axis=1).astype(np.float32)
-
     def tilt(self, turns: Mapping[str, Array]) -> None:
-        """Turn discs and blades: name of a disc -> R_BB (3, 3)."""
-        for i, rotor in enumerate(self._vehicle.rotors):
-            if (name := disc_name(rotor.name)) in turns:
-                disc, shape = self._discs[name]
-                lift = turns[name] @ np.array(shape.rotation)
-                disc.put(np.array(shape.position), lift)
-                if self._blades is not None:
-                    self._lifts[i], self._ups[i] = quaternions_of(lift[None])[0], lift[:, 2]
+        """Turn discs: name of a disc -> R_BB (3, 3)."""
+        for name, turn in turns.items():
+            disc, shape = self._discs[name]
+            disc.put(np.array(shape.position), turn @ np.array(shape.rotation))
 
     def color(self, paint: Paint) -> None:
         """Give it other colours."""
         for node, shape in self._meshes:
             node.color = bytes_of(paint(shape.role))
-
-    def show(self, visible: bool) -> None:
-        """Show or hide it."""
-        self._base.node.visible = visible
 
     def remove(self) -> None:
         """Take it out of the scene, with all that hangs on it."""
@@ -221,10 +177,6 @@ class SolidNodes:
                 self._nodes[name] = MovingNode(node), shape.size
             self._nodes[name][0].put(solid.position[k], solid.rotation[k])
 
-    def show(self, visible: bool) -> None:
-        """Show or hide them."""
-        self.root.visible = visible
-
     def remove(self) -> None:
         """Take them out of the scene."""
         self.root.remove()
@@ -246,7 +198,7 @@ class Arrows:
             name, self._points, np.array(colors, np.uint8), shaft_radius=radius, head_radius=HEAD[0] * radius,
             head_length=HEAD[1] * radius, visible=False,
         )  # fmt: skip
-        self._acting, self._wanted = False, True
+        self._acting = False
 
     def point(self, ends: Array) -> None:
         """Draw arrows (N, 2, 3) from first to second place, m; those that are too short are hidden."""
@@ -258,13 +210,7 @@ class Arrows:
             if np.abs(drawn - self._points).max() > STILL:
                 self._node.points = self._points = drawn
         if acting != self._acting:
-            self._acting = acting
-            self._node.visible = acting and self._wanted
-
-    def show(self, visible: bool) -> None:
-        """Show or hide them."""
-        self._wanted = visible
-        self._node.visible = visible and self._acting
+            self._acting = self._node.visible = acting
 
     def remove(self) -> None:
         """Take them out of the scene."""

@@ -18,7 +18,6 @@ import socket
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from importlib.util import find_spec
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -39,11 +38,6 @@ NARROW = b"""<style>
 
 class StudioError(ValueError):
     """The studio cannot be opened: one line."""
-
-
-def has_viser() -> bool:
-    """True if the optional library is installed; it is not loaded."""
-    return find_spec("viser") is not None
 
 
 def require_viser() -> None:

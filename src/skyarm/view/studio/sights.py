@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance_observer import Observed
-from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
-from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import TimedPayload
 from skyarm.world.scene.shapes import floats
@@ -92,74 +89,7 @@ class Load:
     hangs: Array | None = None
 
 
-class Flown(Protocol):
-    """Anything that flies a scenario period by period: a session, or an episode stepped from outside."""
-
-    @property
-    def scenario(self) -> Scenario: ...  # noqa: D102
-    @property
-    def now(self) -> LoopState: ...  # noqa: D102
-    @property
-    def state(self) -> State: ...  # noqa: D102
-    @property
-    def running(self) -> bool: ...  # noqa: D102
-    @property
-    def time(self) -> float: ...  # noqa: D102
-    @property
-    def tick(self) -> int: ...  # noqa: D102
-
-
-class Watched:
-    """A flight as a picture reads it.
-
-    Attributes:
-        session: that flies. title: over the vehicle. sights: quantities of earlier instants, in order.
-    """
-
-    session: Flown
-    title: str
-    sights: list[Sight]
-
-    @property
-    def lost(self) -> str:
-        """Why it ended early, in words; empty while it flies."""
-        return ""
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """The plant's."""
-        return self.session.scenario.plant.vehicle
-
-    def poses(self) -> Placed:
-        """Poses of the bodies now."""
-        state = self.session.state
-        return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
-
-    def goal(self) -> Placed:
-        """Desired poses of the bodies now."""
-        return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Payloads that are held."""
-        return held_loads(self.session.scenario.components, self.session.now.components)
-
-    @property
-    def last(self) -> Sight:
-        """The latest quantities up to now."""
-        return self.sights[self._after(self.session.tick) - 1]
-
-    def recent(self, seconds: float) -> list[Sight]:
-        """Quantities of the last seconds."""
-        now, rate = self.session.tick, self.session.scenario.rates.control
-        return self.sights[self._after(math.ceil(now - seconds * rate) - 1) : self._after(now)]
-
-    def _after(self, tick: int) -> int:
-        """Number of instants up to a control period."""
-        return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
-
-
-def sight(session: Flown) -> Sight:
+def sight(session: Session) -> Sight:
     """Quantities of a session now."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.state

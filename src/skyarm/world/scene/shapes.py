@@ -112,9 +112,6 @@ Faces = npt.NDArray[np.int64]
 AROUND = 24
 """Corners of a circle."""
 
-BLADE = (0.12, 0.02)
-"""Width and height of a rotor's blade, shares of its radius."""
-
 
 def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
     """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
@@ -164,11 +161,6 @@ def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
         return found
     vertices, faces = found
     return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
-
-
-def blade_mesh(radius: float) -> tuple[Array, Faces]:
-    """A rotor's blade from end to end along x, thin along z, about its hub."""
-    return _box(np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius]))
 
 
 def _box(half: Array) -> tuple[Array, Faces]:
