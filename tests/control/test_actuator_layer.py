@@ -33,7 +33,7 @@ from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.studies.stability.frozen_scenario import without_adaptation
-from skyarm.studies.stability.hover_delay import believed_delay, finds_lag, hover_of
+from skyarm.studies.stability.hover_delay import believed_delay, finds_lag
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -173,7 +173,6 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
     assert finds_lag(law)
     flown = planned(law)
     assert believed_delay(flown) == pytest.approx(0.01)
-    assert hover_of(law).delays.measurement == pytest.approx(0.01)
     still = innermost(without_adaptation(flown).controller.par)
     assert own.parts.adaptation.load is not None
     assert still.parts.adaptation.load is None

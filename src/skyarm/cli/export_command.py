@@ -12,10 +12,8 @@ import typer
 from skyarm import __version__
 from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
 from skyarm.cli.lines import say_if_many
-from skyarm.cli.margins_commands import give_margin, tell_margin
 from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import is_named, must_be_named
-from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, save_log
@@ -31,14 +29,11 @@ from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, first_state, without_law
+from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state, without_law
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
 """Hz: of a control law, as the scenarios' own default; a slower one than this is a slip of the keyboard."""
-
-FASTEST_HOVER, MOST_JOINTS = 2000, 12
-"""Hz and joints up to which the delay margin is computed: it takes 3 s for six joints at 200 Hz."""
 
 LONGEST_STEP = 0.1
 """s: a longer step of MuJoCo is a slip of the keyboard."""
@@ -140,7 +135,7 @@ def _law(
     *,
     single: bool,
 ) -> None:
-    """Write a control law as C, and its delay margin as a line."""
+    """Write a control law as C."""
     from skyarm.control.onboard.export_c import export_c
     from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 
@@ -148,7 +143,7 @@ def _law(
     if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
     of_gains = kind_of_file(controller) == "gains"
-    note, estimator, flown = "", None, None
+    note, estimator = "", None
     if is_named(controller) or of_gains:
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -171,7 +166,6 @@ def _law(
         estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
         if len(without_law(planned.changes)) < len(planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
-        flown = planned if asked in (None, float(planned.rates.control)) else None
         control_rate = asked or float(planned.rates.control)
     believed = chosen.par.model.vehicle
     say_if_many(title, believed.n)
@@ -200,26 +194,6 @@ def _law(
         f"{file}: {exported.name}_step, {chosen.name} for {believed.name}, {exported.operations} operations in "
         f"{precision}, {len(exported.parameters)} parameters{note}"
     )
-    _tell_delay_margin(chosen, flown, control_rate)
-
-
-def _tell_delay_margin(chosen: Controller, flown: Scenario | None, rate: float) -> None:
-    """Delay margin in the law's scenario, else in a hover of the vehicle of its model."""
-    from skyarm.studies.stability.hover_delay import hover_of
-
-    joints = chosen.par.model.vehicle.n
-    reason = ""
-    if rate != round(rate) or rate > FASTEST_HOVER:
-        reason = f"a rate of {rate:g} Hz; it is asked for at whole numbers up to {FASTEST_HOVER}"
-    elif joints > MOST_JOINTS:
-        reason = f"{joints} joints; 'skyarm check SCENARIO' takes its time for it"
-    else:
-        try:
-            return tell_margin(flown or hover_of(chosen, round(rate)), chosen.name)
-        except ValueError as error:
-            reason = str(error)
-    give_margin(None)
-    tell(f"delay margin: not known: {reason}")
 
 
 def _require_scenario(controller: str) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.arguments import Controller, Scenario, require_not_another, require_within
-from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
+from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
@@ -19,7 +19,6 @@ from skyarm.records.registry.plugins import identities
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
-from skyarm.studies.stability.hover_delay import HoverDelay, hover_delay_if_known
 
 GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
 """Field of the margins -> head of its column."""
@@ -107,31 +106,6 @@ def margins(
         tell(f"written: {write_json(written, document)}")
     if not found.completed:
         raise typer.Exit(NOT_COMPLETED)
-
-
-def tell_margin(scenario: Record, label: str) -> None:
-    """Print and give the delay margin of a scenario's law in hover; warn where it is too small.
-
-    Args:
-        scenario: in whose hover it is computed.
-        label: of the law, in words.
-    """
-    found = hover_delay_if_known(scenario)
-    if isinstance(found, str):
-        give_margin(None)
-        return tell(f"delay margin: not known: {found}")
-    short = found.shortfall if found.margin > 0.0 else "no margin at all"
-    if short:
-        remedy = "softer gains or another law ('skyarm margins' shows which loop)"
-        say(f"warning: {label}: delay margin: {short}{found.before}: {remedy}")
-    give_margin(found)
-    tell(f"delay margin: {found.sentence(label)}")
-
-
-def give_margin(found: HoverDelay | None) -> None:
-    """A margin for the document, s; null where it is not known, and beyond 0.1 s."""
-    margin, believed, enough = (None, None, None) if found is None else (found.margin, found.believed, found.enough)
-    give(delay_margin_s=margin, delay_believed_s=believed, delay_margin_enough=enough)
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:

@@ -15,7 +15,7 @@ import typer
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_steps, say_suspicious
-from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell, waiting
+from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
 from skyarm.log.formats import require_format, save_log
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
@@ -55,7 +55,6 @@ def run(
     picture: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
     ] = None,
-    margin: Annotated[bool, typer.Option("--margin", help="print first the loop's delay margin in hover")] = False,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
@@ -79,11 +78,6 @@ def run(
         require_replaceable(*files)
         say_suspicious(planned)
         say_steps(planned)
-        if margin:
-            from skyarm.cli.margins_commands import tell_margin
-
-            with waiting(f"{planned.name}: delay margin"):
-                tell_margin(planned, planned.controller.name)
         with bar(planned.name) as advance:
             log = fly(planned, advance)
         with earlier_kept([] if force else files) as kept:

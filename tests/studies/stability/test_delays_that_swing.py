@@ -9,9 +9,8 @@ import pytest
 from swinging_flights import TABLE, hover, swings_from
 
 import skyarm
-from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_named
-from skyarm.studies.stability.hover_delay import ENOUGH, believed_delay, hover_delay, hover_of
+from skyarm.studies.stability.hover_delay import ENOUGH, believed_delay, hover_delay
 
 
 def around(delay):
@@ -81,49 +80,3 @@ def test_the_margin_of_a_law_that_finds_a_lag_is_said_to_be_that_of_before():
     assert told.before == ", before it finds a lag"
     plain = dataclasses.replace(told, finds_lag=False)
     assert (plain.sentence("law")[-18:], plain.before) == ("10 ms are believed", "")
-
-
-def test_a_controller_made_for_a_vehicle_is_asked_in_a_hover_of_it():
-    """The same loop by two ways: the controller alone, and the hover that its scenario was written for."""
-    vehicle, law, _ = TABLE[1]
-    believed = skyarm.Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
-    controller = make_named(law, believed, {"control_period": 0.005})
-    alone, planned = hover_delay(hover_of(controller)), hover_delay(hover(vehicle, law, (0.0, 0.0)))
-    assert alone.margin == pytest.approx(planned.margin, abs=2e-4)
-    # one that is told of 10 ms hovers with measurements so old
-    other = make_named("centroidal_tip", believed, {"control_period": 0.005})
-    told = dataclasses.replace(other, par=dataclasses.replace(other.par, delay_periods=2))
-    assert (hover_of(told).delays.measurement, believed_delay(hover_of(told))) == (0.01, 0.01)
-
-
-def test_a_planar_model_is_asked_in_a_hover_of_the_body_that_moves_like_it():
-    """No plant flies the paper's Table 1; its twin, with moments of inertia moved from the base to the links, does."""
-    found = []
-    for name in ("hummingbird_arm2", "hummingbird_arm2_twin"):
-        believed = skyarm.Model(vehicle=skyarm.load_vehicle(name), gravity=9.81)
-        controller = make_named("centroidal_joint", believed, {"control_period": 0.005})
-        found.append(hover_delay(hover_of(controller)).margin)
-        assert hover_of(controller).controller.par.model.vehicle == believed.vehicle
-    assert found[0] == pytest.approx(found[1], rel=1e-6)
-
-
-def crossed(planar):
-    """The arm with its second joint about another axis: the moments that a link needs would show in the motion."""
-    first, second = planar.links
-    turned = dataclasses.replace(second, joint=dataclasses.replace(second.joint, axis=Vec3(1.0, 0.0, 0.0)))
-    return dataclasses.replace(planar, links=(first, turned))
-
-
-def heavy(planar):
-    """Links with more moment of inertia than the base could give: the remainder would be no body's."""
-    bodies = (dataclasses.replace(each.body, inertia=each.body.inertia * 100.0) for each in planar.links)
-    links = zip(planar.links, bodies, strict=True)
-    return dataclasses.replace(planar, links=tuple(dataclasses.replace(link, body=body) for link, body in links))
-
-
-@pytest.mark.parametrize("changed", [crossed, heavy])
-def test_a_planar_model_that_no_body_moves_like_is_refused(changed):
-    vehicle = changed(skyarm.load_vehicle("hummingbird_arm2"))
-    controller = make_named("centroidal_joint", skyarm.Model(vehicle=vehicle, gravity=9.81), {"control_period": 0.005})
-    with pytest.raises(ValueError, match="planar = True: must be false in a plant"):
-        hover_of(controller)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.studies.stability.hover_delay import hover_delay, hover_of
+from skyarm.studies.stability.hover_delay import hover_delay
 from skyarm.studies.stability.settled_hover import SettledHover
+from skyarm.studies.tune.excitation import of_vehicle
 
 PATHS = ("controller.gains.position.x", "controller.gains.attitude.y")
 
@@ -79,5 +80,5 @@ def test_a_vehicle_without_drag_and_joints_has_margins():
     """Nothing pushes it along x and y, which is no reason for a measurement to have two numbers less."""
     bare = skyarm.load_vehicle("hummingbird")
     free = [dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in bare.rotors]
-    law = skyarm.make_controller("decoupled_pd", skyarm.Model(vehicle=dataclasses.replace(bare, rotors=tuple(free))))
-    assert 0.01 < hover_delay(hover_of(law)).margin < 0.1
+    scenario = of_vehicle(dataclasses.replace(bare, rotors=tuple(free)), "decoupled_pd")
+    assert 0.01 < hover_delay(scenario).margin < 0.1

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
-from skyarm.algebra import E_Z, Mat3, Sym3
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import Controller, ControllerError, innermost, part_of
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.plant.interface import Truth
-from skyarm.reference import hover
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
-from skyarm.studies.stability.along import SETTLING, frozen_instants, hovering
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.studies.stability.along import frozen_instants, hovering
 from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
 from skyarm.studies.stability.margins import delay_margin
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.5
 """Margin over the believed delay below which it is warned of; the belief may be wrong by as much as it is large."""
@@ -109,68 +103,6 @@ def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
         return hover_delay(scenario)
     except (ScenarioError, ControllerError, AllocationError, NoMachineCodeError) as error:
         return str(error)
-
-
-FASTEST = 1000
-"""Hz, least rate of the physics of a hover."""
-
-
-def hover_of(controller: Controller, rate: int = 200) -> Scenario:
-    """A hover of a controller's nominal vehicle with its nominal delay, to compute its margin.
-
-    Args:
-        controller: of any law.
-        rate: Hz, of the control.
-
-    Raises:
-        ValueError: no such rate, or a planar model that no body moves like.
-    """
-    model, own = controller.par.model, innermost(controller.par)
-    joints = tuple(min(max(0.0, float(j.lower)), float(j.upper)) for j in (link.joint for link in model.vehicle.links))
-    physics = rate * max(1, math.ceil(FASTEST / rate))
-    held = getattr(own, "reference_period", None)
-    reference = rate if held is None else round(1.0 / float(held))
-    return Scenario(
-        name=model.vehicle.name,
-        rates=Rates(physics=physics, control=rate, reference=reference),
-        plant=Truth(vehicle=_with_bodies(model.vehicle), gravity=model.gravity),
-        controller=controller,
-        reference=hover((0.0, 0.0, HEIGHT), joints=joints),
-        duration=SETTLING,
-        delays=Delays(measurement=float(getattr(own, "delay_periods", 0)) / rate),
-    )
-
-
-def _with_bodies(vehicle: Vehicle) -> Vehicle:
-    """A vehicle whose planar links are real bodies and which moves as a planar model does; else the model itself.
-
-    Moments a (1 - n n^T), moved from the base to a link that turns about n alone, change no kinetic energy: the link's
-    part is a (w^2 - (n w)^2), w the base's angular velocity, at any angle of its joints.
-    """
-    about = vehicle.links[0].joint.axis if vehicle.n else E_Z
-    alike = all(
-        link.joint.kind == "revolute" and link.joint.axis == about and link.joint.rotation == Mat3.identity()
-        for link in vehicle.links
-    )
-    if not vehicle.planar or vehicle.followers or vehicle.base.planar or not alike:
-        return vehicle
-    across = Sym3.isotropic(1.0) - Sym3.of_matrix(Mat3.columns(*(about * each for each in about)))
-    base, links = vehicle.base, []
-    for link in vehicle.links:
-        body = link.body
-        if body.planar:
-            moved = across * float(about.dot(body.inertia.full().apply(about)))
-            body = dataclasses.replace(body, inertia=body.inertia + moved, planar=False)
-            base = dataclasses.replace(base, inertia=base.inertia - moved)
-        links.append(dataclasses.replace(link, body=body))
-    try:
-        return dataclasses.replace(vehicle, base=base, links=tuple(links))
-    except VehicleError:  # what is left to the base is no body's inertia
-        return vehicle
-
-
-HEIGHT = 10.0
-"""m, far from the ground."""
 
 
 def believed_delay(scenario: Scenario) -> float:
