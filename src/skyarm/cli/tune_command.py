@@ -51,7 +51,7 @@ def tune(
 ) -> None:
     """Find a law's gains for a vehicle; a front, a file.
 
-    The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
+    Exit code 3 if no gains meet the margins.
     """
     for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
         require_within(option, value, *bounds)
@@ -83,7 +83,7 @@ def tune(
     begin = time.perf_counter()
     with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:
         require_writable(folder)
-        found = perform(plan, folder, threads=threads, progress=advance)
+        found = perform(plan, threads=threads, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
     for stale in range(len(found.points), POINTS):

@@ -1,15 +1,13 @@
-"""The search on costs that need no flight: it finds a known minimum, repeats, goes on, looks at few margins."""
+"""The search on costs that need no flight: it finds a known minimum, repeats, looks at few margins."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from skyarm.records.files import unpacked, write_atomically
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
 from skyarm.studies.tune.law_knobs import Knob
-from skyarm.studies.tune.tuning import Archive, ArchiveError
 
 KNOBS = tuple(
     Knob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),)) for i, unit in enumerate(("1/s^2", "1/s", "rad/s", ""))
@@ -44,52 +42,6 @@ def test_a_search_asks_the_same_questions_again_and_other_ones_with_another_seed
         asked[name] = search(KNOBS, EFFORT, lambda _number, logs, _plants: scores_of(logs), seed=seed)[0]
     np.testing.assert_array_equal(asked["first"], asked["again"])
     assert not np.array_equal(asked["first"], asked["other"])
-
-
-def test_an_interrupted_search_goes_on_from_its_archive_with_the_same_bits(tmp_path):
-    facts = {"seed": 3}
-
-    def judged(folder, stop=None):
-        archive, flown = Archive(folder, facts), []
-
-        def judge(number, logs, _plants):
-            there = archive.get(number, logs)
-            if there is None:
-                if number == stop:
-                    raise KeyboardInterrupt
-                flown.append(number)
-                there = scores_of(logs)
-                archive.put(number, logs, there)
-            return there
-
-        return search(KNOBS, EFFORT, judge, seed=3)[0], flown
-
-    (tmp_path / "whole").mkdir()
-    (tmp_path / "cut").mkdir()
-    whole, _ = judged(tmp_path / "whole")
-    with pytest.raises(KeyboardInterrupt):
-        judged(tmp_path / "cut", stop=7)
-    # a file that was cut off is flown again
-    write_atomically(tmp_path / "cut" / "round_006.npz", (tmp_path / "cut" / "round_006.npz").read_bytes()[:200])
-    rest, flown = judged(tmp_path / "cut")
-    np.testing.assert_array_equal(whole, rest)
-    assert flown == list(range(6, EFFORT.rounds + 1))
-
-
-def test_a_round_that_unpacks_to_too_much_is_judged_again(tmp_path, monkeypatch):
-    archive, asked = Archive(tmp_path, {}), np.zeros((100, len(BEST)))
-    archive.put(0, asked, scores_of(asked))
-    assert archive.get(0, asked) is not None
-    monkeypatch.setattr(unpacked, "LARGEST", 1000)
-    monkeypatch.setattr(unpacked, "RATIO", 0)
-    assert archive.get(0, asked) is None
-
-
-def test_an_archive_of_something_else_is_refused_by_what_differs(tmp_path):
-    Archive(tmp_path, {"seed": 1, "law": "a"})
-    Archive(tmp_path, {"seed": 1, "law": "a"})
-    with pytest.raises(ArchiveError, match=r"--out = .*a search of something else \(law: 'a', now 'b'\)"):
-        Archive(tmp_path, {"seed": 1, "law": "b"})
 
 
 def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth():

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -89,19 +87,16 @@ def test_the_gains_fly(tuned):
 
 
 @pytest.mark.thorough
-def test_a_killed_search_goes_on_to_the_same_bytes_on_other_threads(tuned, tmp_path):
+def test_the_result_does_not_depend_on_the_number_of_threads(tuned, tmp_path):
     folder, _ = tuned
-    shutil.copytree(folder, tmp_path / "cut")
-    for name in ("round_002.npz", "round_003.npz", "tuned.toml", "tune.html"):
-        (tmp_path / "cut" / name).unlink()
-    result = tune("--workers", "2", folder=tmp_path / "cut")
+    result = tune("--workers", "2", folder=tmp_path)
     assert result.exit_code == 0, result.output
     assert "pick" in result.output
     # a vehicle without joints and tip
     assert "base error" in result.output
     assert not re.search("tip error|joints|effort", result.output)
-    for name in ("tuned.toml", "tune.html", "round_002.npz"):
-        assert (tmp_path / "cut" / name).read_bytes() == (folder / name).read_bytes(), name
+    for name in ("tuned.toml", "tune.html"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
 
 
 def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
@@ -121,7 +116,6 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--seed", "3"), "holds a search of something else (seed: 2, now 3)"),
         (("--candidates", "10"), "--candidates = 10: must be from 64 to 100000"),
         (("--plants", "1"), "--plants = 1: must be from 4 to 1000"),
         (("--knobs", "gains.positon"), "--knobs: 'gains.positon': did you mean 'gains.position'"),
@@ -154,7 +148,7 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
 def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, monkeypatch):
     plans = []
 
-    def seen(plan, folder, **_):
+    def seen(plan, **_):
         plans.append(plan)
         raise ValueError("enough")
 
@@ -177,10 +171,3 @@ def test_the_extra_is_named_where_the_library_is_missing(monkeypatch):
     monkeypatch.delitem(sys.modules, "skyarm.studies.tune.gain_search", raising=False)
     with pytest.raises(ImportError, match="needs the extra 'tune'"):
         import skyarm.studies.tune.gain_search  # noqa: F401
-
-
-def test_archives_hold_plain_arrays(tuned):
-    folder, _ = tuned
-    with np.load(folder / "round_000.npz", allow_pickle=False) as held:
-        assert held["asked"].shape[0] == len(held["error"])
-        np.testing.assert_array_equal(held["asked"][0], 0.0)

@@ -5,8 +5,7 @@ One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``
 batch, and
 all learn from one archive: each begins at the best candidate of its weight so far, and twice more on the way.
 
-A round's candidates follow from the seed and the scores before it. The archive keeps scores only: a search that was
-interrupted asks the same questions again, finds their answers there, and goes on with the same bits.
+A round's candidates follow from the seed and the scores before it.
 """
 
 from __future__ import annotations

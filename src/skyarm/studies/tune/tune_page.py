@@ -84,7 +84,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
     """Source of the gains."""
     plan = tuning.plan
     return {
-        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
+        **plan.facts(),
         "scenario": plan.check.name,
         "vehicle": plan.flight.plant.vehicle.name,
         "vehicle_digest": identity(plan.flight.plant.vehicle),

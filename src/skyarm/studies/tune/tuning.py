@@ -10,23 +10,16 @@ gains and those of the catalogue for this law go all that way with them. The pic
 from __future__ import annotations
 
 import dataclasses
-import io
-import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.files import shown, versions, write_atomically
-from skyarm.records.files.unpacked import npz_arrays
-from skyarm.records.files.writing import one_writer
-from skyarm.records.identity import identity
-from skyarm.records.leaves import field_names, parts
+from skyarm.records.files import versions
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.tune.candidate_flights import (
     WEIGHTS,
@@ -53,72 +46,6 @@ POOL = 8
 
 SEMIFINALISTS, FURTHER = 32, 64
 """Candidates of the search that fly once more, and the plants that they do: a few plants flatter."""
-
-FACTS = "search.json"
-"""What the scores are of."""
-
-
-class ArchiveError(ValueError):
-    """A folder holds the search of something else."""
-
-
-class Archive:
-    """Scores of a search by round; those of another search are refused.
-
-    Args:
-        folder: that is there.
-        facts: plain values on which the scores depend.
-
-    Raises:
-        ArchiveError: one line: the folder holds other facts.
-    """
-
-    def __init__(self, folder: Path, facts: Mapping[str, Any]) -> None:
-        self.folder = folder
-        file, text = folder / FACTS, json.dumps(dict(facts), indent=1, sort_keys=True) + "\n"
-        if not file.exists():
-            write_atomically(file, text.encode())
-            return
-        try:
-            known = json.loads(file.read_text("utf-8"))
-        except (OSError, ValueError):
-            known = None
-        if known != json.loads(text):
-            other = _first_difference(known, json.loads(text))
-            raise ArchiveError(
-                f"--out = {shown(str(folder))}: holds a search of something else ({other}); choose another folder, "
-                f"or remove this one"
-            )
-
-    def get(self, number: int, asked: Array) -> Scores | None:
-        """Scores of a round, if it is there, whole, and of these candidates."""
-        try:
-            held = npz_arrays(self._file(number).read_bytes())
-            if not np.array_equal(held["asked"], asked):
-                return None
-            found = Scores(**{name: held[name] for name in field_names(Scores) or ()})
-        except (OSError, ValueError, KeyError):
-            return None
-        return found if all(len(values) == len(asked) for values in parts(found).values()) else None
-
-    def put(self, number: int, asked: Array, scores: Scores) -> None:
-        """Keep the scores of a round."""
-        content = io.BytesIO()
-        np.savez(content, asked=asked, **parts(scores))
-        write_atomically(self._file(number), content.getvalue())
-
-    def _file(self, number: int) -> Path:
-        return self.folder / f"round_{number:03d}.npz"
-
-
-def _first_difference(known: Any, wanted: Mapping[str, Any]) -> str:
-    if not isinstance(known, dict):
-        return f"{FACTS} cannot be read"
-    for name, value in wanted.items():
-        if known.get(name) != value:
-            return f"{name}: {shown(known.get(name))}, now {shown(value)}"
-    return "other facts"
-
 
 UNSEEN = 100
 """Plants by which the front is judged: none of the search's."""
@@ -152,14 +79,10 @@ class Plan:
     unseen: int = UNSEEN
 
     def facts(self) -> dict[str, Any]:
-        """Plain values on which all scores depend."""
+        """Plain values on which the result depends, next to scenario and law."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
-            "law": self.label,
-            "flight": identity(self.flight),
             "motions": [*KINDS, *(["own"] if self.own else [])],
-            **({"own": identity(self.own)} if self.own else {}),
-            "knobs": [knob.path for knob in self.knobs],
             "seed": self.seed,
             "scatter": self.effort.scatter,
             "rounds": self.effort.rounds,
@@ -218,15 +141,15 @@ Progress = Callable[[int, int, str], object]
 
 
 class Tuner:
-    """Flies candidates whose scores the archive does not hold: rounds of the search, the best again, the front.
+    """Flies candidates: rounds of the search, the best again, the front.
 
     Args:
-        plan: of the tuning. plants: of the search. archive: of its scores.
+        plan: of the tuning. plants: of the search.
         threads: results do not depend on it. progress: called after every round.
     """
 
-    def __init__(self, plan: Plan, plants: Plants, archive: Archive, threads: int, progress: Progress) -> None:
-        self._plan, self._archive, self._threads = plan, archive, threads
+    def __init__(self, plan: Plan, plants: Plants, threads: int, progress: Progress) -> None:
+        self._plan, self._threads = plan, threads
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
         self._first: tuple[Array, Scores] | None = None
@@ -249,11 +172,8 @@ class Tuner:
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Scores of a round."""
-        found = self._archive.get(number, asked)
-        if found is None:
-            flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
-            found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
-            self._archive.put(number, asked, found)
+        flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
+        found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
         if number == 0:
             self._first = (asked, found)
         self._done += len(asked) * plants
@@ -285,17 +205,12 @@ class Tuner:
 
     def again(self, asked: Array) -> tuple[Scores, Scores]:
         """Scores of semifinalists on further plants, each with its margins: of all motions, and of those drawn."""
-        numbers = [self._plan.effort.rounds + k for k in (1, 2)]
-        found = [each for number in numbers if (each := self._archive.get(number, asked)) is not None]
-        if len(found) < len(numbers):
-            self._progress(self._done, self._total, "the best once more")
-            flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
-            short = self._margins.costs(asked)
-            found = [dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown))]
-            for number, each in zip(numbers, found, strict=True):
-                self._archive.put(number, asked, each)
+        self._progress(self._done, self._total, "the best once more")
+        flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
+        short = self._margins.costs(asked)
+        every, drawn = (dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
         self._done += len(asked) * FURTHER
-        return found[0], found[1]
+        return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
         """The beginning and the finalists on unseen plants, with margins; ``again`` is of drawn motions."""
@@ -357,17 +272,13 @@ class Tuner:
                 self.__dict__[name].close()
 
 
-def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
-    """Tune, or go on with a search that the folder holds a part of.
+def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
+    """Tune a law.
 
     Args:
         plan: what is tuned.
-        folder: of the archive; it is there.
         threads: results do not depend on it.
-        progress: told of every round.
-
-    Raises:
-        ValueError: the folder holds a search of something else, or is written by another process.
+        progress: called after every round.
     """
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller
@@ -379,10 +290,9 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
         own=plan.own.with_words(controller=law) if plan.own else None,
         knobs=start.knobs,
     )
-    with one_writer(folder), one_blas_thread():
-        archive = Archive(folder, plan.facts())
+    with one_blas_thread():
         plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
-        tuner = Tuner(plan, plants, archive, threads, progress or (lambda *_: None))
+        tuner = Tuner(plan, plants, threads, progress or (lambda *_: None))
         try:
             logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
             # of the scatter nobody flew all plants; the starts come along
