@@ -222,9 +222,9 @@ def test_the_learned_laws_history_is_of_what_was_sent():
         memory, _ = law.law(with_applied_command(memory, sent), reading, wanted, 0.005, par=law.par)
         # the filter starts at the first command and follows the second at 15 rad/s
         share = 1.0 - math.exp(-15.0 * 0.005)
-        assert memory.history.efforts[0] == pytest.approx(0.4 if k == 0 else 0.4 - 0.3 * share, rel=1e-12)
+        assert memory.history.commands[6] == pytest.approx(0.4 if k == 0 else 0.4 - 0.3 * share, rel=1e-12)
     rotors = law.par.model.vehicle.rotors
-    assert memory.history.force.z == pytest.approx(sum(r.thrust_coefficient * 500.0**2 for r in rotors), rel=1e-12)
+    assert memory.history.commands[2] == pytest.approx(sum(r.thrust_coefficient * 500.0**2 for r in rotors), rel=1e-12)
 
 
 DT = 0.005

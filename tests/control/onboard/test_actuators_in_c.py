@@ -62,7 +62,7 @@ def test_a_command_of_setpoints_is_said_to_be_one():
     scenario = load_scenario(FLIGHT)
     text = export_c(scenario.controller, name="law", period=0.005, estimator=ErrorStateFilter()).text
     said = "of each joint what its line above says, in that order"
-    assert "joint 0: shoulder of link 0 'upper', revolute, rad, setpoint of its position servo in rad" in text
+    assert "joint 0: shoulder of link 0 'upper', revolute, rad, setpoint of its PositionServo in rad" in text
     assert f"double efforts[2]; /* {said} */" in text
     assert f"double sent_efforts[2]; /* {said} */" in text
     assert re.search(r"double law_inner_sent_0_efforts\[2\]; /\* N m or N, in the order of the joints above \*/", text)
@@ -70,9 +70,9 @@ def test_a_command_of_setpoints_is_said_to_be_one():
     servo = VelocityServo(gain=1.0, inertia=0.01)
     vehicle = scenario.controller.par.model.vehicle
     for drive, words in (
-        (servo, "prismatic, m, setpoint of its velocity servo in m/s"),
+        (servo, "prismatic, m, setpoint of its VelocityServo in m/s"),
         (TORQUE_DRIVE, "prismatic, m, N"),
-        (Drive(), "prismatic, m, setpoint as its drive Drive takes it"),
+        (Drive(), "prismatic, m, setpoint of its Drive"),
     ):
         other = dataclasses.replace(vehicle, drives=(MountedDrive(name=slide.name, drive=drive),))
         assert units_of(slide, other) == words

@@ -26,9 +26,8 @@ from skyarm.control.law_checks import check_controller, checked_law, level, try_
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.drive import TorqueDrive
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, TorqueDrive
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
 from skyarm.records.leaves import Place, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -45,9 +44,6 @@ from skyarm.sensing.sensor_kinds import (
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
-UNITS = {"revolute": "revolute, rad, N m", "prismatic": "prismatic, m, N"}
-LENGTHS = {"revolute": "rad", "prismatic": "m"}
-
 SETPOINTS = {"efforts": Unit("", "of each joint what its line above says, in that order")}
 """Of a command some of whose numbers are setpoints."""
 
@@ -56,21 +52,12 @@ SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors ab
 
 def units_of(joint: Joint, vehicle: Vehicle) -> str:
     """Kind, unit of the position, and what the command is: an effort, or a setpoint in its unit."""
-    kind, effort = UNITS[joint.kind].rsplit(", ", 1)
-    return f"{kind}, {_setpoint(joint, vehicle) or effort}"
-
-
-def _setpoint(joint: Joint, vehicle: Vehicle) -> str:
-    """Empty for a joint that takes its torque."""
-    drive = drives_of(vehicle).get(joint.name)
-    if drive is None:
-        return ""
-    length = LENGTHS[joint.kind]
-    if isinstance(drive, PositionServo):
-        return f"setpoint of its position servo in {length}"
-    if isinstance(drive, VelocityServo):
-        return f"setpoint of its velocity servo in {length}/s"
-    return f"setpoint as its drive {type(drive).__name__} takes it"
+    slides = joint.kind == "prismatic"
+    drive = drives_of(vehicle).get(joint.name, TORQUE_DRIVE)
+    takes = drive.takes.split(" or ")[-1 if slides else 0]
+    if drive is not TORQUE_DRIVE:
+        takes = f"setpoint of its {type(drive).__name__}" + (f" in {takes}" if takes else "")
+    return f"{joint.kind}, {'m' if slides else 'rad'}, {takes}"
 
 
 def drives_of(vehicle: Vehicle) -> dict[str, Any]:
@@ -181,9 +168,6 @@ def as_data(command: Command) -> Command:
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
 """Words of a parameter's path that its name in C leaves out or shortens."""
-
-C_NAMES = {"applied": "obeyed", "feedforward": "fed", "confidence": "doubt"}
-"""Names of the last version that members keep in C, whatever the record calls its field."""
 
 STRUCTS = {
     "measurement": "What the sensors say.",
@@ -361,7 +345,7 @@ def _member(path: Place) -> str:
         if part.isdigit() and words and words[-1] in SHORTER.values():
             words[-1] += part
         else:
-            words.append(SHORTER.get(part, C_NAMES.get(part, part)))
+            words.append(SHORTER.get(part, part))
     text = "_".join(word for word in words if word)
     return text if text[:1].isalpha() else f"value{text}"
 

@@ -132,9 +132,34 @@ class Servo(Drive):
         empty = ServoMemory(goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count)
         return self.steady_memory(empty, position, setpoint)
 
+    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+        """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
+        received, waiting = self._arriving_setpoint(memory, setpoint, dt)
+        goal, rounding = self._next_goal(memory.goal, received, dt), self._rounding(position)
+        error, asked = self._loop(goal, memory.integral, position + rounding, rate)
+        integral = self._integrate(memory, error, asked, rate, dt)
+        return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
+
+    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Torque of the loop, within the bounds of motor and supply."""
+        low, high = self.bounds(rate)
+        return clip(self._loop(memory.goal, memory.integral, position + memory.rounding, rate)[1], low, high)
+
     def _loop_setpoint(self, setpoint: Any) -> Any:
         """The setpoint as the loop holds it."""
         return setpoint
+
+    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
+        """The goal after a period in which a setpoint arrived."""
+        raise NotImplementedError
+
+    def _rounding(self, position: Any) -> Any:
+        """What the encoder's rounding adds to a position."""
+        return 0.0
+
+    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+        """Error of the loop, and the torque that its law gives without bounds."""
+        raise NotImplementedError
 
     def _arriving_setpoint(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
         """The setpoint that arrives in this period on average, and those still on their way."""
@@ -155,10 +180,6 @@ class Servo(Drive):
         moved = memory.integral + error * dt
         pushing_up, pushing_down = logical_and(asked > high, error > 0.0), logical_and(asked < low, error < 0.0)
         return where(pushing_up, memory.integral, where(pushing_down, memory.integral, moved))
-
-    def _clip_torque(self, asked: Any, rate: Any) -> Any:
-        low, high = self.bounds(rate)
-        return clip(asked, low, high)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -191,22 +212,12 @@ class PositionServo(Servo):
     def _loop_setpoint(self, setpoint: Any) -> Any:
         return self._quantize(setpoint)
 
-    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
-        """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
-        heard, waiting = self._arriving_setpoint(memory, setpoint, dt)
+    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
         step = mul(self.speed_limit, dt)
-        goal = memory.goal + clip(self._quantize(heard) - memory.goal, -step, step)
-        rounding = self._quantize(position) - position
-        error = goal - position - rounding
-        asked = self._loop_torque(goal, memory.integral, position + rounding, rate)
-        integral = self._integrate(memory, error, asked, rate, dt)
-        return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
+        return goal + clip(self._quantize(received) - goal, -step, step)
 
-    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
-        """Torque of the loop, within the bounds of motor and supply."""
-        return self._clip_torque(
-            self._loop_torque(memory.goal, memory.integral, position + memory.rounding, rate), rate
-        )
+    def _rounding(self, position: Any) -> Any:
+        return self._quantize(position) - position
 
     def standing(self, effort: Any, position: Any) -> Any:
         """Next to the joint, by the deflection of the loop's spring under the torque."""
@@ -217,8 +228,9 @@ class PositionServo(Servo):
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
-    def _loop_torque(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
-        return self.stiffness * (goal - position) - self.damping * rate + self.integral * integral
+    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+        error = goal - position
+        return error, self.stiffness * error - self.damping * rate + self.integral * integral
 
     def _quantize(self, value: Any) -> Any:
         if type(self.resolution) is int:
@@ -243,17 +255,8 @@ class VelocityServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.gain), 0.0)
 
-    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
-        """Receive the next setpoint, integrate the error."""
-        heard, waiting = self._arriving_setpoint(memory, setpoint, dt)
-        goal = clip(heard, -self.speed_limit, self.speed_limit)
-        error = goal - rate
-        integral = self._integrate(memory, error, self._loop_torque(goal, memory.integral, rate), rate, dt)
-        return ServoMemory(goal=goal, integral=integral, rounding=memory.rounding, waiting=waiting)
-
-    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
-        """Torque of the loop, within the bounds of motor and supply."""
-        return self._clip_torque(self._loop_torque(memory.goal, memory.integral, rate), rate)
+    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
+        return clip(received, -self.speed_limit, self.speed_limit)
 
     def standing(self, effort: Any, position: Any) -> Any:
         """The rate setpoint that gives the torque at a joint at rest."""
@@ -263,5 +266,6 @@ class VelocityServo(Servo):
         """The inverse of the loop's law, whose integral takes this period's error before it acts."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
-    def _loop_torque(self, goal: Any, integral: Any, rate: Any) -> Any:
-        return add(mul(self.gain, goal - rate), mul(self.integral, integral))
+    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+        error = goal - rate
+        return error, add(mul(self.gain, error), mul(self.integral, integral))

@@ -23,6 +23,8 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Annotated, Any
 
+import numpy as np
+
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
@@ -125,12 +127,9 @@ def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
     ):
         return ""
     for name, there in numbers_of(vehicle).items():
-        trained = known.get(name)
-        if trained is None:
-            continue
-        slack = SEEN * max((abs(value) for value in trained), default=0.0) if name == "places" else 0.0
-        near = (abs(a - b) <= SEEN * abs(b) + slack for a, b in zip(there, trained, strict=False))
-        if len(there) != len(trained) or not all(near):
+        trained = known.get(name, there)
+        slack = SEEN * max(map(abs, trained), default=0.0) if name == "places" else 0.0
+        if len(there) != len(trained) or not np.allclose(there, trained, rtol=SEEN, atol=slack):
             return f"{name} {shown([round(value, 4) for value in there])}, trained with {shown(trained)}"
     return ""
 
@@ -154,33 +153,20 @@ class History:
 
     Attributes:
         started: 0 before the first measurement. commanded: 0 before the first command.
-        velocity: world axes, m/s. rate: base axes, rad/s. joint_rates: rad/s or m/s.
-        force, torque: that the commanded rotor speeds make in still air, base axes, N, N m. efforts: N m or N.
+        motion: velocity (world axes, m/s), rate (base axes, rad/s) and joint rates.
+        commands: force and torque of the commanded rotor speeds in still air (base axes, N, N m), then joint efforts.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
     commanded: Annotated[Scalar, Unit("", "0 before the first command")]
-    velocity: Annotated[Vec3, Unit("m/s", "world axes, filtered")]
-    rate: Annotated[Vec3, Unit("rad/s", "base axes, filtered")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
-    force: Annotated[Vec3, Unit("N", "base axes, of the commanded rotors in still air, filtered")]
-    torque: Annotated[Vec3, Unit("N m", "base axes, of the commanded rotors in still air, filtered")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "commanded, filtered")]
+    motion: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "velocity in world axes, rate, joint rates; filtered")]
+    commands: Annotated[tuple[Scalar, ...], Unit("N, N m", "of the commanded rotors in still air, efforts; filtered")]
 
 
 def no_history(joints: int) -> History:
     """Before the first step."""
-    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    return History(
-        started=0.0,
-        commanded=0.0,
-        velocity=zero,
-        rate=zero,
-        joint_rates=still,
-        force=zero,
-        torque=zero,
-        efforts=still,
-    )
+    still = (0.0,) * (6 + joints)
+    return History(started=0.0, commanded=0.0, motion=still, commands=still)
 
 
 def feature_names(joints: int) -> tuple[str, ...]:
@@ -204,41 +190,33 @@ def features(measurement: Measurement, reference: Reference, history: History) -
     """The network's inputs; accelerations are those of the filtered velocities, HISTORY (x - filtered x)."""
     m, R = measurement, measurement.quaternion.rotation()
     new = history.started < 0.5
-
-    def rise(x: Any, filtered: Any) -> Any:
-        return where(new, 0.0, HISTORY * (x - filtered))
-
-    acceleration = Vec3(*(rise(a, b) for a, b in zip(m.velocity, history.velocity, strict=True)))
-    turning = [rise(a, b) for a, b in zip(m.rate, history.rate, strict=True)]
+    pairs = zip(_velocities(m), history.motion, strict=True)
+    rises = [where(new, 0.0, HISTORY * (x - filtered)) for x, filtered in pairs]
     return (
         *R.apply_T(m.velocity),
         *R.apply_T(E_Z),
         *m.rate,
         *m.joints,
         *m.joint_rates,
-        *R.apply_T(acceleration),
-        *turning,
-        *(rise(a, b) for a, b in zip(m.joint_rates, history.joint_rates, strict=True)),
+        *R.apply_T(Vec3(*rises[:3])),
+        *rises[3:],
         *R.apply_T(m.position - reference.position),
         *R.apply_T(m.velocity - reference.velocity),
         *(sub(a, b) for a, b in zip(m.joints, reference.joints, strict=True)),
         *(sub(a, b) for a, b in zip(m.joint_rates, reference.joint_rates, strict=True)),
-        *history.force,
-        *history.torque,
-        *history.efforts,
+        *history.commands,
     )
+
+
+def _velocities(measurement: Measurement) -> tuple[Any, ...]:
+    return (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
 
 
 def with_motion(history: History, measurement: Measurement, dt: Any) -> History:
     """History with a measurement in it."""
     new = history.started < 0.5
-    return dataclasses.replace(
-        history,
-        started=where(new, 1.0, history.started),
-        velocity=Vec3(*_filter_values(new, history.velocity, measurement.velocity, dt)),
-        rate=Vec3(*_filter_values(new, history.rate, measurement.rate, dt)),
-        joint_rates=_filter_values(new, history.joint_rates, measurement.joint_rates, dt),
-    )
+    motion = _filter_values(new, history.motion, _velocities(measurement), dt)
+    return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) -> History:
@@ -246,19 +224,12 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) 
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
-    begun, new = history.started > 0.5, history.commanded < 0.5
-
-    def after(filtered: Any, values: Any) -> tuple[Any, ...]:
-        return tuple(
-            where(begun, b, a) for a, b in zip(filtered, _filter_values(new, filtered, values, dt), strict=True)
-        )
-
+    begun, sent = history.started > 0.5, (*pushed.force, *pushed.torque, *command.efforts)
+    after = _filter_values(history.commanded < 0.5, history.commands, sent, dt)
     return dataclasses.replace(
         history,
         commanded=where(begun, 1.0, history.commanded),
-        force=Vec3(*after(history.force, pushed.force)),
-        torque=Vec3(*after(history.torque, pushed.torque)),
-        efforts=after(history.efforts, command.efforts),
+        commands=tuple(where(begun, b, a) for a, b in zip(history.commands, after, strict=True)),
     )
 
 
