@@ -7,6 +7,7 @@ be imported for such an array to exist: nothing heavy is imported here. The trac
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -78,84 +79,37 @@ def _namespace(*values: Any) -> Any:
     return found
 
 
-def copysign(size: Any, sign: Any) -> Any:
-    """|size| with the sign of the other, that of a zero too; on floats, NumPy and traced nodes."""
-    return _namespace(size, sign).copysign(size, sign)
+def _function(name: str, meaning: str) -> Callable[..., Any]:
+    """The function of this name in the namespace of its arguments."""
+
+    def call(*values: Any) -> Any:
+        return getattr(_namespace(*values), name)(*values)
+
+    call.__name__ = call.__qualname__ = name
+    call.__doc__ = meaning
+    return call
 
 
-def power_of_two(k: Any) -> Any:
-    """2**k for whole k, exact; on floats and traced nodes."""
-    return _namespace(k).power_of_two(k)
-
-
-def exponent(x: Any) -> Any:
-    """Whole e with |x| = m 2**e and 1 <= m < 2; on floats and traced nodes."""
-    return _namespace(x).exponent(x)
-
-
-def mantissa(x: Any) -> Any:
-    """m of :func:`exponent`, with the sign of x; on floats and traced nodes."""
-    return _namespace(x).mantissa(x)
-
-
-def sin(x: Any) -> Any:
-    """Sine of an angle in rad."""
-    return _namespace(x).sin(x)
-
-
-def cos(x: Any) -> Any:
-    """Cosine of an angle in rad."""
-    return _namespace(x).cos(x)
-
-
-def tan(x: Any) -> Any:
-    """Tangent of an angle in rad."""
-    return _namespace(x).tan(x)
-
-
-def asin(x: Any) -> Any:
-    """Inverse sine, NaN outside [-1, 1]."""
-    return _namespace(x).asin(x)
-
-
-def acos(x: Any) -> Any:
-    """Inverse cosine, NaN outside [-1, 1]."""
-    return _namespace(x).acos(x)
-
-
-def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) in rad, in [-pi, pi]."""
-    return _namespace(y, x).atan2(y, x)
-
-
-def sqrt(x: Any) -> Any:
-    """Square root, NaN below zero."""
-    return _namespace(x).sqrt(x)
-
-
-def exp(x: Any) -> Any:
-    """Exponential, inf on overflow."""
-    return _namespace(x).exp(x)
-
-
-def log(x: Any) -> Any:
-    """Natural logarithm, -inf at zero, NaN below."""
-    return _namespace(x).log(x)
-
-
-def tanh(x: Any) -> Any:
-    """Hyperbolic tangent."""
-    return _namespace(x).tanh(x)
-
-
-def absolute(x: Any) -> Any:
-    """|x|."""
-    return _namespace(x).absolute(x)
-
-
-def floor(x: Any) -> Any:
-    """Largest whole number not above x."""
-    return _namespace(x).floor(x)
+copysign = _function("copysign", "|a| with the sign of b, that of a zero too; on floats, NumPy and traced nodes.")
+power_of_two = _function("power_of_two", "2**k for whole k, exact; on floats and traced nodes.")
+exponent = _function("exponent", "Whole e with |x| = m 2**e and 1 <= m < 2; on floats and traced nodes.")
+mantissa = _function("mantissa", "m of exponent, with the sign of x; on floats and traced nodes.")
+sin = _function("sin", "Sine of an angle in rad.")
+cos = _function("cos", "Cosine of an angle in rad.")
+tan = _function("tan", "Tangent of an angle in rad.")
+asin = _function("asin", "Inverse sine, NaN outside [-1, 1].")
+acos = _function("acos", "Inverse cosine, NaN outside [-1, 1].")
+atan2 = _function("atan2", "Angle of the point (x, y) from y and x, in rad, in [-pi, pi].")
+sqrt = _function("sqrt", "Square root, NaN below zero.")
+exp = _function("exp", "Exponential, inf on overflow.")
+log = _function("log", "Natural logarithm, -inf at zero, NaN below.")
+tanh = _function("tanh", "Hyperbolic tangent.")
+absolute = _function("absolute", "|x|.")
+floor = _function("floor", "Largest whole number not above x.")
+where = _function("where", "where(condition, a, b): a where the condition holds, else b; both are evaluated.")
+logical_and = _function("logical_and", "Both conditions.")
+logical_or = _function("logical_or", "Either condition.")
+logical_not = _function("logical_not", "Opposite condition.")
 
 
 def divide(a: Any, b: Any) -> Any:
@@ -163,26 +117,6 @@ def divide(a: Any, b: Any) -> Any:
     if type(b) is int and b == 1:
         return a
     return _namespace(a, b).divide(a, b)
-
-
-def where(condition: Any, a: Any, b: Any) -> Any:
-    """Choose ``a`` where the condition holds, else ``b``; both are evaluated."""
-    return _namespace(condition, a, b).where(condition, a, b)
-
-
-def logical_and(a: Any, b: Any) -> Any:
-    """Both conditions."""
-    return _namespace(a, b).logical_and(a, b)
-
-
-def logical_or(a: Any, b: Any) -> Any:
-    """Either condition."""
-    return _namespace(a, b).logical_or(a, b)
-
-
-def logical_not(a: Any) -> Any:
-    """Opposite condition."""
-    return _namespace(a).logical_not(a)
 
 
 def minimum(value: Any, bound: Any) -> Any:
