@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 from typing import Any
 
@@ -49,7 +50,7 @@ def drawn(vehicle: Vehicle, count: int = 37, rate: float = 200, seed: int = 1) -
         "duration": count / rate,
         "end_time": count / rate,
         "rates_hz": {"physics": 1000, "control": rate, "reference": 50},
-        "scenario_record": {"world": {"vehicle": plain(vehicle)}},
+        "scenario_record": {"agent": {"plant": {"vehicle": plain(vehicle)}}},
     }
     return Log(**arrays, info=info)
 
@@ -58,3 +59,8 @@ def same(a: Log, b: Log) -> bool:
     """Whether two logs have the same bits and say the same."""
     pairs = ((array, b.arrays()[name]) for name, array in a.arrays().items())
     return a.info == b.info and all(x.tobytes() == y.tobytes() and x.shape == y.shape for x, y in pairs)
+
+
+def with_components(log: Log, **arrays: np.ndarray) -> Log:
+    """A log with other arrays of its components."""
+    return dataclasses.replace(log, received={**log.received, **{f"components.{k}": v for k, v in arrays.items()}})

@@ -33,8 +33,8 @@ def test_a_component_logs_what_it_declares(tmp_path):
     assert np.array_equal(log["components.cable_tension"], np.tile([0.1, 0.2], (log.time.size, 1)))
     found = {each.name: each.unit for each in columns(log) if "cable" in each.name}
     assert found == {
-        "components_cable_tension_near_end": "N",
-        "components_cable_tension_far_end": "N",
+        "cable_tension_near_end": "N",
+        "cable_tension_far_end": "N",
     }
     assert log.readings == {}
     log.save_npz(tmp_path / "log.npz")

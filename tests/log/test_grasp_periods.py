@@ -12,14 +12,20 @@ from skyarm.log.periods import grasp_periods
 def log_of(taken, lost=None, force=None):
     taken = np.array(taken, dtype=float).T.reshape(-1, np.ndim(taken) if np.ndim(taken) == 1 else len(taken))
     zeros = np.zeros_like(taken)
-    bodies = [[f"{name}/{axis}", ""] for name in ("box", "peg") for axis in "xyz"]
-    labels = {"gripper_taken": [["g", ""], ["h", ""]], "object_position": bodies}
+    labels = {
+        "gripper_taken": ["g", "h"],
+        "object_position": [f"{name}/{axis}" for name in ("box", "peg") for axis in "xyz"],
+    }
+    arrays = {
+        "gripper_taken": taken,
+        "gripper_lost": zeros if lost is None else np.array(lost, dtype=float)[:, None],
+        "gripper_force": zeros if force is None else np.array(force, dtype=float)[:, None],
+    }
+    fields = {name: {"unit": "", "meaning": "", "axes": axes} for name, axes in labels.items()}
     return SimpleNamespace(
         time=0.1 * np.arange(len(taken)),
-        gripper_taken=taken,
-        gripper_lost=zeros if lost is None else np.array(lost, dtype=float)[:, None],
-        gripper_force=zeros if force is None else np.array(force, dtype=float)[:, None],
-        info={"labels": labels},
+        component=arrays.__getitem__,
+        info={"received": {"components": {"fields": fields, "every": 1, "late": 0, "frame": None}}},
     )
 
 

@@ -76,7 +76,8 @@ def test_a_command_that_is_a_setpoint_is_called_one_in_the_unit_of_its_drive():
         f"joint_{'effort' if unit == 'N m' else 'setpoint'}_{name}" for name, unit in zip(names, units, strict=True)
     ]
     assert found == list(zip(words, units, strict=True))
-    own = {**log.info["scenario_record"], "drives": [{"joint": names[0], "drive": plain(rate)}]}
+    agent = {**log.info["scenario_record"]["agent"], "drives": [{"joint": names[0], "drive": plain(rate)}]}
+    own = {"agent": agent}
     again = columns(dataclasses.replace(log, info={**log.info, "scenario_record": own}))
     assert (words[0], "rad/s") in [(each.name, each.unit) for each in again], "the scenario's own drive wins"
 

@@ -171,9 +171,9 @@ def facts(log: Log) -> dict[str, Any]:
     found |= dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
-    if log.contact_force.size:
+    if log.component("contact_force").size:
         found["contacts"] = _contacts(log)
-    if log.gripper_taken.size:
+    if log.component("gripper_taken").size:
         found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)

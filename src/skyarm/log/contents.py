@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
-from skyarm.log.log_columns import COLUMNS, LABELS, layout
+from skyarm.log.log_columns import COLUMNS, layout
 from skyarm.log.sensor_data import sources_of
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
@@ -121,7 +121,3 @@ def _require_description(info: dict[str, Any]) -> None:
         fields = Fields(wait, f"info.waits[{k}]")
         for name in ("phase", "at", "timeout"):
             fields.number(name)
-    labels = info.get(LABELS) or {}
-    pairs = [each for row in labels.values() for each in row] if isinstance(labels, dict) else [None]
-    if not all(isinstance(pair, list) and [*map(type, pair)] == [str, str] for pair in pairs):
-        raise ValueError(f"info.{LABELS} = {shown(labels)}: must be tables of pairs of texts")

@@ -51,7 +51,6 @@ class Log:
         tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference would put it. ``tip``,
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
-        payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
         lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
             (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found, load_inertia_found: (N,) kg, (N, 3) m and kg m^2, of the load that the law
@@ -60,20 +59,13 @@ class Log:
             without a governor; of a task whose phases wait, the reference's own time, which is waited from.
         phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
             waits.
-        contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
-            the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
-            instant; the first surface with each point, then the next one, then every object with each point. Without
-            columns where there is no world.
-        object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
-            object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
-        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
-        gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
-            and 0 for none; the force of the grasp, N; how often it has given way. gripper_pull: (N, 3 grippers) N, the
-            force of each on what it holds, world axes.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the law received, noise and delay of the full state's sensor in it;
             without columns in a flight on an estimator, which has ``estimate`` in their place.
-        received: arrays of ``readings`` and ``estimate`` by name, ``readings.imu.rate`` or ``estimate.position``.
+        received: arrays of ``readings``, ``estimate`` and components by name, ``readings.imu.rate``,
+            ``estimate.position``, ``components.payload_mass``. Those of components are attributes, too: what is held of
+            each payload with a time (``log.payload_mass``), and of a world (docs/contact.md) normal force, friction and
+            depth of each surface and point (``contact_force``), free objects, mechanisms and grippers.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
@@ -107,28 +99,12 @@ class Log:
     air_velocity: Annotated[Array, Unit("m/s", "world axes")]
     measured_position: Annotated[Array, Unit("m", "measured, world axes")] = _if_any()
     measured_joints: Annotated[Array, Unit("rad or m", "measured")] = _if_any()
-    payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = _if_any()
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = _if_any()
     load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = _if_any()
     load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = _if_any()
     load_inertia_found: Annotated[Array, Unit("kg m^2", "its moments there")] = _if_any()
     path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = _if_any()
     phase: Annotated[Array, Unit("", "number of the task's phase")] = _if_any()
-    contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = _if_any()
-    contact_friction: Annotated[Array, Unit("N", "of a surface on a point, across its normal")] = _if_any()
-    contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = _if_any()
-    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = _if_any()
-    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = _if_any()
-    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = _if_any()
-    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = _if_any()
-    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = _if_any()
-    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = _if_any()
-    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = (
-        _if_any()
-    )
-    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = _if_any()
-    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = _if_any()
-    gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = _if_any()
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
@@ -137,6 +113,19 @@ class Log:
     def __getitem__(self, array: str) -> Array:
         """An array by its name."""
         found: Array = self.received[array] if array in self.received else getattr(self, array)
+        return found
+
+    def component(self, name: str) -> Array:
+        """An array that components of the flight declare (``columns``); without columns where none does."""
+        found = self.received.get(f"{COMPONENTS}.{name}")
+        return np.zeros((self.time.size, 0)) if found is None else found
+
+    def __getattr__(self, name: str) -> Array:
+        """The arrays of components as attributes."""
+        received = self.__dict__.get("received", {})
+        if f"{COMPONENTS}.{name}" not in received:
+            raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
+        found: Array = received[f"{COMPONENTS}.{name}"]
         return found
 
     @property

@@ -23,8 +23,7 @@ GROUPS = ("solver", "agent", "environment")
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
     """The scenario of a log as plain data; empty where it keeps none."""
     record = info.get("scenario_record")
-    whole = isinstance(record, dict) and all(isinstance(record.get(group), dict) for group in GROUPS)
-    return record if isinstance(record, dict) and whole else {}
+    return record if isinstance(record, dict) else {}
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
@@ -43,7 +42,7 @@ def flown_scenario(
     """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not written_scenario(info) or written.get("type") != SCENARIO:
+    if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _fits(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")

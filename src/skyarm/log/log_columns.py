@@ -8,7 +8,7 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
-from skyarm.log.sensor_data import sources_of
+from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.restore import restore
 from skyarm.records.units import Unit, units
 
@@ -49,11 +49,6 @@ KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
 SETPOINT = "joint_setpoint"
 """Beginning of the commands to joints whose drives take no torque."""
 
-LABELS = "labels"
-"""Key of a log's description under which the columns of its components stand."""
-
-Labels = dict[str, list[list[str]]]
-"""Array -> label and unit of each of its columns; the unit is empty where it is that of the array."""
 
 AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
@@ -118,24 +113,6 @@ def names_of(log: Log) -> Names:
     )
 
 
-def labels_of_components(components: Iterable[Any]) -> Labels:
-    """The columns that components declare, by array, as plain data for a log's description."""
-    found: dict[str, list[list[str]]] = {}
-    for array, label, unit in (column for each in components for column in each.columns):
-        found.setdefault(array, []).append([label, unit])
-    return found
-
-
-def labels_of(log: Log) -> Labels:
-    """Labels and units of the columns of a log's components, by array; those of its scenario in logs without them."""
-    if LABELS in log.info or not any(map(len, (log.contact_force.T, log.object_position.T, log.mechanism_position.T))):
-        return dict(log.info.get(LABELS, {}))
-    try:
-        return labels_of_components(log.scenario.components)
-    except (ValueError, AttributeError):  # plugins that are not loaded, or a damaged record
-        return {}
-
-
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
     for name in path:
         data = _table(data).get(name)
@@ -148,14 +125,9 @@ def _table(data: Any) -> Mapping[str, Any]:
 
 def columns(log: Log) -> tuple[Column, ...]:
     """Columns of a log, in the order of its arrays."""
-    names, labels, found = names_of(log), labels_of(log), []
+    names, found = names_of(log), list[Column]()
     for array, unit in units(Log).items():
         width = getattr(log, array).shape[1:]
-        if array in labels and width == (len(labels[array]),):
-            for index, (label, own) in enumerate(labels[array]):
-                name = f"{array}_{word(label) if label else index}"
-                found.append(Column(name, own or unit.unit, unit.meaning, array, index))
-            continue
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
         for index, name in enumerate(_endings(array, width[0] if width else None, names)):
             told = names.setpoints[index] if array == "efforts" else None
@@ -169,21 +141,21 @@ def columns(log: Log) -> tuple[Column, ...]:
 def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
     """Columns of readings and estimate: the source's name, then as the log's own arrays are called."""
     for source, described in sources_of(log.info).items():
-        begin = word(source.rpartition(".")[2])
+        begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
             array, group = f"{source}.{name}", COLUMNS.get(name, ("", ""))[1]
             if array not in log.received:
                 continue
             if each.axes is None:
-                yield Column(f"{begin}_{word(name)}", each.unit, each.meaning, array, None)
+                yield Column(f"{begin}{word(name)}", each.unit, each.meaning, array, None)
                 continue
             named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(each.axes)
             endings = _endings(name, len(each.axes), names) if named else []
             for index, axis in enumerate(each.axes):
-                ending = endings[index] if named else f"{word(name)}_{word(axis)}"
+                ending = endings[index] if named else f"{word(name)}_{word(axis) if axis else index}"
                 kind = names.kinds[index] if named and group == "joints" else ""
-                unit = unit_of_kind(Unit(each.unit), kind)
-                yield Column(f"{begin}_{ending}", unit, each.meaning, array, index)
+                unit = each.units[index] if each.units else unit_of_kind(Unit(each.unit), kind)
+                yield Column(f"{begin}{ending}", unit, each.meaning, array, index)
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
@@ -228,6 +200,13 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
     """A unit such as ``rad or m`` for one joint: the first of a revolute one, the second of a prismatic one."""
     options = unit.unit.split(" or ")
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
+
+
+def component_labels(log: Log, array: str) -> list[str]:
+    """Labels of the columns of an array that components declare."""
+    source = sources_of(log.info).get(COMPONENTS)
+    found = None if source is None else source.fields.get(array)
+    return [] if found is None else found.axes or []
 
 
 def layout(log: Log) -> dict[str, dict[str, Any]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.log.log_columns import labels_of
+from skyarm.log.log_columns import component_labels
 from skyarm.reference.task_records import Guard
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class GraspPeriod:
 def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
     """All periods of contact in a log, by their beginnings; empty of a flight without a world."""
     found: list[ContactPeriod] = []
-    for (surface, point), force in zip(contact_pairs(log), log.contact_force.T, strict=False):
+    for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
         for begin, end in _runs(force > 0.0):
             inside = force[begin:end]
             peak, mean = float(inside.max()), float(inside.mean())
@@ -69,17 +69,18 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
 
 def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
     """Surface and point of each column of ``contact_force``."""
-    pairs = (label.partition("/") for label, _ in labels_of(log).get("contact_force", ()))
+    pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
 
 
 def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
     """All grasps in a log, by their beginnings; empty of a flight without grippers."""
-    labels, found = labels_of(log), list[GraspPeriod]()
-    bodies = [label.partition("/")[0] for label, _ in labels.get("object_position", ())[::3]]
-    bodies += [label for label, _ in labels.get("mechanism_position", ())]
-    grippers = [label for label, _ in labels.get("gripper_taken", ())]
-    for gripper, *columns in zip(grippers, log.gripper_taken.T, log.gripper_lost.T, log.gripper_force.T, strict=False):
+    found = list[GraspPeriod]()
+    bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
+    bodies += component_labels(log, "mechanism_position")
+    grippers = component_labels(log, "gripper_taken")
+    arrays = (log.component(f"gripper_{name}").T for name in ("taken", "lost", "force"))
+    for gripper, *columns in zip(grippers, *arrays, strict=False):
         taken, lost, force = columns
         for number in np.unique(taken[taken > 0.0]):
             for begin, end in _runs(taken == number):

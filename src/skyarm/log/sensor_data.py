@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 READINGS, ESTIMATE = "readings", "estimate"
 
 COMPONENTS = "components"
-"""Source of the arrays that components declare and that :class:`skyarm.Log` does not have as fields."""
+"""Source of the arrays that components declare."""
 
 DESCRIPTION = "received"
 """Key of a log's description under which its sources stand."""
@@ -39,11 +39,13 @@ class Field:
     Attributes:
         unit: SI; empty for pure numbers. meaning: in words.
         axes: endings of its columns; None for one number an instant.
+        units: of each column, where they differ.
     """
 
     unit: str
     meaning: str
     axes: list[str] | None
+    units: list[str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,7 @@ def _is_sound(source: Source) -> bool:
     """True if a description that was read from a file is of the kinds that are written."""
     counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
     texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
-    axes = [each.axes for each in source.fields.values() if each.axes is not None]
+    axes = [each for field in source.fields.values() for each in (field.axes, field.units) if each is not None]
     lists = all(isinstance(each, list) and each for each in axes)
     texts += [axis for each in axes for axis in each] + ([] if source.frame is None else [source.frame])
     return counts and lists and all(isinstance(each, str) for each in texts)

@@ -11,7 +11,6 @@ import numpy as np
 from skyarm.compile import leaves
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
-from skyarm.log.log_columns import LABELS, labels_of_components
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
@@ -20,7 +19,6 @@ from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.plain import plain
 from skyarm.records.registry.plugins import identities
-from skyarm.records.units import units
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import phase_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -29,16 +27,14 @@ from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.world import Component, WindSample
-
-OWN = frozenset(units(Log))
-"""Arrays that are fields of a log."""
+from skyarm.world.component import Column
 
 
 def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
     """Array of a log -> what belongs to its columns, of a value for each column that the components declare."""
     found: dict[str, list[Any]] = {}
-    for (array, _, _), number in zip((column for each in components for column in each.columns), numbers, strict=True):
-        found.setdefault(array, []).append(number)
+    for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
+        found.setdefault(column[0], []).append(number)
     return found
 
 
@@ -113,7 +109,8 @@ def _fill(tables: Sequence[dict[str, Array]]) -> None:
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():
-            none = np.nan if "." in name or name.startswith("measured_") else 0.0
+            readings = "." in name and not name.startswith(f"{COMPONENTS}.")
+            none = np.nan if readings or name.startswith("measured_") else 0.0
             table.setdefault(name, np.full((len(table["time"]), *width), none))
 
 
@@ -153,7 +150,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     if vehicle.tilts:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     for name, columns in by_array(scenario.components, wind.numbers).items():
-        tables[name if name in OWN else f"{COMPONENTS}.{name}"] = table(columns)
+        tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
     for name, numbers in found_by_law(scenario.controller.memory).items():
         if flown.found.shape[1]:
@@ -192,10 +189,10 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
         arrays.update({f"{source}.{name}": array for name, (_, array) in fields.items()})
         described[source] = Source({name: field for name, (field, _) in fields.items()}, **clock).plain
 
+    columns = [Column(*column) for each in scenario.components for column in each.columns]
     declared = {
-        array: Field(rows[0][1], "", [label or str(i) for i, (label, _) in enumerate(rows)])
-        for array, rows in labels_of_components(scenario.components).items()
-        if array not in OWN
+        array: Field(each[0].unit, each[0].meaning, [column.label for column in each], _differing_units(each))
+        for array, each in by_array(scenario.components, columns).items()
     }
     if declared:
         described[COMPONENTS] = Source(declared).plain
@@ -213,6 +210,12 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     return arrays, described
 
 
+def _differing_units(columns: Sequence[Column]) -> list[str] | None:
+    """Unit of each column of an array; None where all are the same."""
+    found = [each.unit for each in columns]
+    return found if len(set(found)) > 1 else None
+
+
 def _references(
     inputs: EpisodeInputs, flown: Samples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
@@ -225,7 +228,6 @@ def _references(
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of a log: its ``info`` table."""
-    labels = labels_of_components(scenario.components)
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,
@@ -252,7 +254,6 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "code": files,
         **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
         **({"waits": waits_of(scenario.reference.guards)} if scenario.reference.guards else {}),
-        **({LABELS: labels} if labels else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

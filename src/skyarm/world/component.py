@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import add, mul
@@ -67,8 +67,13 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
         raise ValueError(f"frame = {frame!r}: {error}") from None
 
 
-Column = tuple[str, str, str]
-"""Array of a log, label of one of its columns, and its unit where it is not that of the array."""
+class Column(NamedTuple):
+    """Column of a log: its array, its label there, its unit and meaning."""
+
+    array: str
+    label: str
+    unit: str = ""
+    meaning: str = ""
 
 
 Event = tuple[str, float, float]
@@ -203,7 +208,7 @@ class Component:
     """Intervals that pictures of a flight mark; may be a property."""
 
     columns: tuple[Column, ...] = ()
-    """Columns of a log, one for each number of ``logged``; may be a property."""
+    """Columns of a log, one for each number of ``logged``, or tuples of their first fields; may be a property."""
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

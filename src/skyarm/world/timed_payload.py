@@ -123,7 +123,7 @@ class TimedPayload(Component):
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Mass that is held."""
-        return (("payload_mass", self.name, ""),)
+        return (Column("payload_mass", self.name, "kg", "held"),)
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Mass that is held, kg."""

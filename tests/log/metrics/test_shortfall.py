@@ -12,6 +12,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as command
+from logged_flights import with_components
 from skyarm.cli.run_command import facts, summary
 from skyarm.log.flight_log import rows_of
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
@@ -136,17 +137,17 @@ def test_a_push_whose_force_is_never_there_and_phases_without_end(press):
     assert all(line in text(press) for line in press.shortfall.lines)
     pressed = np.zeros_like(press.contact_force)
     pressed[press.time > 3.0, 0] = 0.71
-    assert [each.reference for each in changed(press, contact_force=pressed).shortfall.unreached] == ["phase"]
+    assert [each.reference for each in with_components(press, contact_force=pressed).shortfall.unreached] == ["phase"]
     pressed *= 0.69 / 0.71
-    assert "at most 0.69 N of 1 N" in changed(press, contact_force=pressed).shortfall.unreached[0].words
+    assert "at most 0.69 N of 1 N" in with_components(press, contact_force=pressed).shortfall.unreached[0].words
 
 
 def test_a_push_is_not_reached_by_the_contact_of_a_skid(press, monkeypatch):
     monkeypatch.setattr("skyarm.log.metrics.shortfall.contact_pairs", lambda _: (("wall", "tip"), ("wall", "skid")))
     force = np.zeros((press.time.size, 2))
     force[:, 1] = 8.0
-    assert "at most 0 N of 1 N" in changed(press, contact_force=force).shortfall.unreached[0].words
-    pressed = changed(press, contact_force=force[:, ::-1].copy())
+    assert "at most 0 N of 1 N" in with_components(press, contact_force=force).shortfall.unreached[0].words
+    pressed = with_components(press, contact_force=force[:, ::-1].copy())
     assert "force" not in [each.reference for each in pressed.shortfall.unreached]
 
 

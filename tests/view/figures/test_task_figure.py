@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from logged_flights import with_components
 from skyarm.reference.signals import Constant, Windowed
 from skyarm.reference.tip_motion import TipPush
 from skyarm.view.figures.flight_facts import desired_push
@@ -32,7 +33,7 @@ def test_forces_are_those_of_the_log_beside_the_wanted_one() -> None:
 def test_what_is_gripped_without_a_touch_is_drawn_alone() -> None:
     log = touching()
     grip = np.stack([np.arange(log.time.size), np.ones(log.time.size)], axis=1)
-    held = dataclasses.replace(log, contact_force=np.zeros_like(log.contact_force), gripper_force=grip)
+    held = with_components(log, contact_force=np.zeros_like(log.contact_force), gripper_force=grip)
     figure = task_figure(held)
     first = figure.axes[0].get_lines()[0]
     np.testing.assert_array_equal(first.get_ydata(), grip.sum(axis=1))

@@ -14,6 +14,7 @@ import pytest
 
 import skyarm
 from free_scenes import BIRD, Scene, energy, with_object
+from logged_flights import with_components
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
@@ -129,7 +130,7 @@ def test_what_a_gripper_held_is_said(lifted):
     assert line.startswith("magnet took box at 0.1 s: let go at 0.5 s, largest force ")
     (told,) = json.loads(json.dumps(facts(lifted)["grasps"]))
     assert (told["gripper"], told["held"], told["end"]) == ("magnet", "box", 0.5)
-    lost = dataclasses.replace(lifted, gripper_lost=lifted.gripper_lost + (lifted.time >= 0.5)[:, None])
+    lost = with_components(lifted, gripper_lost=lifted.gripper_lost + (lifted.time >= 0.5)[:, None])
     assert "gave way at 0.5 s" in "".join(sentences(facts(lost)))
     count = len(lifted.time)
     arrays = {each.name: getattr(lifted, each.name) for each in dataclasses.fields(lifted)}

@@ -86,8 +86,10 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
     memory = contact.start(0.005, ())
     frame, (skin,) = thing.frame(memory.carried[0]), thing.surfaces
     numbers = np.array([float(c) for c in thing.logged(memory.carried[0])])
+    logged = {"object_position": numbers[None, :3], "object_quaternion": 1.7 * numbers[None, 3:7]}
+    logged["mechanism_position"] = np.zeros((1, 0))
     for carried in (
-        logged_poses([contact], numbers[None, :3], 1.7 * numbers[None, 3:7], np.zeros((0, 0))),
+        logged_poses([contact], logged.__getitem__),
         held_poses([contact], [memory]),
     ):
         (solid,) = world_shapes([contact], np.zeros(1), carried=carried)
@@ -105,8 +107,9 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
         position=Vec3(1.0, 2.0, 0.5), angles=Vec3(0.1, 0.2, 0.7),
     )  # fmt: skip
     contact, coordinates = Contact(surfaces=(), mechanisms=(thing,)), np.array([[0.0], [0.3], [-0.8]])
-    nothing = np.zeros((0, 0))
-    drawn = world_shapes([contact], np.zeros(3), carried=logged_poses([contact], nothing, nothing, coordinates))
+    logged = {name: np.zeros((3, 0)) for name in ("object_position", "object_quaternion")}
+    logged["mechanism_position"] = coordinates
+    drawn = world_shapes([contact], np.zeros(3), carried=logged_poses([contact], logged.__getitem__))
     assert [each.shape.name for each in drawn] == [f"world/{each.name}" for each in thing.surfaces]
     assert all(each.shape.role == "object" and each.moves for each in drawn)
     for k, (coordinate,) in enumerate(coordinates):

@@ -136,18 +136,20 @@ def _instants(log: Log, *, pushes: bool = False) -> Instant:
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
         phase=log.phase if log.phase.size else np.zeros(log.time.size),
         time=log.time,
-        push=wanted_push(log) if pushes and log.contact_force.size else (),
-        contact=rows(log.contact_force) if log.contact_force.size else (),
-        objects=rows(log.object_position) if log.object_position.size else (),
-        mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
-        pull=(log.gripper_taken[:, 0], *log.gripper_pull[:, :3].T) if log.gripper_pull.size else (),
+        push=wanted_push(log) if pushes and log.component("contact_force").size else (),
+        contact=rows(log.component("contact_force")) if log.component("contact_force").size else (),
+        objects=rows(log.component("object_position")) if log.component("object_position").size else (),
+        mechanisms=rows(log.component("mechanism_position")) if log.component("mechanism_position").size else (),
+        pull=(log.component("gripper_taken")[:, 0], *log.component("gripper_pull")[:, :3].T)
+        if log.component("gripper_pull").size
+        else (),
         hinge=_hinge(log) if pushes else (),
     )
 
 
 def _hinge(log: Log) -> tuple[Array, ...]:
     """The axis about which the world's first mechanism turns, at every instant; () where there is none."""
-    if not log.mechanism_position.size or not log.info.get("scenario_record"):
+    if not log.component("mechanism_position").size or not log.info.get("scenario_record"):
         return ()
     contact = log.scenario.world
     mechanisms = () if contact is None else contact.mechanisms

@@ -208,7 +208,7 @@ def _force_at_tip(log: Log) -> Array:
     points = written_part(log.info, "environment", "world", "points") or ()
     at_tip = {str(each["name"]) for each in points if each["frame"] == tip}
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
-    force = log.contact_force[:, chosen] if chosen else log.contact_force
+    force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")
     return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)
 
 

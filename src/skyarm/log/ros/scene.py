@@ -36,6 +36,10 @@ class Part:
         """The instants' rows of one of the log's arrays."""
         return self.log[array][self._chosen]
 
+    def component(self, array: str) -> Array:
+        """The instants' rows of an array of the flight's components."""
+        return self.log.component(array)[self._chosen]
+
     def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
         """A std_msgs/Header; its stamps are ``time`` (s), or the instants of the log."""
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
@@ -232,8 +236,7 @@ class WorldMarkers:
 
     def moving(self, part: Part) -> Mapping[str, Any]:
         """A visualization_msgs/MarkerArray of what moves, at every instant of a part of the flight."""
-        arrays = [part[name] for name in ("object_position", "object_quaternion", "mechanism_position")]
-        carried = logged_poses(self._contacts, *arrays)
+        carried = logged_poses(self._contacts, part.component)
         shapes = world_shapes(self._contacts, part["time"], self._around, carried=carried)
         moving = without_holes(each for each in shapes if each.shape.name in self._moving)
         return {"markers": [_marker(i, each, WORLD, part.stamps, fixed=False) for i, each in enumerate(moving)]}

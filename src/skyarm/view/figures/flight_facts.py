@@ -100,10 +100,11 @@ def ending_of(log: Log) -> str:
 
 def applied_force(log: Log) -> Array | None:
     """Sum of the normal forces (N,) on the vehicle, or where nothing touches, of its grips, N; None without a world."""
-    if not log.contact_force.size:
+    touches, grips = log.component("contact_force"), log.component("gripper_force")
+    if not touches.size:
         return None
-    normal, grip = (np.asarray(each.sum(axis=1)) for each in (log.contact_force, log.gripper_force))
-    return grip if grip.size and not normal.any() else normal
+    normal, grip = np.asarray(touches.sum(axis=1)), np.asarray(grips.sum(axis=1))
+    return grip if grips.size and not normal.any() else normal
 
 
 def desired_push(log: Log) -> Array | None:

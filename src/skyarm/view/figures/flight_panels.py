@@ -125,7 +125,7 @@ def _contact(logs: Sequence[Log]) -> list[Panel]:
     pairs = dict.fromkeys(
         pair
         for log in logs
-        for pair, force in zip(contact_pairs(log), log.contact_force.T, strict=False)
+        for pair, force in zip(contact_pairs(log), log.component("contact_force").T, strict=False)
         if np.any(force > 0.0)
     )
     return [
@@ -146,9 +146,9 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        if pair not in pairs or log.contact_force.shape[1] != len(pairs):
+        if pair not in pairs or log.component("contact_force").shape[1] != len(pairs):
             return None
-        return np.asarray(log.contact_force[:, pairs.index(pair)])
+        return np.asarray(log.component("contact_force")[:, pairs.index(pair)])
 
     return read
 

@@ -131,8 +131,7 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple
         if not contacts or not inside.size:
             continue
         ends = inside[[0, -1]]
-        moved = (log.object_position, log.object_quaternion, log.mechanism_position)
-        carried = logged_poses(contacts, *(each[ends] if each.size else each for each in moved))
+        carried = logged_poses(contacts, lambda name: log.component(name)[ends])  # noqa: B023
         around = np.mean(log.tip[inside], axis=0)
         level = any(each.shape == "plane" for contact in contacts for each in contact.surfaces)
         return (
@@ -188,8 +187,8 @@ def _forces(ax: Axes, log: Log, style: PictureStyle) -> dict[str, Any]:
     """Curves of force, each in the look of its place; returns what a legend has of them."""
     style.dress(ax)
     handles: dict[str, Any] = {}
-    grip = log.gripper_force.sum(axis=1)
-    for name, force in (("normal force", log.contact_force.sum(axis=1)), ("grip", grip)):
+    grip = log.component("gripper_force").sum(axis=1)
+    for name, force in (("normal force", log.component("contact_force").sum(axis=1)), ("grip", grip)):
         if force.any() or not (handles or grip.any()):
             (handles[name],) = ax.plot(log.time, force, **style.look(len(handles)).line)
     wanted = desired_push(log)

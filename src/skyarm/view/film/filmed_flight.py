@@ -192,7 +192,7 @@ def _loads(
     One on a cord is left out: a log does not keep its place.
     """
     instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for i, (payload, masses) in enumerate(zip(payloads, log.payload_mass.T, strict=False)):
+    for i, (payload, masses) in enumerate(zip(payloads, log.component("payload_mass").T, strict=False)):
         (held,) = np.nonzero(masses[instants] > 0.0)
         if not payload.rigid or not held.size:
             continue
@@ -212,9 +212,14 @@ def patch_about(tip: Array) -> float:
 
 def carried_at(log: Log, contacts: Sequence[Any], times: Array) -> CarriedPoses:
     """Free objects and mechanisms at the frames."""
-    turns = [continuous(each) for each in np.split(log.object_quaternion, log.object_quaternion.shape[1] // 4 or 1, 1)]
-    kept = log.object_position, np.concatenate(turns, axis=1), log.mechanism_position
-    return logged_poses(contacts, *(read(log.time, each, times) for each in kept))
+
+    def at_frames(name: str) -> Array:
+        array = log.component(name)
+        if name == "object_quaternion" and array.size:
+            array = np.concatenate([continuous(each) for each in np.split(array, array.shape[1] // 4, 1)], axis=1)
+        return read(log.time, array, times)
+
+    return logged_poses(contacts, at_frames)
 
 
 def _touches(
@@ -227,9 +232,9 @@ def _touches(
 ) -> Iterator[TouchArrow]:
     """Contact forces at the frames, at the places that the bodies have then."""
     begin = 0
-    for contact in contacts if log.contact_force.size else ():
+    for contact in contacts if log.component("contact_force").size else ():
         end = begin + contact.logged_pairs
-        force = read(log.time, log.contact_force[:, begin:end], times)
+        force = read(log.time, log.component("contact_force")[:, begin:end], times)
         force = np.where(times[:, None] < end_of(log), force, 0.0)
         yield from touch_arrows(contact, vehicle, poses, times, force, carried)
         begin = end

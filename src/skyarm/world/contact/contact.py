@@ -37,6 +37,13 @@ meanwhile: both are the same in 5 ms, longer periods ask for more."""
 TIP = "tip"
 """Name of the point that a vehicle with a tip has where nothing is said of its points."""
 
+LOGGED = (
+    ("force", "N", "of a surface on a point, along its normal"),
+    ("friction", "N", "of a surface on a point, across its normal"),
+    ("depth", "m", "penetration of a point into a surface"),
+)
+"""Numbers of a surface and a point in a log: array, unit, meaning."""
+
 VERLET_SHARE = 0.75
 """Of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its tip
 then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking holds
@@ -408,7 +415,7 @@ class Contact(Force):
         """Force, friction and penetration of each pair of a surface and a point; then of each carrier and gripper."""
         surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
         labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
-        found = [(f"contact_{what}", label, "") for label in labels for what in ("force", "friction", "depth")]
+        found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
         found += [column for carrier in self.carriers for column in carrier.columns]
         return (*found, *(column for gripper in self.grippers for column in gripper.columns))
 

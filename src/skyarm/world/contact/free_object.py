@@ -37,6 +37,14 @@ a ball of 30 g to 3 kg, and six of 3 g, gain less than 0.1 % of energy (measured
 REST = Vec3(0.0, 0.0, 0.0)
 """Of what a start leaves out: zeros that may be varied, not structure."""
 
+LOGGED = (
+    ("position", "xyz", "m", "middle, world axes,"),
+    ("quaternion", "wxyz", "", "attitude"),
+    ("velocity", "xyz", "m/s", "velocity of the middle, world axes,"),
+    ("rate", "xyz", "rad/s", "angular velocity, its own axes,"),
+)
+"""Arrays of a log: name, axes, unit, meaning."""
+
 _LEVEL = 1e-10
 """Share of a fixed direction in that of the rim's deepest place, which a cylinder that stands upright does not have."""
 
@@ -220,8 +228,11 @@ class FreeObject(Carrier):
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Pose and velocities."""
-        arrays = {"position": "xyz", "quaternion": "wxyz", "velocity": "xyz", "rate": "xyz"}
-        return tuple((f"object_{name}", f"{self.name}/{axis}", "") for name, axes in arrays.items() for axis in axes)
+        return tuple(
+            Column(f"object_{array}", f"{self.name}/{axis}", unit, f"{meaning} of an object")
+            for array, axes, unit, meaning in LOGGED
+            for axis in axes
+        )
 
     def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
         """Position of the shape's middle, attitude, its velocity (world axes), angular velocity (own axes)."""

@@ -127,8 +127,13 @@ class Gripper:
     @property
     def columns(self) -> tuple[Column, ...]:
         """Number of what is held, force, how often it slipped, and the pull on what is held."""
-        found = tuple((f"gripper_{name}", self.name, "") for name in ("taken", "force", "lost"))
-        return found + tuple(("gripper_pull", f"{self.name}/{axis}", "") for axis in "xyz")
+        pull = (Column("gripper_pull", f"{self.name}/{axis}", "N", "on what is held") for axis in "xyz")
+        return (
+            Column("gripper_taken", self.name, "", "number of the object that is held, from 1; 0 for none"),
+            Column("gripper_force", self.name, "N", "of the grasp"),
+            Column("gripper_lost", self.name, "", "how often a grasp has given way"),
+            *pull,
+        )
 
     def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Any:
         """Longest integration step (s) of a grasp.

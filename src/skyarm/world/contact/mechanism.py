@@ -234,7 +234,7 @@ class Mechanism(Carrier):
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Coordinate and rate."""
         unit = "rad" if self.turns else "m"
-        return ("mechanism_position", self.name, unit), ("mechanism_rate", self.name, f"{unit}/s")
+        return Column("mechanism_position", self.name, unit), Column("mechanism_rate", self.name, f"{unit}/s")
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
         """Coordinate and rate."""

@@ -7,7 +7,7 @@ square patch about the place of the flight, or as the ground where it is level a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -50,25 +50,17 @@ WAY = np.linspace(0.03, 3.0, 100)
 """m from a place towards the eye at which something may be in the way."""
 
 
-def logged_poses(contacts: Sequence[Contact], position: Array, quaternion: Array, coordinate: Array) -> CarriedPoses:
-    """Poses of free objects and mechanisms as a log keeps them; arrays without columns where there are none.
-
-    Args:
-        contacts: of the scenario.
-        position: (N, 3 objects) m.
-        quaternion: (N, 4 objects) wxyz, of any length but zero.
-        coordinate: (N, mechanisms) rad or m.
-    """
+def logged_poses(contacts: Sequence[Contact], logged: Callable[[str], Array]) -> CarriedPoses:
+    """Poses of objects and mechanisms from the arrays of a log, by name; none of what it does not hold."""
     found: dict[str, tuple[Array, Array]] = {}
     objects = [each for contact in contacts for each in contact.objects]
     mechanisms = [each for contact in contacts for each in contact.mechanisms]
-    if (position.shape[1], quaternion.shape[1]) == (3 * len(objects), 4 * len(objects)):
-        for i, thing in enumerate(objects):
-            found[thing.name] = rotations_of(quaternion[:, 4 * i : 4 * i + 4]), position[:, 3 * i : 3 * i + 3]
-    if coordinate.shape[1] == len(mechanisms):
-        for mechanism, q in zip(mechanisms, coordinate.T, strict=True):
-            frame = mechanism.frame_at(q)
-            found[mechanism.name] = matrices(frame.rotation, len(q)), vectors(frame.position, len(q))
+    position, quaternion = logged("object_position"), logged("object_quaternion")
+    for i, thing in enumerate(objects if position.shape[1] == 3 * len(objects) else ()):
+        found[thing.name] = rotations_of(quaternion[:, 4 * i : 4 * i + 4]), position[:, 3 * i : 3 * i + 3]
+    for mechanism, q in zip(mechanisms, logged("mechanism_position").T, strict=False):
+        frame = mechanism.frame_at(q)
+        found[mechanism.name] = matrices(frame.rotation, len(q)), vectors(frame.position, len(q))
     return found
 
 
