@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import gc
+import concurrent.futures
+import dataclasses
 import weakref
 
 import numpy as np
@@ -13,7 +14,7 @@ from kernel_threads import wait_until
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import Machine, SharedSteps, ThreadPools, slice_work
+from skyarm.compile.llvm.shared_steps import SharedSteps, slice_work
 from skyarm.compile.tracing.program import trace_loop
 
 LANES, STEPS = 103, 60
@@ -40,10 +41,9 @@ def cut(monkeypatch):
     def lengths(kernel, steps):
         monkeypatch.setattr(shared_steps, "SLICE", (steps + 0.5) * kernel.machine.pace)
         monkeypatch.setattr(shared_steps, "SHARED", 1e-12)
-        # the speed stays what is guessed here: lengths are whole numbers of steps
-        monkeypatch.setattr(Machine, "measure", lambda *_: None)
         calls, usual = [], kernel.machine.call
-        monkeypatch.setattr(kernel.machine, "call", lambda arguments: (calls.append(1), usual(arguments)))
+        call = lambda arguments: (calls.append(1), usual(arguments))  # noqa: E731
+        monkeypatch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=call))
         return calls
 
     return lengths
@@ -74,15 +74,6 @@ def test_slices_take_the_time_they_should():
                     assert blocks / group >= 4 * threads
 
 
-def test_a_kernel_learns_its_speed_and_is_not_misled_by_one_measurement():
-    machine = Machine(lambda _: None, None, ThreadPools(), 1e-6)
-    for seconds, work, pace in ((0.001, 10, 1e-6), (2.0, 10**6, 2e-6), (1000.0, 10**5, 1.6e-5), (1.0, 10**5, 1e-5)):
-        machine.measure(seconds, work)
-        assert machine.pace == pytest.approx(pace)
-    machine.measure(1.0, 0)
-    assert machine.pace == pytest.approx(1e-5)
-
-
 @pytest.mark.parametrize("threads", [1, 3])
 def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, monkeypatch, threads):
     kernel = spring()
@@ -99,42 +90,19 @@ def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, m
             if threads == 1 and len(made) == number:
                 raise KeyboardInterrupt
 
-        def waiting(self, step, count):
-            self._machine.pools.take().call(step, count)
-            raise KeyboardInterrupt
+        def waiting(flying, seconds=None):
+            if seconds is not None:
+                raise KeyboardInterrupt
+            return concurrent.futures.wait(flying)
 
         with monkeypatch.context() as patch:
-            patch.setattr(kernel.machine, "call", interrupted)
+            patch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=interrupted))
             if threads > 1:
-                patch.setattr(SharedSteps, "_share", waiting)
+                patch.setattr(shared_steps, "wait", waiting)
             with pytest.raises(KeyboardInterrupt):
                 kernel.run(*arrays, seed=9, start=5, every=7, threads=threads)
     assert all(map(np.array_equal, arrays, before))
     assert all(same_bits(a, b) for a, b in zip(fly(kernel, threads=threads), whole, strict=True))
-
-
-def test_who_may_still_step_holds_the_arrays_and_the_machine_code(monkeypatch):
-    handed, calls = [], []
-    monkeypatch.setattr(shared_steps, "SHARED", 1e-12)
-
-    def hand_over(_self, step, _count):
-        handed.append(step)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(SharedSteps, "_share", hand_over)
-    kernel = spring()
-    engine = weakref.ref(kernel.engine)
-    with pytest.raises(KeyboardInterrupt):
-        fly(kernel, threads=2)
-    kernel.machine.call = calls.append
-    del kernel
-    gc.collect()
-    assert engine() is not None
-    handed[0]()  # of work that was given up, nothing is done
-    assert calls == []
-    handed.clear()
-    gc.collect()
-    assert engine() is None
 
 
 def test_threads_that_wait_keep_no_arrays(monkeypatch):

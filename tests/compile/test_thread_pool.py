@@ -1,9 +1,8 @@
-"""The threads of a kernel: made when they are needed, kept, shared out to callers, ended with it; signals and forks."""
+"""The threads of a kernel: callers at once, and signals."""
 
 from __future__ import annotations
 
 import copy
-import gc
 import os
 import pickle
 import subprocess
@@ -15,7 +14,6 @@ import numpy as np
 import pytest
 from programs_random import oscillator, same_bits
 
-from kernel_threads import queues, serving, wait_until
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
@@ -39,32 +37,12 @@ def fly(kernel, lanes=103, **options):
     return kernel.run(carry, np.linspace(1.0, 30.0, lanes)[None], np.ones((50, 1)), **options)[0]
 
 
-def test_threads_are_made_once_when_they_are_needed_and_end_with_the_kernel():
-    kernel = spring()
-    fly(kernel)
-    fly(kernel, threads=1)
-    fly(kernel, lanes=3, threads=8)  # one block is for one thread
-    assert kernel.pools._idle == []
-    fly(kernel, threads=3)
-    at = queues(kernel)
-    wait_until(lambda: len(serving(at)) == 3)
-    made = serving(at)
-    for threads in (3, 2, 3):
-        fly(kernel, threads=threads)
-    assert serving(at) == made
-    fly(kernel, threads=5)
-    wait_until(lambda: len(serving(at)) == 5)
-    assert made < serving(at)
-    del kernel
-    gc.collect()
-    wait_until(lambda: not serving(at))
-
-
 def test_little_work_is_not_shared(monkeypatch):
     monkeypatch.setattr(shared_steps, "SHARED", 1.0)
-    kernel = spring()
-    fly(kernel, threads=4)
-    assert queues(kernel) == []
+    pools = []
+    monkeypatch.setattr(native.ThreadPoolExecutor, "submit", pools.append)
+    fly(spring(), threads=4)
+    assert pools == []
 
 
 def test_callers_at_once_have_threads_of_their_own():
@@ -87,19 +65,6 @@ def test_callers_at_once_have_threads_of_their_own():
     assert not errors
     assert len(found) == 200
     assert all(same_bits(expected, one) for one in found)
-    assert len(queues(kernel)) in (1, 2, 3, 4)
-    wait_until(lambda: len(serving(queues(kernel))) == 3 * len(queues(kernel)))
-
-
-def test_a_pool_is_one_callers_at_a_time():
-    pools = shared_steps.ThreadPools()
-    first, second = pools.take(), pools.take()
-    assert first is not second
-    pools.give(first)
-    assert pools.take() is first
-    pools.give(first)
-    pools.give(second)
-    assert {pools.take(), pools.take()} == {first, second}
 
 
 def test_a_copy_flies_and_a_kernel_is_not_pickled():
@@ -108,31 +73,6 @@ def test_a_copy_flies_and_a_kernel_is_not_pickled():
     assert same_bits(fly(copy.copy(kernel), threads=3), expected)
     with pytest.raises(ValueError, match="cannot be pickled"):
         pickle.dumps(kernel)
-
-
-@pytest.mark.parametrize("begun", [False, True])
-def test_an_interrupt_while_a_thread_is_made_comes_through(monkeypatch, begun):
-    kernel = spring()
-    expected = fly(kernel)
-    usual = shared_steps._thread.start_new_thread
-
-    def interrupted(*arguments):
-        if begun:
-            usual(*arguments)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(shared_steps._thread, "start_new_thread", interrupted)
-    for _ in range(5):
-        with pytest.raises(KeyboardInterrupt):
-            fly(kernel, threads=4)
-    monkeypatch.setattr(shared_steps._thread, "start_new_thread", usual)
-    assert same_bits(fly(kernel, threads=4), expected)
-    at = queues(kernel)
-    # some may be there that nobody has counted
-    wait_until(lambda: len(serving(at)) >= 3)
-    del kernel
-    gc.collect()
-    wait_until(lambda: not serving(at))
 
 
 PROGRAM = """
@@ -165,30 +105,6 @@ def ran(text, tmp_path, seconds=100):
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_threads_are_made_again_after_a_fork(tmp_path):
-    """By whoever: one that called before, one that is forked while another thread calls, one whose parent has ended."""
-    text = """
-caller = threading.Thread(target=endless, daemon=True)
-caller.start()
-while kernel.pools._idle:
-    time.sleep(0.01)
-fly()  # beside the pool of the caller there is an idle one
-assert len(kernel.pools._idle) == 1
-for _ in range(20):
-    child = os.fork()
-    if child == 0:
-        same = all(np.array_equal(fly(), expected) for _ in range(3))
-        (pool,) = [pool for pool in kernel.pools._idle if not pool.lost]
-        os._exit(0 if same and pool._size == 3 and len(os.listdir("/proc/self/task")) == 4 else 1)
-    assert os.waitpid(child, 0)[1] == 0
-print(np.array_equal(fly(), expected))
-"""
-    if not Path("/proc/self/task").exists():
-        text = text.replace('len(os.listdir("/proc/self/task")) == 4', "True")
-    assert ran(text, tmp_path) == "True\n"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
@@ -235,14 +151,3 @@ for lanes in (1, 50_000):
     one = ["ended"] * 4 + ["interrupted"] * 2 + ["heard 1", "True"]
     many = ["ended", "interrupted", "heard 1", "True"]
     assert ran(text, tmp_path).split("\n") == [*one, *many, ""]
-
-
-def test_a_process_ends_whatever_its_threads_do(tmp_path):
-    """Idle threads, and a caller that is a daemon and will never be through."""
-    text = """
-caller = threading.Thread(target=endless, daemon=True)
-caller.start()
-fly()
-print("end")
-"""
-    assert ran(text, tmp_path) == "end\n"

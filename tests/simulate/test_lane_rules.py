@@ -27,8 +27,8 @@ def column(*numbers: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def loaded():
-    with Batch(BASE, [LOAD], effort=0) as batch:
-        yield batch
+    batch = Batch(BASE, [LOAD], effort=0)
+    return batch
 
 
 def test_a_number_that_its_field_refuses_does_not_fly(loaded):

@@ -258,8 +258,8 @@ def test_the_numbers_of_a_lane_are_looked_at_together():
     words = r"values\['environment.forces.1.k'\] = 3, values\['environment.forces.1.m'\] = 0.3: bears steps of 0.0004 s"
     with pytest.raises(ScenarioError, match=words):
         require_short_steps(scenario, mixed, largest)
-    with pytest.raises(ScenarioError, match=words), Batch(scenario, [K, M], stiffest=sprung(k=4.0), effort=0) as batch:
-        batch.fly(mixed)
+    with pytest.raises(ScenarioError, match=words):
+        Batch(scenario, [K, M], stiffest=sprung(k=4.0), effort=0).fly(mixed)
     fine = {K: mixed[K], M: np.array([1.0, 0.75, 0.25, 0.9])}
     require_short_steps(scenario, fine, largest)
     # one number for all lanes goes with each of them

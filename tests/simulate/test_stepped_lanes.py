@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import gc
 import os
 import subprocess
 import sys
+from concurrent.futures import wait
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skyarm
-from kernel_threads import queues, serving, wait_until
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
@@ -127,47 +126,6 @@ def test_threads_change_no_bit(shared, single):
     assert len(set(found)) == 1
 
 
-def kernel_of(batch):
-    return batch._stepper._kernel
-
-
-def test_one_pool_lives_as_long_as_the_batch(shared):
-    actions = pushes(103, 20)
-    batch = BatchSession(scenario(), 103, threads=3)
-    kernel = kernel_of(batch)
-    assert queues(kernel) == []
-    batch.step(actions[0])
-    at = queues(kernel)
-    wait_until(lambda: len(serving(at)) == 3)
-    made = serving(at)
-    for each in actions:
-        batch.step(each)
-    assert serving(at) == made
-    with batch:
-        batch.step(actions[0])
-    wait_until(lambda: not serving(at))
-    batch.step(actions[1])
-    later = queues(kernel)
-    wait_until(lambda: len(serving(later)) == 3)
-    del batch, kernel
-    gc.collect()
-    wait_until(lambda: not serving(later))
-
-
-def test_flights_of_a_batch_share_one_pool(shared):
-    batch = skyarm.Batch(scenario(duration=0.1), [MASS])
-    masses = {MASS: np.linspace(0.0, 0.1, 103)}
-    batch.fly(masses, threads=3)
-    at = queues(batch.kernel)
-    wait_until(lambda: len(serving(at)) == 3)
-    made = serving(at)
-    for _ in range(5):
-        batch.fly(masses, threads=3)
-    assert serving(at) == made
-    batch.close()
-    wait_until(lambda: not serving(at))
-
-
 def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, monkeypatch):
     """Ctrl-C may come while the caller waits: the step is flown to its end first."""
     actions = pushes(103, 2)
@@ -176,10 +134,12 @@ def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, m
         alone.step(each)
     batch.step(actions[0])
 
-    def interrupted(*_):
-        raise KeyboardInterrupt
+    def interrupted(flying, seconds=None):
+        if seconds is not None:
+            raise KeyboardInterrupt
+        return wait(flying)
 
-    monkeypatch.setattr(shared_steps.SharedSteps, "_share", interrupted)
+    monkeypatch.setattr(shared_steps, "wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
         batch.step(actions[1])
     assert numbers(batch.state).tobytes() == numbers(alone.state).tobytes()

@@ -23,10 +23,6 @@ class SlowFlightWarning(RuntimeWarning):
     """An episode flies in Python floats, because machine code cannot be made here."""
 
 
-class LongCompilationWarning(UserWarning):
-    """Machine code of long equations, which takes minutes."""
-
-
 @contextmanager
 def llvm_needed() -> Iterator[None]:
     """Raise NoMachineCodeError in place of whatever the compiler raises inside.

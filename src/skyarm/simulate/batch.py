@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -63,9 +63,6 @@ class Outcome:
 
 class Batch:
     """Episodes of a scenario that is compiled once, flown whole by its law; :mod:`skyarm.envs` steps many.
-
-    Threads that a call asks for are kept for the next one; they end with the batch, or with :meth:`close`, which the
-    end of a ``with`` calls.
 
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
@@ -200,17 +197,6 @@ class Batch:
                 mine = [column[here] for column in columns]
                 found[here] = leg.statuses(mine, left, ticks[here], ended[here])
         return found.astype(str)
-
-    def close(self) -> None:
-        """End the threads; another call makes them again."""
-        for leg in self._legs:
-            leg.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
         """Metrics of each lane."""

@@ -307,11 +307,6 @@ class Leg:
         """Record that such a leg logs."""
         return cast("LegCode", self.code).logged
 
-    def close(self) -> None:
-        """End the threads."""
-        if self.code is not None:
-            self.code.kernel.pools.close()
-
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
         """Path -> (lanes,) numbers in force in this leg: the lanes' own, and those set by changes."""
         given = dict(zip(self._options.paths, columns, strict=True))

@@ -123,7 +123,6 @@ def test_joints_with_servos_are_charged_no_effort():
     flight = dataclasses.replace(flight, duration=1.0)
     flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0))
     flown = flights.fly(np.zeros((1, 0)))
-    flights.close()
     assert flown.effort.tolist() == [[0.0, 0.0]]
     assert (flown.jitter > 0.0).all()
 

@@ -89,7 +89,6 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     assert found.base[:, plants.kinds == OWN].min() > 2.0 * found.base[:, plants.kinds != OWN].max()
     # no plant may be left of a kind
     np.testing.assert_array_equal(flights.fly(logs, others=plants.select(np.arange(3))).error, found.error[:, :3])
-    flights.close()
 
 
 class NoMargins:

@@ -89,8 +89,8 @@ def test_python_floats_and_every_lane_of_a_batch_fly_the_same_bits(press, presse
     assert np.array_equal(slow.position, pressed.position[:90])
     assert slow.contact_force.max() > 0.5
     values = np.array([3000.0, 5000.0])
-    with skyarm.Batch(short, [stiffness], bit_exact=True, effort=0) as batch:
-        x, z = (getattr(batch.fly({stiffness: values}).state.velocity, axis) for axis in "xz")
+    batch = skyarm.Batch(short, [stiffness], bit_exact=True, effort=0)
+    x, z = (getattr(batch.fly({stiffness: values}).state.velocity, axis) for axis in "xz")
     assert x[0] != x[1]
     single = skyarm.Session(short)
     while single.running:
@@ -139,8 +139,8 @@ def test_lanes_of_a_batch_say_which_of_them_touched_with_a_rotor(press):
     near["world"]["surfaces"][0] |= {"size": [0.1, 2.0, 3.0], "position": [0.2716 + 0.06, 0.0, 0.45]}
     near["duration"] = 0.5
     radii = np.array([0.05, 0.1, 0.08])
-    with skyarm.Batch(scenario_from(near), ["world.rotor_radius"], effort=0) as batch:
-        flown = batch.fly({"world.rotor_radius": radii})
+    batch = skyarm.Batch(scenario_from(near), ["world.rotor_radius"], effort=0)
+    flown = batch.fly({"world.rotor_radius": radii})
     assert flown.status.tolist() == ["completed", "rotor_contact", "completed"]
     assert flown.end_time[1] == skyarm.run(scenario_from(near)).info["end_time"]
 

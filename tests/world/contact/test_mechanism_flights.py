@@ -85,8 +85,8 @@ def test_python_floats_push_the_same_bits(push, pushed):
 @pytest.mark.thorough
 def test_every_lane_of_a_batch_pushes_the_bits_of_a_session(push):
     short, values = scenario_from({**push, "duration": 0.4}), np.array([0.02, 0.05])
-    with skyarm.Batch(short, [FRICTION], bit_exact=True, effort=0) as batch:
-        x, z = (getattr(batch.fly({FRICTION: values}).state.velocity, axis) for axis in "xz")
+    batch = skyarm.Batch(short, [FRICTION], bit_exact=True, effort=0)
+    x, z = (getattr(batch.fly({FRICTION: values}).state.velocity, axis) for axis in "xz")
     single = skyarm.Session(short)
     while single.running:
         single.step()

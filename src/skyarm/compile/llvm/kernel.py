@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-import warnings
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
 
@@ -17,8 +17,8 @@ import numpy.typing as npt
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.llvm_loop import CALL, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps, ThreadPools
-from skyarm.compile.machine_code import LongCompilationWarning, llvm_needed, require_floor
+from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps
+from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 
@@ -77,9 +77,8 @@ class Kernel:
         self.logging = logging
         self.engine = _make_engine(assembly(loop, self.lanes, logging=logging), effort)
         address = self.engine.get_function_address(CALL)
-        self.quick, self.pools = QUICK(address), ThreadPools()
-        guess = GUESS * max(1, operations(loop.program.nodes))
-        self.machine = Machine(SIGNATURE(address), self.engine, self.pools, guess)
+        self.quick = QUICK(address)
+        self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, operations(loop.program.nodes)))
 
     @property
     def dtype(self) -> Any:
@@ -130,7 +129,12 @@ class Kernel:
         entries = -(-r.shape[0] // every) if self.logging else 0
         log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
         arrays, blocks = (c, p, r, log, keys), padded // width
-        SharedSteps(self.machine, arrays, blocks=blocks, lanes=padded, every=every, threads=threads).run(start)
+        steps = SharedSteps(self.machine, arrays, blocks=blocks, lanes=padded, every=every, threads=threads)
+        if threads == 1:
+            steps.run(start)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                steps.run(start, pool)
         return c[:, :lanes], log[:, :, :lanes]
 
     def _pad(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
@@ -164,32 +168,9 @@ def _make_engine(text: str, effort: int) -> Any:
     identity = _identity(text, effort)
     content = object_cache.load(identity)
     if content is None:
-        announce(len(text), effort)
         content = build(text, effort)
         object_cache.store(identity, content)
     return _load_engine(content)
-
-
-LONG = 30.0
-"""s of compiling that are announced."""
-
-SECONDS = (0.7e-6, 3.5e-6)
-"""s a byte of assembly takes to compile at effort 0 and above it: of 1 to 4 MB, on one core of a server."""
-
-
-def announce(size: int, effort: int) -> None:
-    """Warn before code is compiled that takes long: thousands of sensors, a handful of free bodies in contact.
-
-    Args:
-        size: bytes of assembly.
-        effort: of the compiler.
-    """
-    seconds = size * SECONDS[effort > 0]
-    if seconds > LONG:
-        words = f"{size / 1e6:.0f} MB of equations are being made into machine code, which takes about"
-        warnings.warn(
-            f"{words} {seconds / 60.0:.0f} min and is kept for the next time", LongCompilationWarning, stacklevel=2
-        )
 
 
 @llvm_needed()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -26,8 +28,8 @@ ALONE = 8192
 class LaneStepper:
     """Steps all lanes of arrays that stay where they are.
 
-    Its threads are those of the kernel's pool: made at the first step that shares its lanes, kept from step to step,
-    made anew after a fork. :meth:`close` ends them, as does the end of the kernel.
+    Its threads are made at the first step that shares its lanes, kept from step to step, and made anew after a fork.
+    :meth:`close` ends them.
 
     Args:
         kernel: of one row a step; what it logs of it is written anew by each. lanes: how many.
@@ -64,6 +66,8 @@ class LaneStepper:
         self._quick = kernel.quick
         self._arrays, self._blocks = arrays, blocks
         self._shared: SharedSteps | None = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._threads, self._process = threads, os.getpid()
         if threads > 1 and lanes > ALONE:
             self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
 
@@ -103,11 +107,15 @@ class LaneStepper:
             self._arguments[9] = tick
             self._quick(self._pointer)
         else:
-            self._shared.run(tick, whole=True)
+            if self._pool is None or self._process != os.getpid():  # threads stay behind in a fork
+                self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
+            self._shared.run(tick, self._pool, whole=True)
 
     def close(self) -> None:
         """End the threads; another step makes them again."""
-        self._kernel.pools.close()
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
 
 def apart(blocks: int) -> int:

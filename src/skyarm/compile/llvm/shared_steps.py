@@ -1,93 +1,19 @@
 """Steps of many lanes in slices of milliseconds, shared out to threads.
 
-Python handles signals between slices, and machine code lets other threads run. Where several threads step, the caller
-only waits: what is raised there, as Ctrl-C raises it, never comes between a slice and the note that it was made.
+Python handles signals between slices, and machine code lets other threads run.
 """
 
 from __future__ import annotations
 
-import _thread
 import ctypes
-import os
-import time
-import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy.typing as npt
-
-Work = Callable[[], object]
-
-
-class ThreadPool:
-    """Daemon threads that call functions; they end with the pool.
-
-    A process may end without them. What they call holds all it needs and raises nothing.
-    """
-
-    def __init__(self) -> None:
-        self._process = os.getpid()
-        self._queue: SimpleQueue[Work | None] = SimpleQueue()
-        self._size = 0
-        weakref.finalize(self, self._queue.put, None)
-
-    @property
-    def lost(self) -> bool:
-        """True in a process that was forked off: threads stay behind."""
-        return self._process != os.getpid()
-
-    def call(self, work: Work, count: int) -> None:
-        """Have ``count`` threads call ``work``.
-
-        Raises:
-            RuntimeError: the system allows no more threads.
-        """
-        while self._size < count:
-            # threading.Thread takes many steps to start, between which an interrupt may be raised; this is one
-            _thread.start_new_thread(_serve, (self._queue,))
-            self._size += 1
-        for _ in range(count):
-            self._queue.put(work)
-
-
-def _serve(queue: SimpleQueue[Work | None]) -> None:
-    """Call what comes until there is None, which is left to the next thread. Nothing is kept while waiting."""
-    while (work := queue.get()) is not None:
-        work()
-        del work
-    queue.put(None)
-
-
-class ThreadPools:
-    """Pools that no caller uses now."""
-
-    def __init__(self) -> None:
-        self._idle: list[ThreadPool] = []
-
-    def take(self) -> ThreadPool:
-        """A pool that is the caller's until he gives it back; if he never does, it ends by itself."""
-        while self._idle:
-            try:
-                # one step: two callers never get the same
-                pool = self._idle.pop()
-            except IndexError:
-                break
-            if not pool.lost:
-                return pool
-        return ThreadPool()
-
-    def give(self, pool: ThreadPool) -> None:
-        """Give the threads back to the pool."""
-        self._idle.append(pool)
-
-    def close(self) -> None:
-        """End the threads that no caller uses now, with their pools; callers to come get others."""
-        self._idle.clear()
-
 
 Array = npt.NDArray[Any]
 
@@ -96,10 +22,7 @@ SLICE = 0.003
 a two-joint arm."""
 
 GUESS = 2e-10
-"""s of an operation on a vector, before the kernel has been timed."""
-
-TIMED = 0.005
-"""s that a run must take for the kernel's speed to be taken from it."""
+"""s of an operation on a vector."""
 
 SHARED = 5e-5
 """s of work that are worth another thread, which takes some 20 us to wake."""
@@ -116,25 +39,17 @@ Arguments = ctypes.c_int64 * 12
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Machine:
     """A kernel's code for many lanes.
 
     Attributes:
-        call: takes :data:`Arguments`. engine: holds the code. pools: threads.
-        pace: s that a thread takes for a step of one block; a guess until it is measured.
+        call: takes :data:`Arguments`. engine: holds the code. pace: s that a thread takes for a step of one block.
     """
 
     call: Callable[[Any], None]
     engine: Any
-    pools: ThreadPools
     pace: float
-
-    def measure(self, seconds: float, work: int) -> None:
-        """Learn the pace from the time of so many steps of blocks by one thread."""
-        if seconds > TIMED and work:
-            # a thread that was held up once must not change the slices much
-            self.pace = min(max(seconds / work, self.pace / 8.0), 8.0 * self.pace)
 
 
 class SharedSteps:
@@ -148,24 +63,24 @@ class SharedSteps:
     def __init__(
         self, machine: Machine, arrays: Sequence[Array], *, blocks: int, lanes: int, every: int = 1, threads: int = 1
     ) -> None:
-        self._machine, self._blocks, self._steps = machine, blocks, len(arrays[2])
-        self._most = threads
+        self._machine, self._blocks, self._steps, self._most = machine, blocks, len(arrays[2]), threads
         # whoever may still step holds arrays and machine code
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
-    def run(self, start: int, *, whole: bool = False) -> None:
+    def run(self, start: int, pool: Executor | None = None, *, whole: bool = False) -> None:
         """Make all steps; ``start``: number of the first, for the random numbers.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.
+
+        Args:
+            start: of the steps.
+            pool: threads; None steps in the caller's.
+            whole: never leave some lanes a step ahead of others; needs threads.
         """
-        machine, work = self._machine, self._blocks * self._steps
+        machine = self._machine
         group, span = slice_work(self._blocks, self._steps, machine.pace, self._most)
-        groups = deque(range(0, self._blocks, group))
-        count = len(groups)
-        least = 2 if whole else 1  # the caller of a whole only waits
-        threads = max(least, min(self._most, count, int(work * machine.pace / SHARED)))
-        made, given_up = deque[int](), list[bool]()
+        groups, given_up = deque(range(0, self._blocks, group)), list[bool]()
 
         def step() -> None:
             arguments = Arguments(*self._fixed)
@@ -179,41 +94,22 @@ class SharedSteps:
                             return
                         arguments[BEGIN], arguments[END] = begin, min(begin + span, self._steps)
                         machine.call(arguments)
-                    made.append(first)
 
-        begun = time.perf_counter()
-        if threads == 1:
+        shares = int(self._blocks * self._steps * machine.pace / SHARED)
+        threads = max(2 if whole else 1, min(self._most, len(groups), shares))
+        if pool is None or threads == 1:
             step()
-        else:
-            try:
-                self._share(step, threads)
-            except BaseException:
-                if not whole:
-                    given_up.append(True)
-                    raise
-                step()
-                while len(made) < count:
-                    time.sleep(SLICE)
-                raise
-        machine.measure((time.perf_counter() - begun) * threads, work)
-
-    def _share(self, step: Callable[[], None], threads: int) -> None:
-        """Run the threads' steps, and wait for all of them."""
-        ended: SimpleQueue[None] = SimpleQueue()
-
-        def step_and_tell() -> None:
-            step()
-            ended.put(None)
-
-        pool = self._machine.pools.take()
+            return
+        flying: list[Future[None]] = []
         try:
-            pool.call(step_and_tell, threads)
-            while threads:
-                with suppress(Empty):
-                    ended.get(timeout=WAIT)
-                    threads -= 1
-        finally:
-            self._machine.pools.give(pool)
+            flying += [pool.submit(step) for _ in range(threads)]
+            while wait(flying, WAIT).not_done:
+                pass
+        except BaseException:
+            if not whole:
+                given_up.append(True)
+            wait(flying)
+            raise
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:

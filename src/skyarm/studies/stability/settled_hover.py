@@ -106,10 +106,6 @@ class SettledHover:
         """The open loop where a hover has settled, with these numbers of the paths."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 
-    def close(self) -> None:
-        """End the threads."""
-        self._leg.close()
-
     def _sets(self, values: Mapping[str, Array]) -> list[list[float]]:
         columns = [np.asarray(values[path], dtype=float).tolist() for path in self.paths]
         return [list(numbers) for numbers in zip(*columns, strict=True)]

@@ -204,12 +204,6 @@ class CandidateFlights:
         full = speeds >= NEAR_LIMIT * self._most[:, None, None]
         return np.asarray(full.mean(axis=(0, 2))).reshape(count, each)
 
-    def close(self) -> None:
-        """End the threads."""
-        self._batch.close()
-        if self._own is not None:
-            self._own.close()
-
 
 def of_drawn(flown: Flown) -> Flown:
     """Tables of the flights along drawn motions."""

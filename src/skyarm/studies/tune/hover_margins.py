@@ -131,11 +131,6 @@ class HoverMargins:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
 
-    def close(self) -> None:
-        """End the threads."""
-        if self._loops is not None:
-            self._loops.close()
-
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     """Cost of the tests that a loop does not pass."""

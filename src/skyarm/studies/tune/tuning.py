@@ -260,16 +260,7 @@ class Tuner:
         flights = CandidateFlights(
             scenario, self._plan.knobs, plants, threads=self._threads, seed=seed, saturation=saturation
         )
-        try:
-            return flights.fly(rows)
-        finally:
-            flights.close()
-
-    def close(self) -> None:
-        """End the threads."""
-        for name in ("_flights", "_margins"):
-            if name in self.__dict__:
-                self.__dict__[name].close()
+        return flights.fly(rows)
 
 
 def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
@@ -293,21 +284,18 @@ def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> T
     with one_blas_thread():
         plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
         tuner = Tuner(plan, plants, threads, progress or (lambda *_: None))
-        try:
-            logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
-            # of the scatter nobody flew all plants; the starts come along
-            best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
-            count = len(start.starts)
-            asked = logs[[*range(count), *best]]
-            again, drawn = tuner.again(asked)
-            last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
-            points = tuner.check(asked[last], drawn.part(last))
-            wanted = required_margins(plan.flight)
-            front, picked = front_of(points[:count], points[count:], wanted)
-            known = dict(zip(start.starts, points, strict=False))
-            aside = tuner.fly_aside({**known, PICKED: front[picked]})
-        finally:
-            tuner.close()
+        logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+        # of the scatter nobody flew all plants; the starts come along
+        best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
+        count = len(start.starts)
+        asked = logs[[*range(count), *best]]
+        again, drawn = tuner.again(asked)
+        last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
+        points = tuner.check(asked[last], drawn.part(last))
+        wanted = required_margins(plan.flight)
+        front, picked = front_of(points[:count], points[count:], wanted)
+        known = dict(zip(start.starts, points, strict=False))
+        aside = tuner.fly_aside({**known, PICKED: front[picked]})
     return Tuning(
         plan=plan,
         before=points[0],
