@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from skyarm.log.metrics.metric_catalogue import metric_names
-from skyarm.records.files import one_line, shown
-from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_file import scenario_from
-from skyarm.studies.identify.study import (
+from inference.study import (
     Constant,
     IdentificationError,
     IdentificationStudy,
@@ -20,6 +16,10 @@ from skyarm.studies.identify.study import (
     Target,
     read_identification,
 )
+from skyarm.log.metrics.metric_catalogue import metric_names
+from skyarm.records.files import one_line, shown
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_file import scenario_from
 
 LARGEST_SEED = 2**32 - 1
 

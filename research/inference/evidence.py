@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from inference.candidates import Candidates
 from inference.search import compass, decode, differential_evolution, encode
-from skyarm.studies.identify.study import Cell, IdentificationStudy, Parameter, Prediction, Rival, Settings, tally
+from inference.study import IdentificationStudy, Parameter, Prediction, Rival, Settings
+from skyarm.paper.unstated_study import Cell, tally
 
 Array = npt.NDArray[np.float64]
 

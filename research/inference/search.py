@@ -11,7 +11,7 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.identify.study import Parameter
+from inference.study import Parameter
 from skyarm.studies.sweep.sobol import BITS, sobol
 
 Array = npt.NDArray[np.float64]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,16 @@ import pytest
 
 from infer import infer
 from inference.candidates import Candidates
+from inference.checks import checked_study
 from skyarm.paper import inference_tables as shown
 from skyarm.paper.campaign import Campaign
 from skyarm.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
 from skyarm.paper.flights import Flight, results, scenario, settings
 from skyarm.paper.inferred_settings import (
     INFERRED,
+    LIBRARY,
     PREDICTED,
+    STUDY,
     inferred_scenario,
     is_of_this_study,
     settings_in,
@@ -60,10 +64,11 @@ def test_the_study_s_cells_are_the_paper_s() -> None:
     }
     written = {
         (flight["name"], name): cell["measured"] if isinstance(cell, dict) else cell
-        for flight in study.document["flights"]
+        for flight in unstated_study()["flights"]
         for name, cell in flight["cells"].items()
     }
     assert written == printed
+    study = checked_study((LIBRARY / STUDY).read_bytes(), Path(), STUDY)
     assert [len(study.among(law)) for law in ("", "PD", "CT")] == [103, 52, 51]
     assert {(c.flight, c.name): (c.measured, c.half) for c in study.cells} == {
         (c.flight, c.name): (c.measured, c.half) for c in published_cells()
@@ -167,7 +172,7 @@ def test_results_hold_the_column_and_what_it_depends_on(table: dict[str, Any]) -
     assert abs(cell["inferred"]["rigid_body"] - 0.049) < 0.3 * abs(cell["rigid_body"] - 0.049)
     facts = table["settings"]["inferred"]
     study = unstated_study()
-    assert (facts["numbers"], facts["choices"]) == (len(study.plan.fit.free), len(study.plan.fit.choices))
+    assert (facts["numbers"], facts["choices"]) == (len(study["fit"]["free"]), len(study["fit"]["choices"]))
 
 
 def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> None:
@@ -177,7 +182,7 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
         assert f"{first['within_25%']} lie within 25 %, {first['within_10%']} within 10 %" in words
         assert f"(on mujoco {second['within_25%']}, {second['within_10%']} and {second['within_5%']})" in words
     assert "103 numeric cells" in words
-    assert f"{len(unstated_study().plan.fit.free)} numbers" in words
+    assert f"{len(unstated_study()['fit']['free'])} numbers" in words
     text = markdown(table, {})
     assert text.index(words) < text.index("Not reproduced")
     page = report_pages(table, {}, {}, {})["report.html"]
@@ -205,9 +210,9 @@ def test_the_evidence_reads_as_tables() -> None:
     tables = shown.evidence_tables(evidence)
     assert all(len(row) == len(each.head) for each in tables for row in each.rows)
     ladder = next(each for each in tables if each.caption.startswith("Ladder"))
-    assert len(ladder.rows) == 1 + len(unstated_study().plan.ladder)
+    assert len(ladder.rows) == 1 + len(unstated_study()["ladder"])
     rivals = next(each for each in tables if each.caption.startswith("Rivals"))
-    assert len(rivals.rows) == len(unstated_study().plan.rivals)
+    assert len(rivals.rows) == len(unstated_study()["rivals"])
     assert shown.markdown_of(tables).count("\n## ") == len(tables)
 
 
@@ -217,7 +222,7 @@ def test_evidence_that_is_there_is_not_searched_for_again(tmp_path: Any, monkeyp
     def flown(*_: Any, **__: Any) -> None:
         raise AssertionError("flown")
 
-    study = unstated_study()
+    study = checked_study((LIBRARY / STUDY).read_bytes(), Path(), STUDY)
     monkeypatch.setattr(Candidates, "cells", flown)
     found = shipped_evidence()
     file = tmp_path / "unstated_settings.json"

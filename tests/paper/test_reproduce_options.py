@@ -12,6 +12,7 @@ from test_reproduce import _few
 
 import infer
 from commanded import skyarm
+from inference.checks import checked_study
 from inference.identification import result_digest
 from skyarm.paper import inferred_settings, reproduce
 
@@ -27,8 +28,9 @@ def test_the_paper_is_reproduced(tmp_path: Path) -> None:
 def test_a_search_is_continued_and_shown_in_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All of the search's stages but the first are there; of minutes some seconds are left."""
     shipped = inferred_settings.shipped_evidence()
+    study = checked_study((inferred_settings.LIBRARY / inferred_settings.STUDY).read_bytes(), Path(), "study")
     stages = {name: found for name, found in shipped["stages"].items() if name != "stated"}
-    there = {**shipped, "digest": result_digest(inferred_settings.unstated_study()), "stages": stages}
+    there = {**shipped, "digest": result_digest(study), "stages": stages}
     file = tmp_path / inferred_settings.FOUND
     file.write_text(json.dumps(there), "utf-8")
     flown: list[Any] = []

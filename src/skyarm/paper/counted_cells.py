@@ -10,8 +10,8 @@ import numpy as np
 
 from skyarm.paper.inferred_settings import unstated_study
 from skyarm.paper.published import PAPER, finite_or_none, rounding
+from skyarm.paper.unstated_study import Cell, group_places, losses, tally
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.identify.study import Cell, losses, tally
 
 SHARES = (0.05, 0.10, 0.25)
 
@@ -60,17 +60,18 @@ def counts(
 ) -> dict[str, Any]:
     """Loss and counts of a column over the cells that fit; all of them if left out. {} where none was flown."""
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
-    values, study = column_values(experiments, column, cells), unstated_study()
+    values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
     if np.isnan(values).all():
         return {}
-    loss = float(losses(values[None, :], cells, study.plan.loss.width, study.plan.loss.knee).sum())
+    loss = float(losses(values[None, :], cells, shape["width"], shape["knee"]).sum())
     return {"loss": loss} | tally(values, cells, SHARES)
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:
     """True if a cell belongs to a group of the study."""
-    names = {(cell.flight, cell.name) for cell in unstated_study().among(group)}
-    return lambda cell: (cell.flight, cell.name) in names
+    cells = published_cells()
+    chosen = {cells[i] for i in group_places(unstated_study()["groups"][group], cells)}
+    return lambda cell: cell in chosen
 
 
 def in_case(case: str) -> Callable[[Cell], bool]:

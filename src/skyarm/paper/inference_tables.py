@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
+from skyarm.paper.unstated_study import named
 from skyarm.view.pages import Table
 
 GROUPS = {
@@ -27,14 +28,14 @@ def settings_table(evidence: Mapping[str, Any]) -> Table:
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
-    for name in study.plan.fit.free:
-        each = study.parameter(name)
+    for name in study["fit"]["free"]:
+        each = named(study["parameters"], name)
         low, high = stages[f"profile {name}"]["within_1"]
-        rows.append((each.words, number(settings[name]), each.unit, f"{number(low)} ... {number(high)}"))
-    for name, option in study.plan.fit.choices.items():
-        choice = study.choice(name)
-        others = [each.words for each in choice.options if each.name != option]
-        rows.append((choice.words, choice.option(option).words, "choice", f"not: {'; '.join(others)}"))
+        rows.append((each["words"], number(settings[name]), each["unit"], f"{number(low)} ... {number(high)}"))
+    for name, taken in study["fit"]["choices"].items():
+        choice = named(study["choices"], name)
+        others = [each["words"] for each in choice["options"] if each["name"] != taken]
+        rows.append((choice["words"], named(choice["options"], taken)["words"], "choice", f"not: {'; '.join(others)}"))
     return _table("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
 
 
@@ -63,11 +64,11 @@ def choices_table(evidence: Mapping[str, Any]) -> Table:
 def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
     """Loss over each free number."""
     study, found = unstated_study(), []
-    for name in study.plan.fit.free:
-        stage, each = evidence["stages"][f"profile {name}"], study.parameter(name)
+    for name in study["fit"]["free"]:
+        stage, each = evidence["stages"][f"profile {name}"], named(study["parameters"], name)
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
         rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
-        title = f"Loss over: {each.words}{f', {each.unit}' if each.unit else ''}"
+        title = ", ".join(filter(None, (f"Loss over: {each['words']}", each["unit"])))
         found.append(_table(title, (">value", ">the others held", ">the others fitted again"), rows))
     return found
 
@@ -75,10 +76,10 @@ def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
 def rivals_table(evidence: Mapping[str, Any]) -> Table:
     """Every alternative alone on the steady cells of Cases 2 and 3, and on top of the fit."""
     study, rows = unstated_study(), []
-    for rival in study.plan.rivals:
-        stage = evidence["stages"][f"rival {rival.name}"]
-        row = [rival.words]
-        for group in study.plan.rival_cells:
+    for rival in study["rivals"]:
+        stage = evidence["stages"][f"rival {rival['name']}"]
+        row = [rival["words"]]
+        for group in study["rival_cells"]:
             alone = stage["alone"][group]
             values = ", ".join(number(value) for value in alone["numbers"].values())
             row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
@@ -86,7 +87,7 @@ def rivals_table(evidence: Mapping[str, Any]) -> Table:
         row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_loss_cells(top)] if top else ["-"] * 5
         rows.append(row)
     head = ["alternative"]
-    for group in study.plan.rival_cells:
+    for group in study["rival_cells"]:
         law = group.removeprefix("steady_")
         head += [f">{law}: loss alone, from to", ">best value"]
     return _table("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
@@ -97,8 +98,7 @@ def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], p
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """
-    study, rows = unstated_study(), []
-    seen = next(each.seen for each in study.plan.predictions if each.name == PREDICTION)
+    seen, rows = named(unstated_study()["predictions"], PREDICTION)["seen"], []
     columns = (
         (results["experiments"], stated_value),
         (predicted, inferred_value),
@@ -149,7 +149,6 @@ def _share(found: Mapping[str, Any], within: str) -> str:
 
 def inferred_facts(evidence: Mapping[str, Any]) -> dict[str, Any]:
     """Dependencies of the inferred column, for ``settings`` of the results."""
-    study = unstated_study()
-    settings = evidence["stages"]["fit"]["settings"]
-    facts = {"numbers": len(study.plan.fit.free), "choices": len(study.plan.fit.choices), "settings": settings}
+    fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
+    facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}
     return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}

@@ -7,15 +7,15 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from skyarm.paper.flights import HOLDS, Flight, Metrics, metrics
+from skyarm.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
+from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Window, run
-from skyarm.studies.identify.study import IdentificationStudy, read_identification
 
 LIBRARY = resources.files("skyarm.paper") / "library"
 STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
@@ -31,9 +31,9 @@ PREDICTION = "from_cases_2_and_3"
 
 
 @lru_cache(maxsize=1)
-def unstated_study() -> IdentificationStudy:
-    """The study of what the paper leaves open."""
-    return read_identification((LIBRARY / STUDY).read_bytes(), Path(), STUDY)
+def unstated_study() -> Tables:
+    """The study of what the paper leaves open, as its file has it."""
+    return read_toml((LIBRARY / STUDY).read_bytes())
 
 
 def shipped_evidence() -> dict[str, Any]:
@@ -44,7 +44,9 @@ def shipped_evidence() -> dict[str, Any]:
 
 def is_of_this_study(evidence: Mapping[str, Any]) -> bool:
     """True if evidence was found with the study as it is now."""
-    return bool(evidence.get("study_digest") == unstated_study().digest)
+    study = unstated_study()
+    flights = {each["name"]: stated_tables(study, each["name"]) for each in study["flights"]}
+    return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
 def settings_in(evidence: Mapping[str, Any], kind: str) -> dict[str, Any]:
@@ -56,8 +58,9 @@ def settings_in(evidence: Mapping[str, Any], kind: str) -> dict[str, Any]:
 def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
     """The scenario of a flight under settings of the study."""
     study, name = unstated_study(), f"{flight.case} {flight.controller}"
-    planned = scenario_from(study.scenario_tables(name, settings), replaced={"plant": flight.plant})
-    changed = with_numbers(planned, study.numbers(name, settings))
+    tables = scenario_tables(study, stated_tables(study, name), name, settings)
+    planned = scenario_from(tables, replaced={"plant": flight.plant})
+    changed = with_numbers(planned, numbers(study, name, settings))
     # a single flight needs no room for longer delays
     return changed.with_words(delays=dataclasses.replace(changed.delays, longest_command=None))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inference.search import compass, decode, differential_evolution, encode
-from skyarm.studies.identify.study import Parameter
+from inference.study import Parameter
 
 
 def rugged(points):

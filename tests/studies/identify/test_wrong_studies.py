@@ -12,8 +12,8 @@ from inference import identification
 from inference.candidates import Candidates
 from inference.checks import checked_study
 from inference.identification import identify
+from inference.study import IdentificationError
 from skyarm.scenario.scenario_file import LIBRARY
-from skyarm.studies.identify.study import IdentificationError
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 
 TEXT = STUDY.replace("CELLS", "\n".join(f'{name} = "1.0"' for name in METRICS))

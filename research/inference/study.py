@@ -2,7 +2,7 @@
 
 A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
 
-    [loss]          width, knee: of the logarithms (:func:`losses`)
+    [loss]          width, knee: of the logarithms (:func:`skyarm.paper.unstated_study.losses`)
     [search]        population, generations: of the differential evolution
     [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table takes a field away
     [[flights]]     name, scenario (of the library, or a path beside the file), over = [NAMES of tables],
@@ -24,24 +24,17 @@ is allowed.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from skyarm.paper.unstated_study import Cell, fits, group_places, laid_over, numbers, scenario_tables, study_digest
 from skyarm.records.files import Fields, all_wrong_words, one_line, read_toml, shown, unreadable
 from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-
-Array = npt.NDArray[np.float64]
 
 Settings = Mapping[str, Any]
 """Parameter -> number, choice -> option. What is not named stays as the flights' scenarios have it."""
@@ -78,7 +71,7 @@ class Names(tuple[str, ...]):
 
     def fit(self, flight: str) -> bool:
         """True if one of the patterns fits a flight's name."""
-        return any(fnmatchcase(flight, str(pattern)) for pattern in self)
+        return fits(self, flight)
 
 
 class Options(dict[str, str]):
@@ -97,22 +90,6 @@ class Overlays(dict[str, Mapping[str, Any]]):
     def from_table(cls, value: Any, at: str) -> Overlays:
         """Check the value of a file."""
         return cls({name: Fields(each, f"{at}.{name}").table for name, each in Fields(value, at).table.items()})
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """One measured number.
-
-    Attributes:
-        flight: of which. name: as tables call it. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
-        measured: the number. half: half a unit of its last digit: that much of a difference is rounding.
-    """
-
-    flight: str
-    name: str
-    metric: str
-    measured: float
-    half: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +220,7 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Loss:
-    """Width and knee of :func:`losses`."""
+    """Width and knee of :func:`skyarm.paper.unstated_study.losses`."""
 
     width: float
     knee: float
@@ -304,7 +281,7 @@ class IdentificationStudy:
     @property
     def digest(self) -> str:
         """Digest of the study's file and of the scenarios of its flights, as plain tables."""
-        return digest_of({"study": self.document, "flights": {each.name: each.document for each in self.flights}})
+        return study_digest(self.document, {each.name: each.document for each in self.flights})
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name."""
@@ -322,50 +299,13 @@ class IdentificationStudy:
         """A flight by its name."""
         return next(each for each in self.flights if each.name == name)
 
-    def options_of(self, settings: Settings) -> list[Option]:
-        """Options of the choices that settings name."""
-        return [each.option(settings[each.name]) for each in self.plan.choices if each.name in settings]
-
     def numbers(self, flight: str, settings: Settings) -> dict[str, Any]:
         """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
-
-        def acts(target: Target | Constant) -> bool:
-            chosen = all(settings.get(choice) == option for choice, option in target.when.items())
-            return chosen and target.flights.fit(flight)
-
-        sets = [each for option in self.options_of(settings) for each in option.sets]
-        found: dict[str, Any] = {str(each.path): each.value for each in sets if acts(each)}
-        for parameter in self.plan.parameters:
-            if parameter.name in settings:
-                value = settings[parameter.name]
-                found |= {str(t.path): t.factor * value + t.offset for t in parameter.targets if acts(t)}
-        return found
+        return numbers(self.document, flight, settings)
 
     def scenario_tables(self, flight: str, settings: Settings) -> dict[str, Any]:
         """The scenario of a flight as plain tables, with those of the options laid over it."""
-        found = dict(self.flight(flight).document)
-        for option in self.options_of(settings):
-            for each in option.tables:
-                if each.flights.fit(flight):
-                    found = laid_over(found, self.plan.tables[each.table])
-        return found
-
-
-def digest_of(facts: Mapping[str, Any]) -> str:
-    """Digest of plain values."""
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-
-
-def laid_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain tables with others over them: tables merge, else the upper counts; an empty table takes a field away."""
-    found = dict(below)
-    for name, value in above.items():
-        stored = found.get(name)
-        if value == {}:
-            found.pop(name, None)
-            continue
-        found[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
-    return found
+        return scenario_tables(self.document, self.flight(flight).document, flight, settings)
 
 
 def read_identification(content: bytes, folder: Path, source: str) -> IdentificationStudy:
@@ -441,57 +381,8 @@ def _cells(flight: Fields, name: str) -> Iterator[Cell]:
 
 
 def _group(at: str, patterns: Sequence[str], cells: Sequence[Cell]) -> tuple[int, ...]:
-    """Places of the cells that patterns fit; a pattern with "!" takes away what came before it."""
-    chosen: list[int] = []
+    """Places of the cells of a group, each of whose patterns must fit one."""
     for pattern in patterns:
-        fits = [i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))]
-        if not fits:
+        if not group_places([pattern.removeprefix("!")], cells):
             raise ValueError(f"{at} = {shown(pattern)}: must fit a cell, as FLIGHT/CELL")
-        chosen = [i for i in chosen if i not in fits] if pattern.startswith("!") else [*chosen, *fits]
-    return tuple(sorted(set(chosen)))
-
-
-WORST = 1e6
-"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
-
-
-def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
-    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
-    measured, half = _columns(cells)
-    apart = np.maximum(np.abs(ours - measured) - half, 0.0)
-    return np.where(np.isfinite(ours), apart, np.inf)
-
-
-def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
-    measured, _ = _columns(cells)
-    # 1e-9: a number on the very edge is within
-    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
-    return found
-
-
-def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
-    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
-
-    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
-    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
-    first; another sign and a missing number are as far as can be.
-    """
-    measured, half = _columns(cells)
-    nearest = np.clip(measured, ours - half, ours + half)
-    with np.errstate(all="ignore"):
-        u = np.log(nearest / measured) / width
-    u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
-    found: Array = u**2 / (1.0 + (u / knee) ** 2)
-    return found
-
-
-def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
-    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]
-
-
-def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Counts of one lane: how many cells, and how many within each share."""
-    lane = np.asarray(ours, dtype=float).reshape(1, -1)
-    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}
+    return group_places(patterns, cells)

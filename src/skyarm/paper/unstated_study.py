@@ -1,0 +1,168 @@
+"""What the paper leaves open, as plain tables of a file: measured cells, parameters and choices, and what these set.
+
+The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
+settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.records.files import read_toml
+from skyarm.scenario.scenario_file import LIBRARY
+
+Array = npt.NDArray[np.float64]
+
+Tables = Mapping[str, Any]
+
+WORST = 1e6
+"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One measured number.
+
+    Attributes:
+        flight: of which. name: as tables call it. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
+        measured: the number. half: half a unit of its last digit: that much of a difference is rounding.
+    """
+
+    flight: str
+    name: str
+    metric: str
+    measured: float
+    half: float
+
+
+def named(tables: Iterable[Tables], name: str) -> Tables:
+    """The table of this name."""
+    return next(each for each in tables if each["name"] == name)
+
+
+def digest_of(facts: Tables) -> str:
+    """Digest of plain values."""
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def study_digest(study: Tables, flights: Tables) -> str:
+    """Digest of a study and of the scenarios of its flights, as plain tables by name."""
+    return digest_of({"study": study, "flights": flights})
+
+
+def fits(patterns: Iterable[str], flight: str) -> bool:
+    """True if one of the patterns fits a flight's name."""
+    return any(fnmatchcase(flight, pattern) for pattern in patterns)
+
+
+def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
+    """Plain tables with others over them: tables merge, else the upper counts; an empty table takes a field away."""
+    found = dict(below)
+    for name, value in above.items():
+        stored = found.get(name)
+        if value == {}:
+            found.pop(name, None)
+            continue
+        found[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
+    return found
+
+
+def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
+    """The shipped scenario of a flight, with the study's tables over it."""
+    entry = named(study["flights"], flight)
+    found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
+    for name in entry.get("over", ()):
+        found = laid_over(found, study["tables"][name])
+    return found
+
+
+def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
+    """The tables of a flight with those of the chosen options over them."""
+    found = dict(stated)
+    for option in _options(study, settings):
+        for each in option.get("tables", ()):
+            if fits(each["flights"], flight):
+                found = laid_over(found, study["tables"][each["table"]])
+    return found
+
+
+def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
+    """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
+
+    def acts(target: Tables) -> bool:
+        chosen = all(settings.get(choice) == option for choice, option in target.get("when", {}).items())
+        return chosen and fits(target["flights"], flight)
+
+    sets = [each for option in _options(study, settings) for each in option.get("sets", ())]
+    found: dict[str, Any] = {each["path"]: float(each["value"]) for each in sets if acts(each)}
+    for parameter in study.get("parameters", ()):
+        if parameter["name"] in settings:
+            value = settings[parameter["name"]]
+            acting = [each for each in parameter.get("targets", ()) if acts(each)]
+            found |= {t["path"]: float(t.get("factor", 1.0)) * value + float(t.get("offset", 0.0)) for t in acting}
+    return found
+
+
+def _options(study: Tables, settings: Tables) -> list[Tables]:
+    """Options of the choices that settings name."""
+    choices = [each for each in study.get("choices", ()) if each["name"] in settings]
+    return [named(each["options"], settings[each["name"]]) for each in choices]
+
+
+def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:
+    """Places of the cells that patterns fit as FLIGHT/CELL; one with "!" takes away what came before it."""
+    chosen: set[int] = set()
+    for pattern in patterns:
+        found = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
+        chosen = chosen - found if pattern.startswith("!") else chosen | found
+    return tuple(sorted(chosen))
+
+
+def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
+    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
+    measured, half = _columns(cells)
+    apart = np.maximum(np.abs(ours - measured) - half, 0.0)
+    return np.where(np.isfinite(ours), apart, np.inf)
+
+
+def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
+    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
+    measured, _ = _columns(cells)
+    # 1e-9: a number on the very edge is within
+    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
+    return found
+
+
+def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
+    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
+
+    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
+    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
+    first; another sign and a missing number are as far as can be.
+    """
+    measured, half = _columns(cells)
+    nearest = np.clip(measured, ours - half, ours + half)
+    with np.errstate(all="ignore"):
+        u = np.log(nearest / measured) / width
+    u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
+    found: Array = u**2 / (1.0 + (u / knee) ** 2)
+    return found
+
+
+def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
+    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
+    """Counts of one lane: how many cells, and how many within each share."""
+    lane = np.asarray(ours, dtype=float).reshape(1, -1)
+    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}
