@@ -173,7 +173,7 @@ def _fly(suite: Suite, out: str, threads: int) -> None:
         require_shapes(scenario)
         check_law(scenario)
     with taken_back(folder, folder / "cells"):
-        prepare(require_writable(out), *suite.folders)
+        prepare(require_writable(out))
         with bar(suite.name, pause=0.0) as advance:
             found = fly_suite(suite, folder, threads=threads, progress=advance)
     report = suite.report(found)

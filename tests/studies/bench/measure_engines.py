@@ -15,11 +15,11 @@ from typing import Any
 import bench_engines as engines
 from bench_counts import counts
 from bench_timing import contest, cores, describe, start
+from step_times import compiled_step_time, flown_step_time
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import output_file, write_atomically
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.compare.step_times import compiled_step_time
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SCENARIO, LONG_ARM = "case2_gust", "hexarotor_arm6"
@@ -60,7 +60,8 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
     progress("accuracy")
     found["accuracy_m"] = engines.accuracy(scenario, 3.0 if quick else 30.0)
     progress("latency")
-    found["latency"] = {"compiled": compiled_step_time(scenario, 20_000 if quick else 200_000)}
+    calls, slow = 20_000 if quick else 200_000, load_scenario(SCENARIO, controller="nmpc", duration=1.0)
+    found["latency"] = {"paper_ct": compiled_step_time(scenario, calls), "nmpc": flown_step_time(slow)}
     progress("start")
     found["start_s"] = start(1 if quick else 3)
     progress("operations")

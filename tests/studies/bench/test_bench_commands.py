@@ -39,6 +39,7 @@ def instant(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "straight_line", lambda _flight: one()[0])
     monkeypatch.setattr(engines, "accuracy", lambda *_: {"rk4 f64": 1.5e-9})
     monkeypatch.setattr(measure_engines, "compiled_step_time", lambda *_: {"p50_us": 0.25, "p99_us": 0.31})
+    monkeypatch.setattr(measure_engines, "flown_step_time", lambda *_: {"p50_us": 0.25, "p99_us": 0.31})
     monkeypatch.setattr(measure_engines, "start", lambda _rounds: {"python_alone": 0.12})
 
 

@@ -20,7 +20,6 @@ from skyarm.studies.compare.summary import SUCCESS_METRIC, pairs, table
 EVERY = conditions(plants=2, seeds=2)
 LAWS = {name: ENTRANTS[name] for name in ("paper_ct", "centroidal_tip")}
 COLUMNS = {name: EVERY[name] for name in ("perfect", "plants_noisy")}
-TIMES = {name: {"p50_us": 2.0, "p99_us": 3.0} for name in LAWS}
 
 
 def flown():
@@ -45,12 +44,7 @@ def asked(monkeypatch):
         kept["flown"] = ([each.name for each in todo], positional, named)
         return [flown()[each.name] for each in todo]
 
-    def step_times(*positional):
-        kept["step_times"] = positional
-        return TIMES
-
     monkeypatch.setattr(run_suite, "fly_all", fly_all)
-    monkeypatch.setattr(results, "step_times", step_times)
     return kept
 
 
@@ -62,7 +56,6 @@ def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
     assert set(names) == set(flown())
     assert (positional, named) == ((folder / "cells",), {"threads": 2, "progress": print})
     assert {(each.seed, each.plant, each.one_by_one) for each in comparison.flights()} == {(7, "mujoco", 3)}
-    assert asked["step_times"] == (LAWS, COLUMNS["perfect"])
     assert sorted(path.name for path in folder.iterdir()) == [
         *("cells", "flights.parquet", "laws.png", "report.html", "results.json", "tables.md")
     ]
@@ -72,7 +65,6 @@ def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
     assert {key: set(each) for key, each in found["paired"].items()} == {
         key: set(each) for key, each in pairs(flown()).items()
     }
-    assert found["step_times"] == TIMES
     assert (folder / "tables.md").read_text() == comparison.report(found).markdown()
     picture = (folder / "laws.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
@@ -94,7 +86,7 @@ def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
 
 
 def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkeypatch):
-    monkeypatch.setattr(results, "step_times", lambda *_: {"paper_ct": {"p50_us": float("nan"), "p99_us": 1.0}})
+    monkeypatch.setattr(results, "pairs", lambda _cells: {"paper_ct": float("nan")})
     with pytest.raises(ValueError, match="not JSON compliant"):
         fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
     assert not (tmp_path / "results.json").exists()

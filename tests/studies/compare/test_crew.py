@@ -1,4 +1,4 @@
-"""Flights one by one in processes: the numbers and the order of one process; how many; what their steps take."""
+"""Flights one by one in processes: the numbers and the order of one process; how many."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
-from skyarm.studies.compare import comparison
 from skyarm.studies.compare.cells import Cell, Flights, fly
 from skyarm.studies.compare.comparison import Comparison
-from skyarm.studies.compare.comparison_report import comparison_report, plants_rows
+from skyarm.studies.compare.comparison_report import plants_rows
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.run_suite import fly_all
@@ -73,15 +72,6 @@ def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
 def test_every_cell_of_the_comparison_travels_to_a_process():
     for each in Comparison().flights():
         assert pickle.loads(pickle.dumps(each)) == each
-
-
-def test_a_step_is_timed_compiled_or_in_a_flight():
-    entrants = {name: ENTRANTS[name] for name in ("nmpc", "paper_ct")}
-    times = comparison.step_times(entrants, NOISY, calls=200, seconds=0.5)
-    for each in times.values():
-        assert each["p99_us"] >= each["p50_us"] > 0.0
-    text = comparison_report({"summaries": {}, "step_times": times}, entrants, {}).markdown()
-    assert f"| nmpc | {times['nmpc']['p50_us']:.2f} |" in text
 
 
 def test_a_share_of_fewer_flights_than_others_flew_says_of_how_many():

@@ -41,7 +41,7 @@ def made():
                 good = np.arange(4) < len(name) % 5
                 numbers[SUCCESS_METRIC] = np.where(good, 0.01, 1.0)
                 cells[condition, case, name] = Cell(numbers, np.array(["completed"] * 4))
-    return {"summaries": table(cells), "step_times": {}, "seed": 0, "plant": "rigid_body"}
+    return {"summaries": table(cells), "seed": 0, "plant": "rigid_body"}
 
 
 def test_every_law_stands_once_in_every_table_under_its_kind():

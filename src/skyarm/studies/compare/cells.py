@@ -232,9 +232,7 @@ class Cells:
             status = held.pop("status")
         except (OSError, ValueError, KeyError):
             return None
-        # a checksum that fits is no proof: the folder may come from anyone
-        fits = all(column.shape == status.shape and column.dtype == float for column in held.values())
-        return Cell(held, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
+        return Cell(held, status)
 
     def put(self, flights: Flights, cell: Cell) -> None:
         """Keep a cell behind its checksum."""

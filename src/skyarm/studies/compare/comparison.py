@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
-from skyarm.studies.compare.step_times import compiled_step_time, flown_step_time
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -25,9 +22,6 @@ WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.start
 
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
 """Groups of entrants that meet perturbed plants in one case only: their tables say what a part of a law is worth."""
-
-CALLS, SECONDS = 20_000, 30.0
-"""Control steps timed for each law that compiles; s, of the flight in which those of any other are timed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,35 +63,17 @@ class Comparison(Suite):
         return self.flights(), {}
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
-        """Summaries, differences from the first law, and times of a control step."""
+        """Summaries, and differences from the first law."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        times = step_times(self.entrants, next(iter(self.conditions.values())))
-        return {"summaries": table(named), "paired": pairs(named), "step_times": times}
+        return {"summaries": table(named), "paired": pairs(named)}
 
-    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
         """Errors and successes of all laws."""
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
         """Tables of every condition."""
         return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
-
-
-def step_times(
-    entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS, seconds: float = SECONDS
-) -> dict[str, dict[str, float]]:
-    """Microseconds of one control step of each law: median and 99th percentile.
-
-    A law that does not compile is timed in a flight.
-    """
-    found = {}
-    for name, entrant in entrants.items():
-        scenario = Flights(entrant=entrant, case=CASES["case3_wind"], condition=condition).scenario()
-        if scenario.controller.compiled:
-            found[name] = compiled_step_time(scenario, calls)
-        else:
-            found[name] = flown_step_time(dataclasses.replace(scenario, duration=seconds))
-    return found
 
 
 def comparison_picture(found: Mapping[str, Any], names: Sequence[str]) -> bytes:

@@ -107,16 +107,12 @@ def comparison_report(
     """The report of a comparison.
 
     Args:
-        found: ``summaries`` by condition, case, entrant and ``step_times`` by entrant.
+        found: ``summaries`` by condition, case, entrant.
         entrants: in order.
         conditions: in order.
         picture: PNG of all laws.
     """
     sections = main_sections(found, entrants, conditions)
-    times = step_rows(found)
-    if times:
-        head = ("law", ">median", ">99 %")
-        sections.append(Section(title="One control step, microseconds", tables=[Table(head=head, rows=times)]))
     cases = [(case.name, case.title) for case in CASES.values()]
     sections.append(Section(title="Cases", tables=[Table(head=("case", "what"), rows=cases)]))
     laws = [(name, GROUPS[each.group], each.title) for name, each in entrants.items()]
@@ -203,11 +199,3 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
         if any(cell != DASH for cell in cells):
             rows.append([name, *cells])
     return rows
-
-
-def step_rows(found: Mapping[str, Any]) -> list[list[str]]:
-    """One row per law: median and 99th percentile of a control step, microseconds."""
-    return [
-        [name, *(f"{times[which]:.2f}" for which in ("p50_us", "p99_us"))]
-        for name, times in (found.get("step_times") or {}).items()
-    ]

@@ -15,7 +15,7 @@ from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.contact_tasks import TITLES, Task
 from skyarm.studies.sweep.intervals import wilson
-from skyarm.view.pages import DASH, Report, Section, Table, image, number
+from skyarm.view.pages import DASH, Report, Section, Table, number
 
 Array = npt.NDArray[Any]
 Flags = npt.NDArray[np.bool_]
@@ -35,26 +35,19 @@ SOON = 0.005
 METRICS = ("contact", "phases_done")
 """Beside what every comparison counts."""
 
-MOST = 95.0
-"""Percent of the flights that stay below a largest value."""
 
-
-NUMBERS: Mapping[str, tuple[str, str, float]] = {
-    "force_error": ("contact_error_mean", "force error, N", 1.0),
-    "ripple": ("contact_ripple", "ripple, N", 1.0),
-    "peak": ("contact_largest", "peak, N", 1.0),
-    "tip": ("contact_tip_mean", "tip, mm", 1e3),
-    "losses": ("contact_losses", "losses", 1.0),
-    "time": ("phases_time", "time, s", 1.0),
+NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
+    "force_error": ("contact_error_mean", "force error, N", 1.0, 50.0),
+    "ripple": ("contact_ripple", "ripple, N", 1.0, 50.0),
+    "peak": ("contact_largest", "peak, N", 1.0, 50.0),
+    "tip": ("contact_tip_mean", "tip, mm", 1e3, 50.0),
+    "losses": ("contact_losses", "losses", 1.0, 50.0),
+    "time": ("phases_time", "time, s", 1.0, 50.0),
+    "radial": ("grip_force_mean", "radial force on a handle, N", 1.0, 50.0),
+    "radial_most": ("grip_force_max", "largest, in 95 %, N", 1.0, 95.0),
+    "lag_most": ("grip_lag_max", "largest lag, in 95 %, deg", 180.0 / math.pi, 95.0),
 }
-"""Number of a cell -> metric, head, factor from SI to its unit: medians of flights that came to their end."""
-
-HANDLES: Mapping[str, tuple[str, str, float]] = {
-    "radial": ("grip_force_mean", "radial force, mean, N", 1.0),
-    "radial_most": ("grip_force_max", f"largest, in {MOST:g} %, N", 1.0),
-    "lag_most": ("grip_lag_max", f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
-}
-"""The same of a handle that is held; the first a median, the others in 95 % of the flights."""
+"""Number of a cell -> metric, head, factor from SI to its unit, percentile over flights that came to their end."""
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
@@ -106,14 +99,10 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
     soon = np.asarray(delays) <= SOON
     found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}
     found["causes"] = dict(causes.most_common())
-    for name, (metric, *_) in {**NUMBERS, **HANDLES}.items():
+    for name, (metric, _, _, percentile) in NUMBERS.items():
         values = cell.metrics[metric][cell.completed]
-        inside = values[np.isfinite(values)]
-        found[name] = None
-        if inside.size and name in HANDLES:
-            found[name] = float(np.percentile(inside, MOST if name.endswith("_most") else 50.0))
-        elif inside.size:
-            found[name] = float(np.median(np.abs(inside)))
+        inside = np.abs(values[np.isfinite(values)])
+        found[name] = float(np.percentile(inside, percentile)) if inside.size else None
     if not phases:  # the plan says when it is over
         found["time"] = None
     return found
@@ -139,61 +128,36 @@ HOW = (
     "A law that follows positions is led 1 cm behind the believed surface."
 )
 
-SHOWN_NOTE = (
-    "The first of the wrong worlds: forces over time, and the path of the tip with what is touched as it is at first, "
-    "dashed where that is at last. The flights are in the folder flights beside this page."
+MEDIANS = (
+    "Medians over the flights that came to their end; the force error by its size. Of a handle the force along its "
+    "true radius, and by how much it was behind the angle that was asked for."
 )
 
-MEDIANS = "Medians over the flights that came to their end; the force error by its size."
 
-HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
-
-
-def contact_report(found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
-    """The report.
-
-    Args:
-        found: results of the suite.
-        pictures: path in the folder -> PNG, as ``shown`` names them.
-    """
+def contact_report(found: Mapping[str, Any]) -> Report:
+    """The report of the suite's results."""
     drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
     discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
     refused = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     flown = [Section(name="What flew", notes=[MEANING, discarded, *refused], remark=HOW)]
-    numbers, handles = [], []
+    numbers = []
     for name, title in CONDITIONS.items():
         laws = laws_of(found, name)
         if not laws:
             continue
         successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
         flown.append(Section(title=f"Successes, {title}", tables=[successes]))
-        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, _ in NUMBERS.values()))
+        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, *_ in NUMBERS.values()))
         table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
         numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
-        rows = handle_rows(found, name)
-        if rows:
-            table = Table(head=("task", "law", *(f">{head}" for _, head, _ in HANDLES.values())), rows=rows)
-            handles.append(Section(title=f"Handles, {title}", remark=HANDLE_NOTE, tables=[table]))
     titles = [(law, TITLES[law]) for law in found["laws"] if law in TITLES]
     only = [Section(title="Laws", tables=[Table(head=("law", "what"), rows=titles)])]
-    if pictures:
-        only.append(Section(title="One flight of each", remark=SHOWN_NOTE, pictures=_pictures(found, pictures)))
     return Report(
         title=f"Tasks in contact, {found['worlds']} wrong worlds each, on {found['plant']}",
         facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
-        sections=[*flown, *numbers, *handles],
+        sections=[*flown, *numbers],
         page_only=only,
     )
-
-
-def _pictures(found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
-    drawn = []
-    for name, facts in found["shown"].items():
-        ending = "" if facts["status"] == "completed" else f", {facts['status']}"
-        caption = f"{found['tasks'][name]['title']}: {facts['law']}, first world, {facts['condition']}{ending}"
-        png = pictures[facts["picture"]]
-        drawn.append(image(caption, caption, png, small=True))
-    return "".join(drawn)
 
 
 def laws_of(found: Mapping[str, Any], condition: str) -> list[str]:
@@ -215,21 +179,11 @@ def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     return [
         [
             task["title"], law, _successes(cell), _successes(cell["soon"]),
-            *(number(cell[name], factor) for name, (_, _, factor) in NUMBERS.items()), _causes(cell) or DASH,
+            *(number(cell[name], factor) for name, (_, _, factor, _) in NUMBERS.items()), _causes(cell) or DASH,
         ]
         for task in found["tasks"].values()
         for law, cell in task["conditions"][condition].items()
     ]  # fmt: skip
-
-
-def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
-    """One row per task with a handle and law; the first number is a median."""
-    return [
-        [task["title"], law, *(number(cell[name], factor) for name, (_, _, factor) in HANDLES.items())]
-        for task in found["tasks"].values()
-        for law, cell in task["conditions"][condition].items()
-        if cell["radial"] is not None
-    ]
 
 
 def _successes(cell: Mapping[str, Any] | None) -> str:

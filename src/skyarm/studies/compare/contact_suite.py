@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,13 @@ import numpy.typing as npt
 
 from skyarm.control.controller import ControllerError
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop import run
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights, episode_scenario
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.view.figures.path_views import task_figure
-from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import Report
 
 Array = npt.NDArray[Any]
@@ -110,7 +106,6 @@ class ContactSuite(Suite):
     one_by_one: int = ONE_BY_ONE
 
     name, file = CONTACT, "contact"
-    folders = ("flights", "pictures")
 
     @property
     def options(self) -> dict[str, Any]:
@@ -168,28 +163,6 @@ class ContactSuite(Suite):
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
-    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
-        """Fly and draw the first world of each task; ``shown`` names the files."""
-        found["shown"], drawn = {}, {}
-        for name, flights in shown_flights(todo).items():
-            log = run(episode_scenario(flights, 0))
-            files = {"flight": f"flights/{name}.npz", "picture": f"pictures/{name}.png"}
-            log.save_npz(folder / files["flight"])
-            drawn[files["picture"]] = image_bytes(task_figure(log), dpi=DPI)
-            facts = {"law": flights.entrant.name, "condition": flights.condition.name, "status": str(log.status)}
-            found["shown"][name] = facts | files
-        return drawn
-
     def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Successes, pictures, numbers and handles."""
-        return contact_report(found, pictures)
-
-
-def shown_flights(todo: Sequence[Flights]) -> dict[str, Flights]:
-    """By task the flights of which the first is shown: those of the first law, noisy where there are such."""
-    found: dict[str, Flights] = {}
-    for each in todo:
-        known = found.get(each.case.name)
-        if known is None or (each.entrant.name == known.entrant.name and each.condition.noisy):
-            found[each.case.name] = each
-    return found
+        """Successes and numbers."""
+        return contact_report(found)

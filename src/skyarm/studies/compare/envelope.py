@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -201,7 +200,7 @@ class Envelope(Suite):
         laws = [law for law in self.laws if law not in refused]
         return {"laws": laws, "not_flown": dict(refused), "axes": axes}
 
-    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
+    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
         """Every axis."""
         return {"envelope.png": envelope_picture(found)}
 

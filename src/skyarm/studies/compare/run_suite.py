@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import require_writable, write_atomically
@@ -38,12 +38,11 @@ class Suite(ABC):
     """Flights of a study and their evaluation.
 
     Attributes:
-        name: of the suite. file: name of its results, without the suffix. folders: made beside that of the cells.
+        name: of the suite. file: name of its results, without the suffix.
     """
 
     name: str
     file: str
-    folders: ClassVar[tuple[str, ...]] = ()
 
     @property
     @abstractmethod
@@ -58,8 +57,8 @@ class Suite(ABC):
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
         """The results as plain data."""
 
-    def pictures(self, found: dict[str, Any], todo: Sequence[Flights], folder: Path) -> dict[str, bytes]:
-        """Path in the folder -> PNG of the page; files of further flights are named in the results."""
+    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
+        """File in the folder -> PNG of the page."""
         return {}
 
     @abstractmethod
@@ -79,27 +78,26 @@ def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progres
     todo, refused = suite.plan_cells()
     if not todo:
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
-    prepare(folder, *suite.folders)
+    prepare(folder)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
     found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.options}
     if identities():
         found["plugins"] = identities()
     found |= suite.judge(todo, cells, refused)
-    pictures = suite.pictures(found, todo, folder)
+    pictures = suite.pictures(found)
     write_suite(suite, found, pictures, folder)
     write_flights(todo, cells, folder)
     return found
 
 
-def prepare(folder: Path, *inner: str) -> None:
-    """Make the folders of a suite, with those inside it.
+def prepare(folder: Path) -> None:
+    """Make the folders of a suite.
 
     Raises:
         OSError: one of them cannot be written.
     """
     require_writable(folder)
-    for name in (*inner, "cells"):
-        require_writable(folder / name)
+    require_writable(folder / "cells")
 
 
 def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.view.figures.flight_facts import desired_push, end_time, ending_of, scenario_of
-from skyarm.view.figures.projection import BEHIND, SIDE, TOP, View, hull, surface
-from skyarm.view.figures.style import PAPER, Picture, PictureStyle
+from skyarm.view.figures.flight_facts import ending_of, scenario_of
+from skyarm.view.figures.projection import SIDE, TOP, View, hull, surface
+from skyarm.view.figures.style import Picture, PictureStyle
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
 
@@ -24,14 +24,6 @@ HEIGHTS = {"paper": 3.0, "talk": 6.2}
 
 ROOM, LEAST = 0.3, 0.15
 """Room about the paths, as a share of how far they go, and m."""
-
-TASK_SIZE = 3.6, 3.9
-"""in: of the picture of a task."""
-
-VIEWS = (BEHIND, SIDE, TOP)
-"""View that leaves out x, y and z."""
-
-TIP = "tip"
 
 FACE_ON = 0.5
 """A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
@@ -62,8 +54,7 @@ def path_figure(named: Mapping[str, Log], style: PictureStyle, span: tuple[float
     return figure
 
 
-SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]"),
-        BEHIND: ("from behind", "-y [m]", "z [m]")}  # fmt: skip
+SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]")}
 """View -> where it is seen from, and words of its axes."""
 
 
@@ -152,49 +143,3 @@ def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None
         fill = "none" if k else FILLS[solid.shape.role]
         drawn.set(facecolor=fill, edgecolor=style.frame, linewidth=0.09 * style.small, linestyle="--" if k else "-")
         ax.add_patch(drawn)
-
-
-def task_figure(log: Log) -> Picture:
-    """Draw the forces of a flight over time, and the path of its tip in the view in which that is widest.
-
-    Args:
-        log: of a flight with a world.
-
-    Returns:
-        a figure: normal force at all points of the vehicle, what was wanted of it, and the force of what is gripped.
-    """
-    style = PAPER
-    figure = style.blank(*TASK_SIZE)
-    above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
-    span = 0.0, end_time(log) or 1.0
-    named = {TIP: log}
-    handles = _forces(above, log, style)
-    above.set_xlim(*span)
-    seen = draw_view(below, widest_view(log), named, style, span, world_of(named, span))
-    handles |= {name: seen[name] for name in seen if name.startswith(TIP)}
-    style.legend(figure, handles)
-    return figure
-
-
-def widest_view(log: Log) -> View:
-    """The view along the axis along which the tip goes least; else from the right."""
-    wide = np.ptp(log.tip, axis=0) if log.time.size else np.zeros(3)
-    wide[1] -= 1e-3  # m: noise
-    return VIEWS[int(np.argmin(wide))]
-
-
-def _forces(ax: Axes, log: Log, style: PictureStyle) -> dict[str, Any]:
-    """Curves of force, each in the look of its place; returns what a legend has of them."""
-    style.dress(ax)
-    handles: dict[str, Any] = {}
-    grip = log.component("gripper_force").sum(axis=1)
-    for name, force in (("normal force", log.component("contact_force").sum(axis=1)), ("grip", grip)):
-        if force.any() or not (handles or grip.any()):
-            (handles[name],) = ax.plot(log.time, force, **style.look(len(handles)).line)
-    wanted = desired_push(log)
-    if wanted is not None and wanted.any():
-        (handles["desired force"],) = ax.plot(log.time, wanted, **style.desired.line)
-    ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("time [s]", **style.words)
-    ax.set_ylabel("force [N]", **style.words)
-    return handles

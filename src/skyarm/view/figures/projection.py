@@ -52,10 +52,6 @@ TOP = View("top", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """From above: x to the right, y up, z to the observer."""
 
 
-BEHIND = View("behind", (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
-"""Along x: y to the left, z up, x into the paper."""
-
-
 def surface(shape: Shape) -> Array:
     """Points of a solid's surface (N, 3) in the frame of its body, dense enough that their hull is its outline."""
     return mesh_of(shape, AROUND)[0]
