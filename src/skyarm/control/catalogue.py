@@ -22,7 +22,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import mul
 from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.law_checks import check_made, check_maker, made_by
+from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.leaves import part, replace_at
@@ -92,7 +92,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         ControllerError: unknown law, an option the law does not have, or one with a wrong value.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    if not isinstance(name, str) or name not in LAWS:
+    if name not in list(LAWS):
         raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
@@ -100,10 +100,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     for option, value in options.items():
         if option not in entry.options():
             raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
-    maker = entry.function()
-    check_maker(maker, name, options)
-    made: Controller = made_by(maker, name, model, options)
-    check_made(maker, name, made)
+    made = call_maker(entry.function(), name, model, options)
     # a maker may return another law's controller
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
 
@@ -185,7 +182,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    if not isinstance(name, str) or name not in PRESETS:
+    if name not in list(PRESETS):
         raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
@@ -229,7 +226,7 @@ def make_tuned(name: str, model: Model, **options: Any) -> Controller:
         ControllerError: a law that has not been tuned.
     """
     factors = tuned_factors()
-    if not isinstance(name, str) or name not in factors:
+    if name not in list(factors):
         raise ControllerError(f"controller.law = {shown(name)}: has no tuned gains; there are {sorted(factors)}")
     return rescale(make_controller(name, model, **options), factors[name])
 
@@ -257,9 +254,12 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
 
 def is_named(name: Any) -> bool:
     """True if there is a controller of this name."""
-    if not isinstance(name, str):
-        return False
-    return name in PRESETS or name in LAWS or (name.endswith(TUNED) and name.removesuffix(TUNED) in tuned_factors())
+    return name in every_name()
+
+
+def every_name() -> tuple[str, ...]:
+    """Names of presets, laws and laws with tuned gains."""
+    return (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
 
 
 def require_different(names: Sequence[str], field: str) -> None:
@@ -288,7 +288,7 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 
 def must_be_named(name: Any, others: str = "") -> str:
     """What is allowed in place of an unknown name, in words; ``others`` are allowed next to presets and laws."""
-    every = (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
+    every = every_name()
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
     else:

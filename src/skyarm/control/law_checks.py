@@ -119,9 +119,14 @@ def checked_law(controller: Controller) -> Law:
     law = controller.law
     if not is_own(controller) or getattr(law, "func", None) is _check_step:
         return law
-    vehicle = controller.par.model.vehicle
-    counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
+    counts = _counts(controller)
     return partial(_check_step, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
+
+
+def _counts(controller: Controller) -> dict[str, int]:
+    """How many numbers each field of a command has."""
+    vehicle = controller.par.model.vehicle
+    return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 
 
 def _check_step(
@@ -226,44 +231,33 @@ def kind_of(value: Any) -> str:
     return "a number" if _is_number(value) else f"a {type(value).__name__}"
 
 
-def check_maker(maker: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
-    """Refuse a maker that cannot be called as maker(model, **options).
+def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Controller:
+    """The controller that a maker makes; an error of the maker's own code passes as it is.
 
     Raises:
-        LawError: one line.
+        LawError: it cannot be called as maker(model, **options), makes a record that cannot be, or no controller.
     """
+
+    def wrong_maker(words: str, place: str = "") -> LawError:
+        return LawError(f"{place or place_of(maker)}: maker of law {name!r}{words}")
+
     try:
         inspect.signature(maker).bind(None, **options)
     except TypeError as error:
-        raise LawError(f"{place_of(maker)}: maker of law {name!r} cannot be called as maker(model): {error}") from None
+        raise wrong_maker(f" cannot be called as maker(model): {error}") from None
     except ValueError:
-        pass
-
-
-def made_by(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Any:
-    """Call a maker; an error of its own code passes as it is.
-
-    Raises:
-        LawError: a record or a controller that cannot be: one line.
-    """
+        pass  # built in: it has no signature to look at
     try:
-        return maker(model, **options)
+        made = maker(model, **options)
     except (RecordError, ControllerError) as error:
         if own_code(maker) is None or isinstance(error, LawError):
             raise
-        raise LawError(f"{place_of_error(error)}: maker of law {name!r}: {error}") from error
-
-
-def check_made(maker: Callable[..., Any], name: str, made: Any) -> None:
-    """Refuse what is no controller.
-
-    Raises:
-        LawError: one line.
-    """
+        raise wrong_maker(f": {error}", place_of_error(error)) from error
     if not isinstance(made, Controller):
         kind = f"the class {made.__qualname__}" if isinstance(made, type) else shown(made)
-        raise LawError(f"{place_of(maker)}: maker of law {name!r} returns {kind}: its maker must return a Controller")
+        raise wrong_maker(f" returns {kind}: its maker must return a Controller")
     check_controller(made)
+    return made
 
 
 def try_law(controller: Controller, period: float, seen: Measurement, wanted: Sequence[Reference]) -> None:
@@ -303,9 +297,7 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
     """Refuse a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return
-    vehicle = controller.par.model.vehicle
-    counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
-    fields = [f"{name}[{i}]" for name, count in counts.items() for i in range(count)]
+    fields = [f"{name}[{i}]" for name, count in _counts(controller).items() for i in range(count)]
     for field, value in zip(fields, command, strict=False):  # angles may be left out
         if not math.isfinite(value):
             raise wrong(controller, f"gives {field} = {value} in its first period: must be a finite number")
@@ -313,10 +305,7 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
     """Measurements of a vehicle that drifts a little."""
-    return [
-        dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) if k else perturb(first, 0)
-        for k in range(PERIODS)
-    ]
+    return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
 def perturb(record: Any, k: int) -> Any:

@@ -20,12 +20,11 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import (
+    call_maker,
     check_controller,
-    check_made,
     difference,
     is_own,
     kind_of,
-    made_by,
     memory_mistake,
     mistake_in,
     try_law,
@@ -268,7 +267,6 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
         controller = _make_controller(law, flown.controller.par.model)
-        check_controller(controller)
     rates = flown.rates
     start = first_state(flown.with_words(controller=controller))
     seen = measurement_of(start, Vec3(0.0, 0.0, float(flown.plant.gravity)))
@@ -280,8 +278,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
     """The controller itself, or what its maker makes of a model."""
     if isinstance(law, Controller):
+        check_controller(law)
         return law
     name = getattr(law, "__name__", "law")
-    controller: Controller = made_by(law, name, model, {})
-    check_made(law, name, controller)
-    return controller
+    return call_maker(law, name, model, {})

@@ -238,6 +238,22 @@ def observe(
     return running_on, told
 
 
+def observe_uncompensated(
+    model: Model,
+    gains: ObserverGains,
+    memory: Observed,
+    measurement: Measurement,
+    acted: Command,
+    started: Scalar,
+    free: Sequence[Scalar],
+    dt: Scalar,
+) -> Observed:
+    """:func:`observe` with its own estimate as what else pushes; modelled rotors begin at the measured speeds."""
+    speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
+    before = dataclasses.replace(memory, rotor_speeds=speeds)
+    return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
+
+
 def unmodelled_thrust(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
     """Thrust of all rotors at the end of a period minus the thrust in the model's prediction; N, base axes.
 

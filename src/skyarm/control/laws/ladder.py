@@ -14,7 +14,6 @@ Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -31,7 +30,7 @@ from skyarm.control.blocks.disturbance_observer import (
     ObserverGains,
     disturbance,
     first_observed,
-    observe,
+    observe_uncompensated,
     observer_gains,
 )
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
@@ -114,7 +113,7 @@ def stepped_computed_torque(
     torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps >= LAG_INVERSION:
-        turning = observed.rotor_speeds if isinstance(observed, Observed) else measurement.rotor_speeds
+        turning = observed.rotor_speeds if observed else measurement.rotor_speeds
         speeds = tuple(
             command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
             for rotor, now, target in zip(par.model.vehicle.rotors, turning, speeds, strict=True)
@@ -166,15 +165,11 @@ def _estimate_disturbance(
     memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters
 ) -> tuple[Any, Disturbance]:
     """The observer's memory and its estimate; nothing without it."""
-    if not isinstance(memory.observed, Observed):
+    if not memory.observed:
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
-    # the modelled rotors begin where the real ones are, whatever the arm's angles made them turn with
-    speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
-    before = dataclasses.replace(
-        memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
+    observed = observe_uncompensated(
+        par.model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
     )
-    pushed, acted = disturbance(before), memory.sent[0]
-    observed, _ = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
     # the observer's model has the rotors' drag in still air: the force on the base is that and the estimated rest
     R = observed.quaternion.rotation()
     felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)

@@ -44,7 +44,7 @@ from skyarm.control.blocks.disturbance_observer import (
     ObserverGains,
     disturbance,
     first_observed,
-    observe,
+    observe_uncompensated,
     observer_gains,
 )
 from skyarm.control.controller import ControllerError
@@ -116,14 +116,10 @@ def observe_contact(
 ) -> tuple[PressingMemory, Touch | None]:
     """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
     vehicle = par.model.vehicle
-    # the modelled rotors begin where the real ones are
-    speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
-    before = dataclasses.replace(
-        memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
-    )
     free = (1.0,) * (1 + vehicle.n)
-    pushed = disturbance(before)
-    observed, _ = observe(par.model, par.observer, before, measurement, memory.sent, pushed, memory.started, free, dt)
+    observed = observe_uncompensated(
+        par.model, par.observer, memory.observed, measurement, memory.sent, memory.started, free, dt
+    )
     after = dataclasses.replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None

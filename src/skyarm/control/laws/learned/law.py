@@ -299,10 +299,10 @@ def network_for(model: Model, network: Any) -> Network:
     Raises:
         ControllerError: it is not one of a vehicle with these joints, or the shipped one is not of this vehicle.
     """
-    if not isinstance(network, (Network, tuple)):
-        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
     n = model.vehicle.n
-    found, training = (network, {}) if isinstance(network, Network) else shipped_network()
+    found, training = (network, {}) if network != () else shipped_network()
+    if not isinstance(found, Network):
+        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
     train = "train one with examples/learned_compensator/train.py"
     if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
         raise ControllerError(

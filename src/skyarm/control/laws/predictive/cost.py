@@ -83,7 +83,7 @@ def under_contact(
         dry_rates: of the joints, at which dry friction is taken.
         contact: wanted.
     """
-    if not isinstance(contact, Contact):
+    if not contact:
         return disturbance, 0
     n = contact.normal
     unit = levers(model.vehicle, state.quaternion.rotation(), state.joints).disturbance(n)
@@ -178,7 +178,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
         arm = frame_pose(vehicle, frame, goal.joints).p
         wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
         off = tip - wanted
-        if isinstance(goal.contact, Contact):
+        if goal.contact:
             off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
         found += [*(off * weights.tool)]
     return tuple(found)
@@ -205,7 +205,7 @@ def input_residuals(
     _, _, found = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
     arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
     pressed: tuple[Any, ...] = ()
-    if isinstance(goal.contact, Contact):
+    if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
     return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)
 
