@@ -157,7 +157,7 @@ def make_counting_period(
             lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
             phase=stages.waits.phase(row.path_time),
             time=row.time,
-            **_touching(scenario, row, sample),
+            **_interaction(scenario, row, sample),
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
@@ -166,21 +166,14 @@ def make_counting_period(
     return step
 
 
-def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[Any, ...]]:
-    """Contact quantities for the metrics; () for a scenario without a world."""
-    if not scenario.worlds:
-        return {}
-    arrays = by_array(scenario.components, sample.wind.numbers)
-    contact, taken = scenario.worlds[0], arrays.get("gripper_taken", [])
-    push, places = scenario.reference.push, arrays.get("object_position", [])
-    time = row.time if isinstance(row.path_time, tuple) else row.path_time
+def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
+    """Quantities of the scenario's components for the metrics, and the commanded contact."""
+    numbers = by_array(scenario.components, sample.wind.numbers)
+    constants = [each for component in scenario.components for each in component.constants.items()]
+    push, time = scenario.reference.push, row.time if isinstance(row.path_time, tuple) else row.path_time
     return {
-        "push": () if push is None else push.at(time),
-        "contact": tuple(arrays.get("contact_force", ())),
-        "objects": tuple(places),
-        "mechanisms": tuple(arrays.get("mechanism_position", ())),
-        "pull": (taken[0], *arrays["gripper_pull"][:3]) if taken else (),
-        "hinge": contact.mechanisms[0].hinge if contact.mechanisms else (),
+        "push": () if push is None or not numbers else push.at(time),
+        "parts": tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
     }
 
 

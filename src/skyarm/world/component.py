@@ -15,7 +15,7 @@ other's draws.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -209,6 +209,11 @@ class Component:
 
     columns: tuple[Column, ...] = ()
     """Columns of a log, one for each number of ``logged``, or tuples of their first fields; may be a property."""
+
+    @property
+    def constants(self) -> Mapping[str, tuple[Any, ...]]:
+        """Numbers that metrics need beside those that are logged, by name."""
+        return {}
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

@@ -27,12 +27,12 @@ STATE = State(
 GOAL = Goal(position=ZERO, joints=(), tool=ZERO)
 
 
-def instant(k, force, wanted=1.0, tool=ZERO, **more):
+def instant(k, force, wanted=1.0, tool=ZERO, parts={}, **more):  # noqa: B006
     """The k-th control instant of a flight with a push along -x, forces (N) at two pairs."""
     return Instant(
         state=STATE, tool=tool, command=Command(rotor_speeds=(0.0,), efforts=()), before=(0.0,), held=GOAL,
-        continuous=GOAL, time=PERIOD * k, push=(wanted, 0.1, -1.0, 0.0, 0.0), contact=(0.75 * force, 0.25 * force),
-        **more,
+        continuous=GOAL, time=PERIOD * k, push=(wanted, 0.1, -1.0, 0.0, 0.0),
+        parts=(("contact_force", (0.75 * force, 0.25 * force)), *parts.items()), **more,
     )  # fmt: skip
 
 
@@ -47,6 +47,8 @@ def metrics_of(instants):
 
 
 def _arrays(memory):
+    if isinstance(memory, float):
+        return np.array([memory])
     return type(memory)(**{name: np.array([float(getattr(memory, name))]) for name in type(memory).__slots__})
 
 
@@ -95,8 +97,8 @@ def test_across_is_across_any_normal():
 def test_what_was_moved_is_told_where_the_flight_leaves_it():
     found = metrics_of(
         [
-            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), objects=(float(k), 5.0, 3.0, 9.0, 9.0, 9.0),
-                    mechanisms=(turned, 7.0), phase=phase)
+            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), phase=phase,
+                    parts={"object_position": (float(k), 5.0, 3.0, 9.0, 9.0, 9.0), "mechanism_position": (turned, 7.0)})
             for k, (z, turned, phase) in enumerate([(0.3, 0.1, 0.0), (0.2, 0.5, 1.0), (0.4, 0.2, 1.0)])
         ]
     )  # fmt: skip

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.accumulate import Goal, Instant
-from skyarm.log.metrics.grip_totals import VALUES, GripTotals
+from skyarm.log.metrics.interaction import TOTALED, GripTotals
 from skyarm.log.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
@@ -36,8 +36,13 @@ def instant(angle, turned, pull, taken=1.0, grip=1.0, **more):
     return Instant(
         state=STATE, tool=Vec3(1.0 + 0.4 * out[0], 0.4 * out[1], 7.1), command=Command(rotor_speeds=(0.0,), efforts=()),
         before=(0.0,), held=Goal(position=ZERO, joints=(), tool=goal), continuous=Goal(position=ZERO, joints=(),
-        tool=goal), push=(0.0, 0.1, 0.0, 1.0, 0.0, grip, *BELIEVED, 0.0, 0.0, 1.0), mechanisms=(0.3 + turned, 9.0),
-        hinge=(*TRUE, 0.0, 0.0, 1.0), pull=(taken, *(pull * a + 4.0 * b for a, b in zip(out, along, strict=True))),
+        tool=goal), push=(0.0, 0.1, 0.0, 1.0, 0.0, grip, *BELIEVED, 0.0, 0.0, 1.0),
+        parts=(
+            ("mechanism_position", (0.3 + turned, 9.0)),
+            ("mechanism_hinge", (*TRUE, 0.0, 0.0, 1.0)),
+            ("gripper_taken", (taken,)),
+            ("gripper_pull", tuple(pull * a + 4.0 * b for a, b in zip(out, along, strict=True))),
+        ),
         **more,
     )  # fmt: skip
 
@@ -47,7 +52,7 @@ def numbers_of(*instants):
     memory = totals.start()
     for each in instants:
         memory = totals.count(memory, each)
-    return {name: float(value(memory)) for name, (_, value, *_) in VALUES.items()}
+    return {name: float(value(memory)) for name, (_, value, *_) in TOTALED.items() if name.startswith("grip")}
 
 
 def test_force_along_the_true_radius_and_lag_count_while_the_handle_is_held():
@@ -80,9 +85,11 @@ def test_a_handle_that_follows_through_more_than_half_a_turn_is_not_behind_and_o
 
 
 def test_where_nothing_turns_or_is_held_there_are_no_numbers():
-    bare = dataclasses.replace(instant(0.5, 0.2, 1.0), hinge=())
-    straight = dataclasses.replace(bare, push=(1.0, 0.1, 1.0, 0.0, 0.0), hinge=(*TRUE, 0.0, 0.0, 1.0))
-    loose = dataclasses.replace(bare, pull=(), hinge=(*TRUE, 0.0, 0.0, 1.0))
+    whole = instant(0.5, 0.2, 1.0)
+    parts = dict(whole.parts)
+    bare = dataclasses.replace(whole, parts=(*(parts | {"mechanism_hinge": ()}).items(),))
+    straight = dataclasses.replace(whole, push=(1.0, 0.1, 1.0, 0.0, 0.0))
+    loose = dataclasses.replace(whole, parts=(*(parts | {"gripper_pull": ()}).items(),))
     for now in (bare, straight, loose, instant(0.5, 0.2, 1.0, taken=0.0)):
         assert all(math.isnan(value) for value in numbers_of(now).values())
 

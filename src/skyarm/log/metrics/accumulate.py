@@ -16,7 +16,7 @@ from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum,
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.contact_totals import SHIPPED
+from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake
@@ -46,10 +46,7 @@ class Instant:
         held, continuous: the reference. lag: s, of the law's governed reference behind it.
         phase: number of the task's phase, where phases wait. time: s.
         push: commanded contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
-        contact: normal force at each pair of a surface and a point of the vehicle, N. objects: places of the free
-            objects' middles, m, one behind the other. mechanisms: their coordinates, rad or m.
-        pull: number of what the first gripper holds, 0 for nothing, and its force on it, N, world axes. hinge: a place
-            (m) on the axis of the first mechanism, and its unit vector, world axes; () of one that slides.
+        parts: (name, numbers) of each array of the flight's components, and of their constants.
     """
 
     state: State
@@ -62,11 +59,11 @@ class Instant:
     phase: Scalar = 0.0
     time: Scalar = 0.0
     push: tuple[Scalar, ...] = ()
-    contact: tuple[Scalar, ...] = ()
-    objects: tuple[Scalar, ...] = ()
-    mechanisms: tuple[Scalar, ...] = ()
-    pull: tuple[Scalar, ...] = ()
-    hinge: tuple[Scalar, ...] = ()
+    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
+
+    def part(self, name: str) -> tuple[Any, ...]:
+        """Numbers of an array of the components; () in a flight without."""
+        return next((numbers for each, numbers in self.parts if each == name), ())
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
@@ -123,21 +120,22 @@ QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "lag": lambda now, _: now.lag,
     "phase": lambda now, _: now.phase,
     "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
+    **interaction.QUANTITIES,
 }
 """Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""
 
 Total = tuple[str, str, str]
-"""Kind ("sum", "square", "max", "min", "peak"), window, quantity; the quantity may end with ``_continuous``.
+"""Kind ("sum", "square", "max", "min", "peak", "last"), window, quantity; the quantity may end with ``_continuous``.
 
 Of kind "added" it is the memory of a registered metric, by its name."""
 
 ADDED = "added"
 
-STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0}
+STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0, "last": HUGE}
 
 
 def quantity(name: str, now: Instant) -> Any:
-    """Value of a quantity at an instant."""
+    """Value of a quantity at an instant; None in a flight without it."""
     goal = now.held
     if name.endswith(CONTINUOUS):
         name, goal = name.removesuffix(CONTINUOUS), now.continuous
@@ -147,13 +145,13 @@ def quantity(name: str, now: Instant) -> Any:
 
 
 def added_metric(name: str) -> Metric:
-    """A registered metric, with its numbers by default; or totals of contact.
+    """A registered metric, with its numbers by default; or totals of the interaction.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.
     """
-    if name in SHIPPED:
-        return SHIPPED[name]
+    if name in interaction.TOTALS:
+        return interaction.TOTALS[name]
     kind = find("metric", name)
     mistake = class_mistake(kind) if isinstance(kind, type) else None
     if mistake is not None:
@@ -187,6 +185,8 @@ def advance_totals(
             more = leaves(added_metric(name).count(total, now))
             pairs = zip(more, leaves(total), strict=True)
             following.append(rebuild(total, iter([where(inside[window], new, old) for new, old in pairs])))
+        elif found[name] is None:
+            following.append(total)
         else:
             following.append(where(inside[window], _with_one_more(kind, total, found[name]), total))
     return tuple(following)
@@ -197,6 +197,8 @@ def _with_one_more(kind: str, total: Any, value: Any) -> Any:
         return total + value
     if kind == "square":
         return total + value * value
+    if kind == "last":
+        return value
     if kind == "max":
         return maximum(value, total)
     if kind == "min":

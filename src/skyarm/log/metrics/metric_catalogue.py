@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Total, added_metric
-from skyarm.log.metrics.contact_totals import VALUES
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
+from skyarm.log.metrics.interaction import COUNTED, TOTALED
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.registry import names as registered_names
 
@@ -46,6 +46,11 @@ class Measure:
     unit: str = ""
 
 
+def _or_nan(_n: Any, _dt: Any, total: Any) -> Any:
+    """An extreme or last value; NaN where no instant had the quantity."""
+    return np.where(np.abs(total) < HUGE, total, np.nan)
+
+
 FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "mean": (("sum",), lambda n, _dt, total: total / n),
     "rms": (("square",), lambda n, _dt, total: np.sqrt(total / n)),
@@ -55,6 +60,9 @@ FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "max": (("max",), lambda _n, _dt, total: total),
     "min": (("min",), lambda _n, _dt, total: total),
     "peak": (("peak",), lambda _n, _dt, total: total),
+    "last": (("last",), _or_nan),
+    "largest": (("max",), _or_nan),
+    "lowest": (("min",), _or_nan),
 }
 """Form of a metric -> kinds of the totals of its quantity, and its value from them; ``root`` is the RMS of a quantity
 that is squared already."""
@@ -123,11 +131,12 @@ FREE = {
 }
 """Metrics that have no twin."""
 
-CONTACT = {
+INTERACTION = {
     name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held), words, unit)
-    for name, (totals, value, words, unit) in VALUES.items()
-}
-"""Metrics of contact, of which a flight without it has none."""
+    for name, (totals, value, words, unit) in TOTALED.items()
+} | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
+"""Metrics of the interaction with the world, of which a flight without it has none."""
+
 
 REFERRED = TRACKING | GUST | PAPER
 
@@ -143,7 +152,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "wind": ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple"),
     "paper": (*PAPER, "hover_offset"),
     "effort": ("efforts", "rotor_jitter", "rate_rms", "tilt_rms", "tilt_max", "altitude_error_max"),
-    "contact": tuple(CONTACT),
+    "contact": tuple(INTERACTION),
     "all": (*REFERRED, *FREE, "efforts"),
 }
 """Words for several metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
@@ -154,7 +163,7 @@ def measures(joints: int) -> dict[str, Measure]:
     found = (
         REFERRED
         | FREE
-        | CONTACT
+        | INTERACTION
         | {
             f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
             for i in range(joints)

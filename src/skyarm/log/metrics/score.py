@@ -15,9 +15,10 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Goal, Instant, advance_totals, first_totals, quantity
+from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, advance_totals, first_totals, quantity
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
+from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import shown
 
 Array = npt.NDArray[Any]
@@ -48,7 +49,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     masks = at.masks(log.time)
     used = tuple(dict.fromkeys(window for _, window, _ in wanted))
     totals = first_totals(wanted)
-    instants = _instants(log, pushes=any(kind == ADDED for kind, _, _ in wanted))
+    instants = _instants(log, whole=True)
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     flags = (0.0,) * len(used)
     program = trace(
@@ -103,7 +104,7 @@ def over_log(log: Log, name: str) -> Array:
     return row
 
 
-def _instants(log: Log, *, pushes: bool = False) -> Instant:
+def _instants(log: Log, *, whole: bool = False) -> Instant:
     """Every control instant of a log, as a record of arrays; ``pushes`` with the commanded contact."""
 
     def rows(table: Any) -> tuple[Any, ...]:
@@ -123,6 +124,7 @@ def _instants(log: Log, *, pushes: bool = False) -> Instant:
         rotor_speeds=rows(log.rotor_speeds),
         tilts=rows(log.tilts),
     )
+    parts = _parts(log) if whole else ()
     before = np.vstack([log.rotor_commands[:1], log.rotor_commands[:-1]])
     return Instant(
         state=state,
@@ -136,24 +138,20 @@ def _instants(log: Log, *, pushes: bool = False) -> Instant:
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
         phase=log.phase if log.phase.size else np.zeros(log.time.size),
         time=log.time,
-        push=wanted_push(log) if pushes and log.component("contact_force").size else (),
-        contact=rows(log.component("contact_force")) if log.component("contact_force").size else (),
-        objects=rows(log.component("object_position")) if log.component("object_position").size else (),
-        mechanisms=rows(log.component("mechanism_position")) if log.component("mechanism_position").size else (),
-        pull=(log.component("gripper_taken")[:, 0], *log.component("gripper_pull")[:, :3].T)
-        if log.component("gripper_pull").size
-        else (),
-        hinge=_hinge(log) if pushes else (),
+        push=wanted_push(log) if parts else (),
+        parts=parts,
     )
 
 
-def _hinge(log: Log) -> tuple[Array, ...]:
-    """The axis about which the world's first mechanism turns, at every instant; () where there is none."""
-    if not log.component("mechanism_position").size or not log.info.get("scenario_record"):
-        return ()
-    contact = log.scenario.world
-    mechanisms = () if contact is None else contact.mechanisms
-    return tuple(np.full(log.time.size, float(c)) for c in mechanisms[0].hinge) if mechanisms else ()
+def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
+    """Arrays of the components of a log, and their constants."""
+    arrays = tuple(
+        (name.partition(".")[2], tuple(each.T)) for name, each in log.received.items() if name.startswith(COMPONENTS)
+    )
+    if not arrays or not log.info.get("scenario_record"):
+        return arrays
+    constants = [each for component in log.scenario.components for each in component.constants.items()]
+    return (*arrays, *((name, tuple(np.full(log.time.size, float(c)) for c in numbers)) for name, numbers in constants))
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.contact_totals import BAND
+from skyarm.log.metrics.interaction import BAND
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of

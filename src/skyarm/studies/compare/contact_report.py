@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.metrics.contact_totals import BAND
+from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.contact_tasks import TITLES, Task

@@ -7,7 +7,7 @@ beside them, since it advances within a control period.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -418,6 +418,11 @@ class Contact(Force):
         found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
         found += [column for carrier in self.carriers for column in carrier.columns]
         return (*found, *(column for gripper in self.grippers for column in gripper.columns))
+
+    @property
+    def constants(self) -> Mapping[str, tuple[Any, ...]]:
+        """A place on the axis of the first mechanism (m), and its unit vector, world axes; () of one that slides."""
+        return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, then the carriers' and grippers' numbers."""

@@ -1,0 +1,274 @@
+"""Metrics of the interaction with the world: a commanded contact, a gripped handle, and what is moved.
+
+Forces are the sum of the normal forces at the vehicle's points. An instant of a commanded contact counts while the
+reference asks for a force above 0: for losses from 0.3 s after the first touch on, for the statistics of the force from
+2 s after it on, when the impact is over. What is moved is the first object and the first mechanism of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
+from skyarm.log.metrics.metric import Metric
+from skyarm.reference.tip_motion import out_of_axis
+
+if TYPE_CHECKING:
+    from skyarm.log.metrics.accumulate import Instant
+
+BOUNCES = 0.3
+"""s after the first touch in which a loss of contact belongs to the impact."""
+
+SETTLED = 2.0
+"""s after the first touch from which on the force is held against the wanted one."""
+
+BAND = 0.3
+"""Share of the wanted force within which a force counts as held."""
+
+NOT_YET = 1e30
+"""s, of what has not happened."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PushMemory:
+    """Totals of a commanded contact so far.
+
+    Attributes:
+        first: s, of the first touch while contact is asked for. touching: 1 while a point is touched.
+        losses: how often contact was lost. peak: N. count: instants of the force's statistics.
+        error, square: sums of the force's error, N, and of its square. held: instants within the band.
+        apart, farthest: sum and largest of the tip's error across the normal, m. near: instants in that sum.
+    """
+
+    first: Scalar = NOT_YET
+    touching: Scalar = 0.0
+    losses: Scalar = 0.0
+    peak: Scalar = 0.0
+    count: Scalar = 0.0
+    error: Scalar = 0.0
+    square: Scalar = 0.0
+    held: Scalar = 0.0
+    apart: Scalar = 0.0
+    farthest: Scalar = 0.0
+    near: Scalar = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PushTotals(Metric):
+    """Force, losses and the tip's error of a commanded contact; nothing is counted where none is commanded."""
+
+    def start(self) -> PushMemory:
+        """Totals before any contact."""
+        return PushMemory()
+
+    def count(self, memory: PushMemory, now: Instant) -> PushMemory:
+        """Totals with one more instant; those of a flight without contact stay as they are."""
+        forces = now.part("contact_force")
+        if not now.push or not forces:
+            return memory
+        wanted, normal = now.push[0], now.push[2:5]
+        force = _sum(forces)
+        asked, touches = wanted > 0.0, force > 0.0
+        begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
+        first = where(begins, now.time, memory.first)
+        after = now.time - first
+        lost = logical_and(logical_and(asked, memory.touching > 0.5), logical_and(force <= 0.0, after >= BOUNCES))
+        settled = logical_and(asked, after >= SETTLED)
+        error = force - wanted
+        held = logical_and(settled, absolute(error) <= BAND * wanted)
+        apart = _across(now, normal)
+        near = logical_and(asked, after >= 0.0)
+        return PushMemory(
+            first=first,
+            touching=where(touches, 1.0, 0.0),
+            losses=memory.losses + where(lost, 1.0, 0.0),
+            peak=maximum(memory.peak, where(asked, force, 0.0)),
+            count=memory.count + where(settled, 1.0, 0.0),
+            error=memory.error + where(settled, error, 0.0),
+            square=memory.square + where(settled, error * error, 0.0),
+            held=memory.held + where(held, 1.0, 0.0),
+            apart=memory.apart + where(near, apart, 0.0),
+            farthest=maximum(memory.farthest, where(near, apart, 0.0)),
+            near=memory.near + where(near, 1.0, 0.0),
+        )
+
+
+def _sum(forces: tuple[Any, ...]) -> Any:
+    total = forces[0]
+    for force in forces[1:]:
+        total = total + force
+    return total
+
+
+def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
+    """Distance of the tip from its reference across the model's normal, m."""
+    away = now.tool - now.held.tool
+    along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
+    return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GripMemory:
+    """Totals of a handle so far.
+
+    Attributes:
+        held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
+        behind: rad, by which it was furthest from where it should be. begun: 1 once the reference takes it along.
+        x, y, z: of the reference about its axis then, m. turned: rad, of the mechanism then.
+    """
+
+    held: Scalar = 0.0
+    force: Scalar = 0.0
+    largest: Scalar = 0.0
+    behind: Scalar = 0.0
+    begun: Scalar = 0.0
+    x: Scalar = 0.0
+    y: Scalar = 0.0
+    z: Scalar = 0.0
+    turned: Scalar = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GripTotals(Metric):
+    """Radial force and lag of a handle that turns; nothing is counted where the tip never holds one."""
+
+    def start(self) -> GripMemory:
+        """Totals before any grasp."""
+        return GripMemory()
+
+    def count(self, memory: GripMemory, now: Instant) -> GripMemory:
+        """Totals with one more instant."""
+        hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
+        if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
+            return memory
+        taken, pull = now.part("gripper_taken")[0], now.part("gripper_pull")[:3]
+        place, axis = Vec3(*hinge[:3]), Vec3(*hinge[3:])
+        out = out_of_axis(now.tool, place, axis, taken > 0.5, Vec3(0.0, 0.0, 0.0))
+        radial = absolute(out.dot(Vec3(*pull)))
+        holds = logical_and(taken > 0.5, now.push[5] > 0.5)
+        pivot, about = Vec3(*now.push[6:9]), Vec3(*now.push[9:12])
+        arm = now.held.tool - pivot
+        arm = arm - about * about.dot(arm)
+        begins = logical_and(holds, memory.begun < 0.5)
+        first = Vec3(*(where(begins, a, b) for a, b in zip(arm, (memory.x, memory.y, memory.z), strict=True)))
+        turned = where(begins, turned_to[0], memory.turned)
+        wanted = atan2(about.dot(first.cross(arm)), first.dot(arm))
+        # about the handle's own axis, and a whole turn more or less is none
+        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * wanted - (turned_to[0] - turned)
+        behind = absolute(atan2(sin(behind), cos(behind)))
+        return GripMemory(
+            held=memory.held + where(holds, 1.0, 0.0),
+            force=memory.force + where(holds, radial, 0.0),
+            largest=maximum(memory.largest, where(holds, radial, 0.0)),
+            behind=maximum(memory.behind, where(holds, behind, 0.0)),
+            begun=where(holds, 1.0, memory.begun),
+            x=first.x, y=first.y, z=first.z,
+            turned=turned,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhaseMemory:
+    """Number of the last phase that began, and when: s."""
+
+    phase: Scalar = 0.0
+    when: Scalar = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseTotals(Metric):
+    """Time at which the last phase of a task began."""
+
+    def start(self) -> PhaseMemory:
+        """Before the first phase."""
+        return PhaseMemory()
+
+    def count(self, memory: PhaseMemory, now: Instant) -> PhaseMemory:
+        """With one more instant."""
+        more = now.phase > memory.phase
+        return PhaseMemory(
+            phase=where(more, now.phase, memory.phase),
+            when=where(more, now.time, memory.when),
+        )
+
+
+TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "phases": PhaseTotals()}
+"""Totals by name, as those of registered metrics."""
+
+
+def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
+    """A number of an array of components; None in a flight without."""
+    return lambda now, _: now.part(name)[index] if now.part(name) else None
+
+
+QUANTITIES: Mapping[str, Callable[[Instant, Any], Any]] = {
+    "contact": lambda now, _: _sum(now.part("contact_force")) if now.part("contact_force") else None,
+    **{f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")},
+    "mechanism": _of_part("mechanism_position", 0),
+    "tip_height": lambda now, _: now.tool.z,
+}
+"""Force at all points (N), place of the first object (m), coordinate of the first mechanism, height of the tip (m)."""
+
+COUNTED: Mapping[str, tuple[str, str, str, str]] = {
+    "contact_last": ("last", "contact", "contact force at the end", "N"),
+    "contact_largest": ("largest", "contact", "largest contact force", "N"),
+    **{f"object_last_{a}": ("last", f"object_{a}", f"{a} of the first object at the end", "m") for a in "xyz"},
+    "mechanism_last": ("last", "mechanism", "coordinate of the first mechanism at the end", ""),
+    "mechanism_furthest": ("largest", "mechanism", "largest coordinate of the first mechanism", ""),
+    "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
+}
+"""Metric -> its form, its quantity, its words and unit."""
+
+
+def _share(total: Any, count: Any) -> Any:
+    """Mean over instants that counted; NaN for none."""
+    return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(count, 1), np.nan)
+
+
+def _ripple(held: Any) -> Any:
+    """RMS of the force about its mean."""
+    mean = _share(held.error, held.count)
+    return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
+
+
+def _met(held: Any, number: Any) -> Any:
+    """A number of a contact; NaN where there was none."""
+    return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
+
+
+def _gripped(memory: Any, number: Any) -> Any:
+    """A number of a grasp; NaN where none was held."""
+    return np.where(np.asarray(memory.held) > 0, number, np.nan)
+
+
+HELD = "share of the time with the contact force within 30 % of the wanted one"
+
+TOTALED: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
+    "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean error of the contact force", "N"),
+    "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
+    "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
+    "contact_peak": ("push", lambda of: _met(of, of.peak), "largest contact force while contact is asked for", "N"),
+    "contact_losses": ("push", lambda of: _met(of, of.losses), "losses of contact", "losses"),
+    "contact_first": ("push", lambda of: _met(of, of.first), "first touch", "s"),
+    "contact_tip_mean": (
+        "push", lambda of: _share(of.apart, of.near), "mean tip error across the normal in contact", "m"
+    ),
+    "contact_tip_max": (
+        "push", lambda of: _met(of, of.farthest), "largest tip error across the normal in contact", "m"
+    ),
+    "phases_time": ("phases", lambda of: of.when, "when the last phase was done", "s"),
+    "grip_force_mean": (
+        "grip", lambda of: _gripped(of, of.force / np.maximum(of.held, 1)),
+        "mean radial force on the handle that is held", "N",
+    ),
+    "grip_force_max": (
+        "grip", lambda of: _gripped(of, of.largest), "largest radial force on the handle that is held", "N"
+    ),
+    "grip_lag_max": ("grip", lambda of: _gripped(of, of.behind), "largest lag of the handle that is held", "rad"),
+}  # fmt: skip
+"""Metric -> the totals that it is made of, its value from them, its words and unit."""
