@@ -71,7 +71,7 @@ def test_a_picture_is_of_the_present_state():
 @needs_display
 @pytest.mark.thorough
 def test_environments_draw_beside_one_another_and_after_a_reset():
-    one, other = drawn(), drawn(camera="orbit", ghost=False)
+    one, other = drawn(), drawn(camera="tip", ghost=False)
     first, second = one.render(), other.render()
     assert (first != second).any()
     assert (one.render() == first).all()

@@ -12,7 +12,7 @@ from skyarm.cli.arguments import require_left_out, words_of
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.formats import load_log
-from skyarm.records.files import output_file, require_writable, taken_back
+from skyarm.records.files import output_file, taken_back
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
 from skyarm.view.film.make_film import FilmSettings, make_film, size_of
@@ -28,20 +28,16 @@ def film(
     flights: Annotated[
         list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios (names or .toml) that are flown first")
     ],
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help=".mp4, .webp, .gif; .viser or .html, or a folder: a recording")
-    ],
+    file: Annotated[str, typer.Argument(metavar="FILE", help=".mp4, .webp; .viser or .html: a recording")],
     controller: Annotated[
         list[str] | None, typer.Option(metavar="LAW", help="fly each scenario with it; names or FILE.py:make; repeat")
     ] = None,
     label: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="name of each flight in turn; repeat")] = None,
     title: Annotated[str | None, typer.Option(help="above the pictures, in place of the scenario's")] = None,
     layout: Annotated[str, typer.Option(help="side (a picture for each flight) or over (all in one)")] = "side",
-    camera: Annotated[str, typer.Option(help="follow, fixed, orbit or tip")] = "follow",
-    size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp and .gif 800x450]")
-    ] = None,
-    fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp and .gif 15]")] = None,
+    camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp 800x450]")] = None,
+    fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp 15]")] = None,
     speed: Annotated[float, typer.Option(help="seconds of flight a second of film")] = 1.0,
     start: Annotated[float, typer.Option(help="s of flight at which it begins")] = 0.0,
     stop: Annotated[float | None, typer.Option(help="s of flight at which it ends")] = None,
@@ -49,14 +45,13 @@ def film(
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="the tip's error below")] = True,
     fine: Annotated[bool, typer.Option("--fine", help="shadows and smooth edges: four times as long")] = False,
 ) -> None:
-    """Film flights; MP4, WebP, GIF, or a 3-D recording.
+    """Film flights; MP4, WebP, or a 3-D recording.
 
     Each flight is a log of 'skyarm run', or a scenario that is flown now, with every --controller. A recording is a
-    scene in three dimensions that plays in a browser: NAME.viser alone, NAME.html with its player, or a folder of both
-    to be served.
+    scene in three dimensions that plays in a browser: NAME.viser alone, or NAME.html with its player.
     """
     path = Path(file)
-    if path.suffix.removeprefix(".") in ("", *SUFFIXES):
+    if path.suffix.removeprefix(".") in SUFFIXES:
         require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
     usual = usual_size_and_rate(path)
     width, height = usual[:2] if size is None else size_of(size)
@@ -75,14 +70,10 @@ def film(
         title=title,
     )
     if file in list_scenarios():
-        raise ValueError(f"FILE = {file!r}: must be the film's file or folder, the last word; this is a scenario")
-    folder = bool(file) and (not path.suffix or path.is_dir() or file.endswith("/"))
-    with taken_back(path if folder else path.parent):
-        recorded = folder or not file or require_film_format(path, SUFFIXES) is None
-        if folder:
-            require_writable(file)
-        else:
-            output_file(file, "FILE")
+        raise ValueError(f"FILE = {file!r}: must be the film's file, the last word; this is a scenario")
+    output_file(file, "FILE")
+    recorded = require_film_format(path, SUFFIXES) is None
+    with taken_back(path.parent):
         _require_renderer(recorded=recorded)
         logs = _logs(flights, controller, settings)
         with bar("recording" if recorded else "filming") as advance:
@@ -93,12 +84,9 @@ def film(
             if recorded:
                 written = save_recording(record(logs, settings, **options), path)
             else:
-                written = [make_film(logs, path, settings, **options)]
-    give(files=written)
-    for each in written:
-        tell(f"{'recording' if recorded else 'film'}: {each} ({each.stat().st_size / 1e6:.2f} MB)")
-    if folder:
-        tell(f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000")
+                written = make_film(logs, path, settings, **options)
+    give(files=[written])
+    tell(f"{'recording' if recorded else 'film'}: {written} ({written.stat().st_size / 1e6:.2f} MB)")
 
 
 def _require_renderer(*, recorded: bool) -> None:

@@ -86,7 +86,7 @@ def test_a_whole_flight_that_is_shorter_than_the_film_is_said_to_have_ended() ->
     assert state_words(flown, 1.0, 9) == "ended at 1 s"
 
 
-def test_the_wind_stands_beside_the_clock_or_where_it_differs_at_each_flight() -> None:
+def test_the_wind_stands_beside_the_clock_where_it_is_that_of_all_flights() -> None:
     pictures = []
     layout = frame_layout(640, 360, 2, "side", plot=False)
     for scenarios in (("case3_wind", "case3_wind"), ("case3", "case3_wind"), ("case3", "case3")):
@@ -95,8 +95,6 @@ def test_the_wind_stands_beside_the_clock_or_where_it_differs_at_each_flight() -
     ink = [[count(inside(each, box), INK) for box in (layout.title, *layout.heads)] for each in pictures]
     same, apart, calm = ink
     assert same[0] > apart[0] == calm[0]
-    assert apart[1] == calm[1]
-    assert np.any(inside(pictures[1], layout.heads[1]) != inside(pictures[0], layout.heads[1]))
 
 
 def test_a_text_of_several_lines_is_written_in_one() -> None:

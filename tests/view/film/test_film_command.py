@@ -55,18 +55,10 @@ def test_a_log_and_a_scenario_are_filmed_together(film: Film, log: Path, tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["made.webp"]
 
 
-def test_a_folder_holds_page_and_recording_and_says_how_to_see_them(film: Film, log: Path, tmp_path: Path) -> None:
-    pytest.importorskip("viser", reason="no extra 'studio'")
-    code, out, err = film(log, "page", "--fps", 5)
-    assert (code, err) == (0, "")
-    assert sorted(path.name for path in (tmp_path / "page").iterdir()) == ["flight.viser", "index.html"]
-    assert out.splitlines()[-1] == "to see it: python -m http.server --bind 127.0.0.1 --directory page 8000"
-
-
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("LOG", "a.avi"), "skyarm: film = 'a.avi': suffix 'avi': must be one of mp4, webp, gif, viser, html"),
+        (("LOG", "a.avi"), "skyarm: film = 'a.avi': suffix 'avi': must be one of mp4, webp, viser, html"),
         (("LOG", "a.mp5"), "skyarm: film = 'a.mp5': suffix 'mp5': did you mean 'mp4'? must be one of"),
         (("no.npz", "a.webp"), "skyarm: "),
         (("LOG", "a.webp", "--size", "161x120"), "skyarm: width = 161: must be an even number from 64 to 4096"),
@@ -75,7 +67,7 @@ def test_a_folder_holds_page_and_recording_and_says_how_to_see_them(film: Film, 
         (("LOG", "a.webp", "--start", "2"), "skyarm: start = 2: must leave at least one frame before the end, 1 s"),
         (("LOG", "a.webp", "--label", "x", "--label", "y"), "skyarm: labels = ['x', 'y']: must be as many as the"),
         (("LOG", "a.webp", "--controller", "paper_ct"), "skyarm: --controller = 'paper_ct': must be left out"),
-        (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file or folder, the last word"),
+        (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file, the last word"),
         (("LOG", ""), "skyarm: FILE = '': must be the path of a file"),
     ],
 )
@@ -126,15 +118,12 @@ def test_without_a_driver_the_package_is_named(tmp_path: Path) -> None:
 
 
 def test_pictures_that_do_not_fit_into_memory_are_refused(tmp_path: Path) -> None:
-    for suffix in ("webp", "gif"):
-        write = video_files.require_film_format(tmp_path / f"a.{suffix}")
-        assert write is not None
-        with pytest.raises(ValueError, match=r"600 frames of 1280x720 are more than 1.5 GB; take .mp4"):
-            write(tmp_path / f"a.{suffix}", iter(()), (1280, 720), 30, 600)
+    with pytest.raises(ValueError, match=r"600 frames of 1280x720 are more than 1.5 GB; take .mp4"):
+        video_files.write_webp(tmp_path / "a.webp", iter(()), (1280, 720), 30, 600)
 
 
 def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_size(tmp_path: Path) -> None:
-    for suffix in ("webp", "gif", "WEBP"):
+    for suffix in ("webp", "WEBP"):
         width, height, fps = video_files.usual_size_and_rate(tmp_path / f"a.{suffix}")
         for name in PAPER_CASES:
             frames = fps * skyarm.load_scenario(name).duration

@@ -61,10 +61,9 @@ def only(solids: list[Solid], role: str) -> list[Solid]:
     ]
 
 
-@pytest.mark.parametrize("camera", ["follow", pytest.param("orbit", marks=pytest.mark.thorough)])
-def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them(camera: str) -> None:
+def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them() -> None:
     (one,) = filmed("paper_pd")
-    path = CAMERAS[camera]([one], TIMES, WIDTH / HEIGHT)
+    path = CAMERAS["follow"]([one], TIMES, WIDTH / HEIGHT)
     frames = [0, 9]
     empty = pictures(path, [], frames)
     for solids, base, tip in (
@@ -123,11 +122,10 @@ def test_two_pictures_of_one_instant_are_the_same() -> None:
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("suffix", ["webp", "gif"])
-def test_an_animated_picture_has_its_frames_its_size_and_its_time(suffix: str, tmp_path: Path) -> None:
+def test_an_animated_picture_has_its_frames_its_size_and_its_time(tmp_path: Path) -> None:
     told = []
     settings = FilmSettings(width=WIDTH, height=HEIGHT, fps=30, stop=10 / 30)
-    file = make_film(flight(), tmp_path / f"a.{suffix}", settings, progress=lambda *done: told.append(done))
+    file = make_film(flight(), tmp_path / "a.webp", settings, progress=lambda *done: told.append(done))
     assert told == [(k + 1, 10) for k in range(10)]
     with Image.open(file) as picture:
         assert (picture.size, picture.n_frames, picture.info["loop"]) == ((WIDTH, HEIGHT), 10, 0)
@@ -136,8 +134,7 @@ def test_an_animated_picture_has_its_frames_its_size_and_its_time(suffix: str, t
             picture.seek(k)
             frames.append(np.asarray(picture.convert("RGB")).astype(int))
             lengths.append(picture.info["duration"])
-    # GIF counts hundredths of a second
-    assert sum(lengths) == pytest.approx(10 / 30 * 1e3, abs=10 if suffix == "gif" else 1)
+    assert sum(lengths) == pytest.approx(10 / 30 * 1e3, abs=1)
     _require_drawn(frames)
 
 

@@ -25,11 +25,9 @@ from skyarm.world.scene.world_shapes import (
     ground_height,
     held_poses,
     hidden_share,
-    inside,
     logged_poses,
     point_shapes,
     touch_arrows,
-    without_holes,
     world_shapes,
 )
 from skyarm.world.signal_vector import SignalVector
@@ -117,26 +115,6 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
         for solid, skin in zip(drawn, thing.surfaces, strict=True):
             world = solid.position[k] + mesh_of(solid.shape)[0] @ solid.rotation[k].T
             np.testing.assert_allclose(frame.depth(skin, Vec3(*world.T), 0)[0], 0.0, atol=1e-12)
-
-
-def test_a_hole_in_parts_has_the_hole_and_the_plate() -> None:
-    hole = a_surface("hole")
-    *_, outer, length = SIZES["hole"]
-    (solid,) = world_shapes([Contact(surfaces=(hole,))], np.zeros(1))
-    parts = without_holes([solid])
-    draw = np.random.default_rng(3)
-    points = draw.uniform(-1.0, 1.0, (4000, 3)) * [1.2 * outer, 1.2 * outer, 0.5 * length] - [0.0, 0.0, 0.4 * length]
-    world = solid.position[0] + points @ solid.rotation[0].T
-    filled = np.zeros(len(points), bool)
-    for part in parts:
-        filled |= inside(part, (world - part.position[0]) @ part.rotation[0])
-    depths = np.asarray(hole.depth(Vec3(*world.T), 0, 0.0)[0])
-    # but for the chamfer (5 cm) and the corners of polygons (2 % of a radius)
-    away = np.hypot(points[:, 0], points[:, 1])
-    sure = (np.abs(depths) > 0.025 * outer) & ((points[:, 2] < -0.051) | (away > 0.151))
-    assert sure.sum() > 1000
-    np.testing.assert_array_equal(filled[sure], depths[sure] > 0.0)
-    assert without_holes([]) == []
 
 
 def test_a_patch_is_about_the_nearest_point_of_its_plane_and_goes_with_it() -> None:

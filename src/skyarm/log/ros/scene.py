@@ -20,7 +20,7 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import Solid, turn_onto
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
-from skyarm.world.scene.world_shapes import logged_poses, without_holes, world_shapes
+from skyarm.world.scene.world_shapes import logged_poses, world_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -177,6 +177,10 @@ def _marker(number: int, solid: Solid, frame: str, stamps: Any, *, fixed: bool) 
         fixed: whether it moves with the frame.
     """
     shape, position, turns = solid.shape, solid.position, quaternions_of(solid.rotation)
+    if shape.kind == "hole":  # no marker has a hole: the whole plate
+        *_, outer, length = shape.size
+        axis = solid.rotation[:, :, 2] if position.ndim > 1 else solid.rotation[0, :, 2]
+        shape, position = replace(shape, kind="cylinder", size=(outer, length)), position - 0.5 * length * axis
     return {
         "header": {"stamp": stamps, "frame_id": frame},
         "ns": shape.name,
@@ -223,7 +227,7 @@ class WorldMarkers:
     def still(self) -> list[dict[str, Any]]:
         """A visualization_msgs/Marker for each fixed surface."""
         shapes = world_shapes(self._contacts, np.zeros(1), self._around)
-        still = without_holes(each for each in shapes if each.shape.name not in self._moving)
+        still = [each for each in shapes if each.shape.name not in self._moving]
         return [
             _marker(i, replace(each, position=each.position[0], rotation=each.rotation[:1]), WORLD, 0, fixed=False)
             for i, each in enumerate(still)
@@ -238,7 +242,7 @@ class WorldMarkers:
         """A visualization_msgs/MarkerArray of what moves, at every instant of a part of the flight."""
         carried = logged_poses(self._contacts, part.component)
         shapes = world_shapes(self._contacts, part["time"], self._around, carried=carried)
-        moving = without_holes(each for each in shapes if each.shape.name in self._moving)
+        moving = [each for each in shapes if each.shape.name in self._moving]
         return {"markers": [_marker(i, each, WORLD, part.stamps, fixed=False) for i, each in enumerate(moving)]}
 
 

@@ -27,9 +27,6 @@ LOOKS = 24
 FIELD_OF_VIEW = 40.0
 """deg, from the lower to the upper edge of a panel."""
 
-TURN = 12.0
-"""deg/s of film time at which the orbiting camera goes round."""
-
 SMOOTH = 0.6
 """s: time constant with which a following camera turns to what it follows."""
 
@@ -41,8 +38,8 @@ def _axes_of_view(azimuth: float) -> Array:
     return np.stack([right, np.cross(right, away), away], axis=1)
 
 
-FLAT = 0.4
-"""Height of a flying vehicle of upright rotors over its width, at its usual tilts."""
+HEIGHT = 0.4
+"""Height of a flying vehicle over its width, at its usual tilts."""
 
 LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""
@@ -73,15 +70,6 @@ def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float)
     return _path(np.tile(middle, (len(seconds), 1)), distance, azimuth)
 
 
-def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """A camera that goes round all of the flight and has it in view from every side."""
-    places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
-    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    radius = float(np.linalg.norm(places - middle, axis=1).max()) + _margin(flights)
-    still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect), free_azimuth(flights))
-    return CameraPath(still.look_at, still.distance, still.azimuth + TURN * seconds, still.elevation)
-
-
 def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
     places = np.stack([part for flight in flights for part in _places_in_view(flight)])
@@ -100,7 +88,6 @@ def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Camer
 CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
     "fixed": fixed_camera,
     "follow": follow,
-    "orbit": orbit,
     "tip": tip,
 }
 """Camera paths by name: (flights in one picture, seconds of film (F,), width over height) -> path."""
@@ -125,12 +112,6 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
     return [part for at, wanted in pairs for part in (wanted + _at_most(at - wanted, farthest), wanted)]
 
 
-def _height(flights: Sequence[FilmedFlight]) -> float:
-    """Height of a vehicle over its width: more where rotors are tilted."""
-    tilts = [math.hypot(float(r.axis.x), float(r.axis.y)) for f in flights for r in f.vehicle.rotors]
-    return min(1.0, FLAT + max(tilts, default=0.0))
-
-
 def _margin(flights: Sequence[FilmedFlight]) -> float:
     """Radius about its base within which a vehicle is drawn, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
@@ -153,10 +134,10 @@ def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimu
     """Distance from which vehicles at places (N, 3) about the middle of the picture are inside it."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
-    margin, height = _margin(flights), _height(flights)
+    margin = _margin(flights)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
-        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, height))
+        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, HEIGHT))
     ]
     return float(np.max(needed))
 

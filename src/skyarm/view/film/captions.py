@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
-from skyarm.view.film.filmed_flight import FilmedFlight, one_wind, wind_words
+from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]
@@ -73,7 +73,6 @@ class Captions:
 
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
-        self._one_wind = one_wind(flights)
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         self._numbers = [self._head(box, flight) for box, flight in zip(layout.heads, flights, strict=True)]
         self._clock = self._title(title)
@@ -87,17 +86,15 @@ class Captions:
         self._write(found, self._clock, self._now(k), INK, TITLE_SIZE)
         for box, flight in zip(self._numbers, self._flights, strict=True):
             ink = LOST if flight.lost and self._times[k] >= flight.end else INK
-            words = state_words(flight, float(self._times[k]), k)
-            wind = "" if self._one_wind else wind_words(flight, k)
-            self._write(found, box, f"{wind}, {words}" if wind else words, ink, NUMBER_SIZE)
+            self._write(found, box, state_words(flight, float(self._times[k]), k), ink, NUMBER_SIZE)
         if self._strip is not None and self._layout.plot is not None:
             self._put_cursor(found, self._strip, self._layout.plot, k)
         return found
 
     def _now(self, k: int) -> str:
-        words = [f"{self._times[k]:.1f} s"]
-        wind = wind_words(self._flights[0], k) if self._one_wind else ""
-        return "    ".join([wind, *words] if wind else words)
+        """Clock, and the wind where all flights have the same."""
+        winds = {wind_words(flight, k) for flight in self._flights}
+        return f"{winds.pop() if len(winds) == 1 else ''}    {self._times[k]:.1f} s".lstrip()
 
     def _title(self, title: str) -> Box:
         """Write the title; returns the box of clock and wind."""
@@ -112,9 +109,7 @@ class Captions:
         bar = max(2, round(6.0 * self._layout.scale))
         color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
         self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
-        wide, share = (225.0, 0.52) if self._one_wind else (400.0, 0.6)
-        if flight.contact is not None:
-            wide, share = wide + 185.0, 0.62
+        wide, share = (225.0, 0.52) if flight.contact is None else (410.0, 0.62)
         number = round(min(wide * self._layout.scale, share * box.width))
         name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
         self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)

@@ -187,7 +187,7 @@ class EpisodePictures:
         )
 
     def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
-        """A camera: a following one is set for the instant; a fixed or orbiting one for the whole reference."""
+        """A camera: a following one is set for the instant; a fixed one for the whole reference."""
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]

@@ -26,7 +26,6 @@ from skyarm.world.scene.world_shapes import (
     logged_poses,
     point_shapes,
     touch_arrows,
-    without_holes,
     world_shapes,
 )
 
@@ -325,17 +324,7 @@ def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
-def one_wind(flights: Sequence[FilmedFlight]) -> bool:
-    """True if the flights fly in the same wind, to the precision of a film's numbers."""
-    first = flights[0]
-    return all(
-        np.allclose(each.force, first.force, rtol=0.0, atol=LEAST_SPEED)
-        and np.allclose(each.air, first.air, rtol=0.0, atol=LEAST_SPEED)
-        for each in flights[1:]
-    )
-
-
-def wind_arrow(flight: FilmedFlight, k: int, reach: float, rgba: RGBA = WIND) -> list[Mark]:
+def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
     """An arrow along the wind that ends near the vehicle; its length shows the force, or else the air's speed."""
     length = np.zeros(3)
     if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
@@ -347,7 +336,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float, rgba: RGBA = WIND) ->
         return []
     along = length / size
     end = flight.desired_position[k] - 1.6 * reach * along + np.array([0.0, 0.0, 0.8 * reach])
-    return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, rgba)]
+    return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
 
 
 def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
@@ -387,15 +376,10 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
-    # flights in winds of their own have arrows of their own colours
-    winds: list[tuple[FilmedFlight, RGBA]] = [(flights[0], WIND)]
-    if not one_wind(flights):
-        winds = [(flight, (*flight.color, WIND[3])) for flight in flights]
-
     def at(k: int) -> list[Mark]:
         moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
         touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
-        blowing = [arrow for each, rgba in winds for arrow in wind_arrow(each, k, reach, rgba)]
+        blowing = [arrow for flight in flights for arrow in wind_arrow(flight, k, reach)]
         return [*still, *moving, *touching, *blowing]
 
     return at
@@ -404,7 +388,7 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    return [*own, *load_solids(flight), *without_holes(flight.surfaces)]
+    return [*own, *load_solids(flight), *flight.surfaces]
 
 
 def load_solids(flight: FilmedFlight) -> list[Solid]:

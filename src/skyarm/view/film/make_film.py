@@ -36,7 +36,7 @@ def make_film(
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Film flights into an MP4, an animated WebP or a GIF, by the file's suffix.
+    """Film flights into an MP4 or an animated WebP, by the file's suffix.
 
     Args:
         flights: one log or several, at most MOST_FLIGHTS.
@@ -139,7 +139,7 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
 LAYOUTS = ("side", "over")
 """A panel for each flight, side by side; or one panel with all flights in it."""
 
-CAMERA_NAMES = ("follow", "fixed", "orbit", "tip")
+CAMERA_NAMES = ("follow", "fixed", "tip")
 
 LEAST_SIDE, MOST_SIDE = 64, 4096
 """Pixels."""
@@ -153,8 +153,8 @@ class FilmSettings:
 
     Attributes:
         layout: "side" (a panel for each flight) or "over" (all flights in one).
-        camera: "follow" (goes with the desired position), "fixed" (stands still and sees all of the flight), "orbit"
-            (the same, going round) or "tip" (close to the desired place of the tip).
+        camera: "follow" (goes with the desired position), "fixed" (stands still and sees all of the flight) or
+            "tip" (close to the desired place of the tip).
         width, height: pixels, even numbers.
         fps: frames a second of the film. speed: seconds of flight a second of the film.
         start, stop: s of flight; to the end if ``stop`` is left out.

@@ -8,14 +8,11 @@ from __future__ import annotations
 import base64
 import contextlib
 import io
-import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
@@ -51,9 +48,7 @@ from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 Array = npt.NDArray[np.float64]
 
 SUFFIXES = ("viser", "html")
-"""Of recordings; without a suffix a folder of a page and its recording is written."""
-
-RECORDING_NAME, PLAYER_NAME = "flight.viser", "index.html"
+"""Of recordings."""
 
 WORDS_PER_SECOND = 2.0
 """How often the numbers beside a vehicle change."""
@@ -109,19 +104,11 @@ def record(
     return Recording(content, len(times) / chosen.fps, lambda: page_with(content))
 
 
-def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[Path]:
-    """Write a recording: NAME.viser alone, NAME.html (page and recording in one), or a folder of both.
-
-    Returns:
-        the files that were written.
-    """
+def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
+    """Write a recording: NAME.viser alone, or NAME.html, page and recording in one."""
     target = Path(path)
-    if target.suffix.lower() == ".viser":
-        return [write_atomically(target, recording.content)]
-    if target.suffix.lower() == ".html":
-        return [write_atomically(target, recording.html().encode())]
-    written = [write_atomically(target / RECORDING_NAME, recording.content)]
-    return [*written, write_atomically(target / PLAYER_NAME, player_page(RECORDING_NAME).encode())]
+    content = recording.content if target.suffix.lower() == ".viser" else recording.html().encode()
+    return write_atomically(target, content)
 
 
 @contextlib.contextmanager
@@ -295,36 +282,6 @@ def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
     target = path.look_at[0]
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
     return target - (path.distance[0] + wider) * along, target
-
-
-def player_page(recording: str | None = None) -> str:
-    """The player as one page: it plays the file that ``?playbackPath=`` names, or else ``recording``.
-
-    For a site that shows several recordings: one player, and a frame ``player.html?playbackPath=FILE.viser`` for each.
-    Both must be served; a page opened as a file may read no other file (:func:`page_with` needs none).
-    """
-    page = _client()
-    if recording is None:
-        return page
-    script = (
-        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
-        f"words.set('playbackPath',{json.dumps(recording)});history.replaceState(null,'','?'+words)}}}}</script>"
-    )
-    return page.replace("</head>", f"{script}</head>", 1)
-
-
-def recording_frame(player: str, recording: str, title: str, *, height: int = 420) -> str:
-    """The HTML of a frame in which a page shows a recording.
-
-    Args:
-        player: address of the player's page, from the page that shows it.
-        recording: address of the ``.viser`` file, from the player's page.
-        title: in words, for those who do not see it.
-        height: pixels.
-    """
-    address = f"{player}?playbackPath={quote(recording)}"
-    look = f"width:100%;height:{height}px;border:1px solid #d0d4da"
-    return f'<iframe src="{escape(address)}" title="{escape(title)}" loading="lazy" style="{look}"></iframe>'
 
 
 def page_with(content: bytes) -> str:

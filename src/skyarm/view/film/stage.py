@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
-from skyarm.world.scene.shapes import Shape, Solid, own_mesh
+from skyarm.world.scene.shapes import UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -30,26 +30,40 @@ KINDS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "patch": mujoco.mjtGeom.mjGEOM_BOX,
     "mesh": mujoco.mjtGeom.mjGEOM_BOX,
+    "hole": mujoco.mjtGeom.mjGEOM_BOX,
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }
 
-GROUND_HALF_WIDTH, TILE = 60.0, 0.5
-"""m: of the ground, and of one tile of its grid."""
+WORLD = f"""
+<mujoco>
+  <visual>
+    <global fovy="{FIELD_OF_VIEW}"/>
+    <map znear="0.02" zfar="300" shadowclip="2.5"/>
+    <headlight ambient="0.5 0.5 0.5" diffuse="0.2 0.2 0.2" specular="0 0 0"/>
+  </visual>
+  <statistic extent="1" center="0 0 0"/>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.82 0.88 0.95" rgb2="0.965 0.972 0.98"
+      width="128" height="128"/>
+    <texture name="grid" type="2d" builtin="flat" mark="edge" rgb1="0.945 0.95 0.96" rgb2="0.945 0.95 0.96"
+      markrgb="0.80 0.82 0.845" width="256" height="256"/>
+    <material name="ground" texture="grid" texuniform="true" texrepeat="2 2" specular="0"/>
+  </asset>
+  <worldbody>
+    <light type="directional" pos="-7.5 -6 30" dir="7.5 6 -30" diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
+    <geom type="plane" size="60 60 1" material="ground"/>
+  </worldbody>
+</mujoco>"""
+"""Ground with a grid of 0.5 m, sky and light; shadows are drawn within 2.5 m of what the camera looks at."""
 
-GROUND, LINE = (0.945, 0.95, 0.96), (0.80, 0.82, 0.845)
-SKY, HORIZON = (0.82, 0.88, 0.95), (0.965, 0.972, 0.98)
-
-GRID_PIXELS, MOST_GEOMS = 256, 4000
+MOST_GEOMS = 4000
 
 NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
 """Category of what throws no shadow: the ground, whose own would be a dotted rim, and all that is seen through."""
 
 LAMP = np.array([-7.5, -6.0, 30.0])
 """m: where the light is, seen from what the camera looks at, so that shadows fall where the flight is."""
-
-SHADOWED = 2.5
-"""m about it within which shadows are drawn."""
 
 THIN = 2e-4
 """m: half the thickness of a plane's patch."""
@@ -197,60 +211,26 @@ MeshKey = tuple[str, tuple[float, ...]]
 
 
 def mesh_key(shape: Shape) -> MeshKey:
-    """File of a shape's mesh, and its scale."""
-    return shape.mesh, shape.size if shape.kind == "mesh" else ()
+    """File of a shape's mesh, and its scale; of a hole its sizes."""
+    return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
 
 
 def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
     """(vertices, triangles) of the meshes that are there."""
     shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
-    found = {key: own_mesh(shape) for key, shape in shapes.items()}
+    local = {key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT) for key, shape in shapes.items()}
+    found = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
     return {key: mesh for key, mesh in found.items() if mesh is not None}
 
 
 def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
     """Ground, sky and light, and the meshes by their numbers; no vehicle."""
-    spec = mujoco.MjSpec()
+    spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.global_.fovy = FIELD_OF_VIEW
-    spec.visual.map.znear, spec.visual.map.zfar = 0.02, 300.0
     quality = spec.visual.quality
     quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
     quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (18, 8, 2)
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.2] * 3
-    spec.visual.headlight.specular = [0.0] * 3
-    spec.stat.extent, spec.stat.center = 1.0, [0.0, 0.0, 0.0]
-    builtin = mujoco.mjtBuiltin
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=builtin.mjBUILTIN_GRADIENT,
-        rgb1=SKY,
-        rgb2=HORIZON,
-        width=128,
-        height=128,
-    )
-    spec.add_texture(
-        name="grid",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=builtin.mjBUILTIN_FLAT,
-        mark=mujoco.mjtMark.mjMARK_EDGE,
-        rgb1=GROUND,
-        rgb2=GROUND,
-        markrgb=LINE,
-        width=GRID_PIXELS,
-        height=GRID_PIXELS,
-    )
-    tiles = 1.0 / TILE
-    material = spec.add_material(name="ground", texuniform=True, texrepeat=[tiles, tiles], specular=0.0)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
-    spec.visual.map.shadowclip = SHADOWED
-    spec.worldbody.add_light(
-        pos=LAMP, dir=-LAMP, type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=fine,
-        diffuse=[0.5] * 3, specular=[0.2] * 3,
-    )  # fmt: skip
-    size = [GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, 1.0]
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=size, material="ground")
+    spec.lights[0].castshadow = fine
     for i, (vertices, faces) in enumerate(meshes.values()):
         mesh = spec.add_mesh(name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()

@@ -1,4 +1,4 @@
-"""Files of moving pictures, by suffix: MP4 (H.264), animated WebP and GIF. Each appears whole or not at all."""
+"""Files of moving pictures, by suffix: MP4 (H.264) and animated WebP. Each appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -25,13 +25,11 @@ WEBP_QUALITY = 80
 """From 0 to 100; below 75 what moves leaves specks behind it."""
 
 MOST_IN_MEMORY = 1.5e9
-"""Bytes of pictures that an animated WebP or GIF may take: their frames are held until the last is drawn."""
-
-COLORS_OF_GIF = 128
+"""Bytes of pictures that an animated WebP may take: their frames are held until the last is drawn."""
 
 USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
-"""Width, height and frames a second of a film for which none are named; of animated WebP and GIF, so that a flight of
-30 s fits into what they may take, and on a page."""
+"""Width, height and frames a second of a film for which none are named; of animated WebP, so that a flight of
+30 s fits into what it may take, and on a page."""
 
 
 def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
@@ -56,23 +54,30 @@ def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count
 
 
 def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
-    """Animated WebP that repeats for ever."""
-    first, rest = _frames_in_memory(frames, size, count, path)
+    """Animated WebP that repeats for ever.
+
+    Raises:
+        ValueError: its frames would not fit into memory.
+    """
+    if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
+        most = f"{MOST_IN_MEMORY / 1e9:g} GB"
+        raise ValueError(
+            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
+            "lower fps, a smaller size, a shorter span"
+        )
+    first, *rest = (Image.fromarray(pixels) for pixels in frames)
+    # whole milliseconds that add up to the film's length
+    edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
+    durations = [after - before for before, after in itertools.pairwise(edges)]
     options: dict[str, Any] = {"quality": WEBP_QUALITY, "method": 4, "allow_mixed": True, "kmax": 60}
-    return _write_animation(path, "WEBP", first, rest, fps, options)
-
-
-def write_gif(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
-    """Animated GIF that repeats for ever; of one palette, so that what stands still costs nothing."""
-    first, rest = _frames_in_memory(frames, size, count, path)
-    palette = _palette([first, *rest])
-    first, *rest = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in (first, *rest))
-    return _write_animation(path, "GIF", first, rest, fps, {"optimize": False})
+    buffer = io.BytesIO()
+    first.save(buffer, "WEBP", save_all=True, append_images=rest, duration=durations, loop=0, **options)
+    return write_atomically(path, buffer.getvalue())
 
 
 Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]
 
-FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp, "gif": write_gif}
+FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
 """Suffix -> (path, frames of (height, width, 3) bytes, (width, height), frames a second, their number) -> path."""
 
 
@@ -96,7 +101,7 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
 
 def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
     """Width, height and frames a second where none are named, by the file's suffix."""
-    return USUAL_IN_MEMORY if path.suffix.lower() in (".webp", ".gif") else USUAL
+    return USUAL_IN_MEMORY if path.suffix.lower() == ".webp" else USUAL
 
 
 def import_av() -> Any:
@@ -108,44 +113,5 @@ def import_av() -> Any:
     try:
         import av
     except ImportError:
-        raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp and .gif need no more") from None
+        raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more") from None
     return av
-
-
-def _frames_in_memory(
-    frames: Frames, size: tuple[int, int], count: int, path: Path
-) -> tuple[Image.Image, list[Image.Image]]:
-    """All frames as pictures.
-
-    Raises:
-        ValueError: they would not fit into memory.
-    """
-    if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
-        most = f"{MOST_IN_MEMORY / 1e9:g} GB"
-        raise ValueError(
-            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
-            "lower fps, a smaller size, a shorter span"
-        )
-    first, *rest = (Image.fromarray(pixels) for pixels in frames)
-    return first, rest
-
-
-def _write_animation(
-    path: Path, kind: str, first: Image.Image, rest: list[Image.Image], fps: int, options: dict[str, Any]
-) -> Path:
-    buffer = io.BytesIO()
-    # whole milliseconds (GIF: hundredths) that add up to the film's length
-    unit = 10 if kind == "GIF" else 1
-    edges = [unit * round(1e3 * k / fps / unit) for k in range(len(rest) + 2)]
-    durations = [after - before for before, after in itertools.pairwise(edges)]
-    first.save(buffer, kind, save_all=True, append_images=rest, duration=durations, loop=0, **options)
-    return write_atomically(path, buffer.getvalue())
-
-
-def _palette(pictures: list[Image.Image]) -> Image.Image:
-    """Colours of some of the pictures together."""
-    some = pictures[:: max(1, len(pictures) // 8)]
-    wide = Image.new("RGB", (some[0].width, some[0].height * len(some)))
-    for i, each in enumerate(some):
-        wide.paste(each, (0, i * each.height))
-    return wide.quantize(COLORS_OF_GIF, method=Image.Quantize.MEDIANCUT)

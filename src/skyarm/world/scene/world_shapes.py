@@ -40,12 +40,6 @@ POINT = 0.03
 LEVEL = 1e-9
 """Largest share of a level plane's normal that is not upwards."""
 
-SIDES = 16
-"""Corners of a hole in parts."""
-
-LOWER = 2e-5
-"""m by which each box about a hole lies below the one before: faces at one height would be lit twice."""
-
 WAY = np.linspace(0.03, 3.0, 100)
 """m from a place towards the eye at which something may be in the way."""
 
@@ -166,34 +160,6 @@ def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
-
-
-def without_holes(solids: Iterable[Solid]) -> list[Solid]:
-    """The same solids with boxes and a bottom in place of each plate with a hole; its chamfer is left out."""
-    found = []
-    for solid in solids:
-        for part in _hole_parts(solid.shape) if solid.shape.kind == "hole" else ():
-            place = solid.position + solid.rotation @ np.array(part.position)
-            upright = replace(part, position=(0.0, 0.0, 0.0), rotation=solid.shape.rotation)
-            found.append(Solid(upright, place, solid.rotation @ np.array(part.rotation), solid.rgba))
-        if solid.shape.kind != "hole":
-            found.append(solid)
-    return found
-
-
-def _hole_parts(shape: Shape) -> list[Shape]:
-    """Boxes round about the hole, whose inner faces are its sides, and the bottom, in axes of the plate."""
-    radius, depth, _, outer, length = shape.size
-    below = (0.0, 0.0, -0.5 * (length + depth))
-    found = [Shape(f"{shape.name}/bottom", shape.role, "cylinder", shape.body, (outer, length - depth), below)]
-    halves = 0.5 * (outer - radius), outer * math.tan(math.pi / SIDES), 0.5 * depth
-    middle = 0.5 * (outer + radius)
-    for i in range(SIDES):
-        c, s = math.cos(2.0 * math.pi * i / SIDES), math.sin(2.0 * math.pi * i / SIDES)
-        turn = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
-        place = (middle * c, middle * s, -0.5 * depth - LOWER * i)
-        found.append(Shape(f"{shape.name}/side{i + 1}", shape.role, "box", shape.body, halves, place, turn))
-    return found
 
 
 @dataclass(frozen=True, slots=True)
