@@ -62,16 +62,19 @@ RPM = 60.0 / (2.0 * math.pi)
 SLIPS = {
     "rev/min": (rotors(BIRD, max_speed=838.0 * RPM), r"^rotors: max_speed = 8002.* lifts 272 times the weight; rad/s"),
     "grams": (base(BIRD, mass=716.0), r"^mass = 716.* kg: .*kg, not g"),
-    "thrust per rev/min": (rotors(BIRD, thrust_coefficient=8.5e-6 / RPM**2), r"lifts 0\.033 of the weight"),
-    "degrees up": (joint(BIRD, 0, upper=90.0), r"^joints\[joint1\]\.upper = 90 rad: .*not degrees"),
-    "degrees down": (joint(BIRD, 1, lower=-90.0), r"^joints\[joint2\]\.lower = -90 rad: .*not degrees"),
-    "millimetres of travel": (joint(OCTO, PRISMATIC, upper=300.0), r"\.upper = 300 m: is far; m, not mm"),
-    "newton millimetres": (joint(BIRD, 0, effort_limit=5e5), r"^joints\[joint1\]\.effort_limit = 500000 N m: .*N mm"),
+    "thrust per rev/min": (rotors(BIRD, thrust_coefficient=8.5e-6 / RPM**2), r"lifts 0\.0325 times the weight"),
+    "degrees up": (joint(BIRD, 0, upper=90.0), r"^links\[\w+\]\.joint\.upper = 90 rad: .*not degrees"),
+    "degrees down": (joint(BIRD, 1, lower=-90.0), r"^links\[\w+\]\.joint\.lower = -90 rad: .*not degrees"),
+    "millimetres of travel": (joint(OCTO, PRISMATIC, upper=300.0), r"\.upper = 300 m: is more than 10; m, not mm"),
+    "newton millimetres": (
+        joint(BIRD, 0, effort_limit=5e5),
+        r"^links\[\w+\]\.joint\.effort_limit = 5.* N m: .*N mm",
+    ),
     "kg cm^2": (
         base(BIRD, inertia=Sym3(70.0, 70.0, 120.0)),
         r"^base\.inertia = 120 kg m\^2: is that of its 0\.\d+ kg 1\d\.\d m away, and the vehicle reaches",
     ),
-    "millimetres": (joint(BIRD, 1, position=Vec3(0.0, 0.0, -150.0)), r"^joints\[joint2\]\.position = 150 m away: .*mm"),
+    "millimetres": (joint(BIRD, 1, position=Vec3(0.0, 0.0, -150.0)), r"^links\[\w+\]\.joint\.position = 150 m: .*mm"),
     "milliseconds": (rotors(BIRD, time_constant_up=12.5), r"^rotors\[front\]\.time_constant_up = 12\.5 s: .*not ms"),
     "millimetres of torque": (rotors(BIRD, moment_coefficient=16.0), r"^rotors\[front\]\.moment_coefficient = 16 m: "),
 }
@@ -115,15 +118,15 @@ def of_numbers(**values: float) -> Any:
         ({"sensors__attitude": 1.0}, r"^sensors\.attitude = 1 rad: .*not degrees"),
         ({"sensors__rate": 10.0}, r"^sensors\.rate = 10 rad/s"),
         ({"initial__joints__0": 45.0}, r"^initial\.joints\[0\] = 45 rad: .*not degrees"),
-        ({"initial__rate__x": 90.0}, r"^initial\.rate of 90 rad/s"),
-        ({"initial__position__x": 3000.0}, r"^initial\.position of 3000 m"),
+        ({"initial__rate__x": 90.0}, r"^initial\.rate = 90 rad/s"),
+        ({"initial__position__x": 3000.0}, r"^initial\.position = 3000 m"),
         ({"reference__base__radius": 3000.0}, r"^reference\.base reaches 300\d m"),
         ({"reference__joints__0__amplitude": 30.0}, r"^reference\.joints\[0\] reaches -?30 rad: .*not degrees"),
         ({"plant__gravity": 981.0}, r"^plant\.gravity = 981 m/s\^2"),
         ({"model__gravity": 981.0}, r"^model\.gravity = 981 m/s\^2"),
         ({"plant__payload__mass": 50.0}, r"^plant\.vehicle of 50\.\d+ kg, model\.vehicle of 0\.8"),
-        ({"environment__wind__force_W__x": 900.0}, r"^environment\.wind\.force of 900 N: is 112 times the weight"),
-        ({"environment__wind__air_velocity_W__x": 90.0}, r"^environment\.wind\.air_velocity of 90 m/s: is a hurricane"),
+        ({"environment__wind__force_W__x": 900.0}, r"^environment\.wind\.force_W = 900 N: is more than 500"),
+        ({"environment__wind__air_velocity_W__x": 90.0}, r"^environment\.wind\.air_velocity_W = 90 m/s: .*not km/h"),
         ({"plant__vehicle__rotors__front__time_constant_up": 12.5}, r"^plant: rotors\[front\]\.time_constant_up"),
         ({"model__vehicle__rotors__front__time_constant_up": 12.5}, r"^model: rotors\[front\]\.time_constant_up"),
     ],
@@ -167,8 +170,7 @@ def test_a_vehicle_that_is_wrong_throughout_gets_a_few_lines(tmp_path: Path, mon
     text = far.sub(lambda found: f"position = [{', '.join(f'{1e3 * float(c)}' for c in found[1].split(','))}]", text)
     (tmp_path / "v.toml").write_text(re.sub(r"moment_coefficient = \S+", "moment_coefficient = 16.0", text))
     lines = skyarm("show", "v.toml").err.splitlines()
-    assert len(lines) == 9
-    assert re.fullmatch(r"skyarm: warning: hummingbird_arm2_rotors: \d more numbers are unlikely", lines[-1])
+    assert len(lines) == 6
 
 
 def test_show_prints_limits_inertias_and_motor_constants_with_units() -> None:

@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.log.log_differences import Difference, log_differences
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_text import ABSENT, scenario_differences
+from skyarm.scenario.scenario_differences import ABSENT, scenario_differences
 
 LOG = skyarm.run(skyarm.load_scenario("case3_wind", duration=0.2))
 

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from added_components import Fix
 from simulate_flights import FULL, document
 from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
-from skyarm.log.metrics.windows import Windows
 from skyarm.records.files.toml import toml_text
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
@@ -27,7 +26,6 @@ from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import Change, NamedSensor
-from skyarm.scenario.scenario_text import scenario_text, with_changes_text
 from thorough import sampled
 
 BASE = document("case3_wind", duration=1.0)
@@ -221,16 +219,14 @@ def test_another_law_is_the_one_that_a_file_would_make(law: str) -> None:
 
 def test_a_controller_in_place_of_the_files_is_not_changed_by_the_file(tmp_path: Any) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(
-        with_changes_text(scenario_text("case1"), changing(at(0.1, GAIN, 3), at(0.2, "plant.gravity", 9.7)).changes)
-    )
+    file.write_text(toml_text(document("case1", changes=[at(0.1, GAIN, 3), at(0.2, "plant.gravity", 9.7)])))
     assert [each.path for each in load_scenario(file).changes] == [GAIN, "plant.gravity"]
     assert [each.path for each in load_scenario(file, controller="centroidal_tip").changes] == ["plant.gravity"]
 
 
 def test_a_shortened_flight_keeps_changes_that_do_not_come(tmp_path: Any) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(with_changes_text(scenario_text("case1"), changing(at(0.7, GAIN, 3)).changes))
+    file.write_text(toml_text(document("case1", changes=[at(0.7, GAIN, 3)])))
     short = load_scenario(file, duration=0.5)
     assert [stretch.start for stretch in stretches(short)] == [0]
     assert len(short.changes) == 1
@@ -283,85 +279,6 @@ def test_values_without_end_are_one_line() -> None:
     endless.append(endless)
     with pytest.raises(ScenarioError, match=r"^value: has too many lists or tables within each other$"):
         Change(at=1.0, path="reference.joints", value=endless)
-
-
-# saved text
-
-
-TEXT = scenario_text("case3_wind")
-CHANGES = (
-    Change(at=0.005, path=GAIN, value=1 / 3),
-    Change(at=2.0, path="controller", value={"law": "indi", "cutoff": 10.0, "safety": {"calm": math.inf}}),
-    Change(at=2.5, path="environment.faults", value=[{"rotor": "front", "effectiveness": 0.9}]),
-    Change(at=3.0, path="environment.ground", value=False),
-)
-
-
-def test_saved_text_loads_as_the_scenario_with_its_changes() -> None:
-    saved = with_changes_text(TEXT, CHANGES)
-    wanted = dataclasses.replace(load_scenario("case3_wind"), changes=CHANGES)
-    assert scenario_from(tomllib.loads(saved)) == wanted
-    assert saved.startswith(TEXT.rstrip("\n")), "comments and order stay"
-    # other changes take the place of those that the text has; none leave the file that it was
-    assert with_changes_text(saved, CHANGES) == saved
-    assert tomllib.loads(with_changes_text(saved, ())) == tomllib.loads(TEXT)
-    fewer = with_changes_text(saved, CHANGES[:1])
-    assert scenario_from(tomllib.loads(fewer)).changes == CHANGES[:1]
-
-
-@pytest.mark.parametrize("own", ['changes = [{ at = 1.0, path = "plant.gravity", value = 9.0 }]\n', ""])
-def test_changes_that_a_text_has_in_other_words_are_replaced_too(own: str) -> None:
-    text = own + TEXT
-    if not own:
-        text += '\n[[changes]]\nat = 1.0\npath = "environment.faults"\nvalue = [\n  [1, 2],\n]\n# [[changes]]\n'
-    saved = with_changes_text(text, CHANGES)
-    assert tomllib.loads(saved) == tomllib.loads(with_changes_text(TEXT, CHANGES))
-
-
-def test_what_was_said_beside_the_file_is_saved_too() -> None:
-    saved = with_changes_text(
-        TEXT, CHANGES[:1], name="saved", seed=7, duration=5.0, plant="mujoco", controller="paper_pd"
-    )
-    assert scenario_from(tomllib.loads(saved)).name == "saved"
-    wanted = load_scenario("case3_wind", seed=7, duration=5.0, plant="mujoco", controller="paper_pd")
-    found = scenario_from({**tomllib.loads(saved), "name": wanted.name, "changes": []})
-    assert found.windows == Windows(last=5.0), "windows of a flight of 30 s are general in one of 5 s"
-    assert dataclasses.replace(found, windows=wanted.windows) == wanted
-    for controller in ("indi_tuned", "centroidal", "centroidal_joint"):
-        text = with_changes_text(TEXT, (), controller=controller)
-        assert (
-            scenario_from(tomllib.loads(text)).controller
-            == load_scenario("case3_wind", controller=controller).controller
-        )
-    with pytest.raises(ScenarioError, match=r"^gravity = 3: must be left out; name, title, plant, controller, seed"):
-        with_changes_text(TEXT, (), gravity=3)
-    with pytest.raises(ScenarioError, match=r"^TOML = .*must be valid TOML"):
-        with_changes_text("a = = 3", ())
-
-
-@pytest.mark.parametrize("duration", [3.0, 6.0])
-def test_a_shortened_flight_is_saved_without_what_lies_beyond_its_end(duration: float) -> None:
-    last = duration - 0.005
-    changes = (Change(at=last, path=GAIN, value=1.0), Change(at=last + 0.001, path=GAIN, value=2.0))
-    found = scenario_from(tomllib.loads(with_changes_text(TEXT, changes, duration=duration)))
-    assert found.changes == changes[:1], "the second would take hold at the end"
-    assert found.windows.last == (5.0 if duration > 5.0 else None), "windows.last of 5 s is of longer flights"
-    assert (found.duration, load_scenario("case3_wind").windows.last) == (duration, 5.0)
-
-
-@pytest.mark.parametrize(
-    ("replaced", "words"),
-    [
-        ({"controller": "mine.py:make"}, r"controller = 'mine.py:make': must be a name that a scenario file may have"),
-        ({"controller": 5}, r"controller = 5: must be a name"),
-        ({"plant": 5}, r"plant = 5: must be a name"),
-        ({"duration": "long"}, r"duration = 'long': must be a finite number"),
-        ({"duration": math.nan}, r"duration = nan: must be a finite number"),
-    ],
-)
-def test_what_no_file_may_say_is_not_saved(replaced: dict[str, Any], words: str) -> None:
-    with pytest.raises(ScenarioError, match=f"^{words}"):
-        with_changes_text(TEXT, (), **replaced)
 
 
 plain_values = st.recursive(

@@ -20,7 +20,7 @@ from skyarm.log.log_differences import LogDifferences, log_differences
 from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.score import score
 from skyarm.records.files import number, require_replaceable, require_writable, shown, taken_back
-from skyarm.scenario.scenario_text import scenario_differences
+from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
 from skyarm.simulate.loop import read, scenario_to_replay
 from skyarm.simulate.loop import run as fly

@@ -21,7 +21,7 @@ class Model:
     """The controller's model: a vehicle and gravity (m/s^2). Never the truth."""
 
     vehicle: Vehicle
-    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0)] = 9.81
+    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
 
     def __post_init__(self) -> None:
         accept_fields(self, "model", VehicleError)

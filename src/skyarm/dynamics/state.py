@@ -16,10 +16,10 @@ from skyarm.records.units import Unit
 class State:
     """A state holds everything that a plant integrates."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    position: Annotated[Vec3, Unit("m", "base origin, world axes", usual=1000.0)]
     quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
-    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()

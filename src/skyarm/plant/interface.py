@@ -25,7 +25,7 @@ class Truth:
     """Simulated truth: the true vehicle and gravity (m/s^2)."""
 
     vehicle: Vehicle
-    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number)] = 9.81
+    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
 
     def __post_init__(self) -> None:
         accept_fields(self, "plant", VehicleError)

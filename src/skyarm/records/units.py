@@ -28,6 +28,7 @@ class Unit:
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
         rule: coercion in place of that of the field's type.
+        usual: size beyond which a number is allowed and probably in another unit; two for a unit "rad or m".
     """
 
     unit: str = ""
@@ -38,6 +39,7 @@ class Unit:
     infinite: bool = False
     folds: bool = False
     rule: Callable[[str, Any], Any] | None = None
+    usual: float | tuple[float, float] = math.inf
 
     @property
     def words(self) -> str:

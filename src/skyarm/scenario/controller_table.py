@@ -25,6 +25,7 @@ from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
+    TUNED,
     make_controller,
     make_named,
     make_tuned,
@@ -128,11 +129,23 @@ RECORDS: Mapping[str, type] = {"gains": GeometricGains, "joint_gains": JointGain
 PYTHON_ONLY = ("network",)
 """Options that no file can hold."""
 
+LAYERS = ("safety", "servos")
+"""Words of a controller's table that any law has."""
+
 
 def law_words(law: str) -> tuple[str, ...]:
     """Fields that a table may have next to a law: its options as in a file, and those of any law."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
-    return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety", "servos")
+    return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
+
+
+def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a controller by one name, under the layers of the table before it."""
+    layers = {word: before[word] for word in LAYERS if word in before}
+    if name in PRESETS:
+        return {"preset": name, **layers}
+    tuned = {"tuned": True} if name.endswith(TUNED) else {}
+    return {"law": name.removesuffix(TUNED), **tuned, **layers}
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
@@ -148,7 +161,7 @@ def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Contr
     if isinstance(name, str) and name not in PRESETS and name in LAWS:
         raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
     for word, value in fields.table.items():
-        if word not in ("preset", "safety", "servos"):
+        if word not in ("preset", *LAYERS):
             raise ValueError(
                 f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
                 f"allowed, a law in its place takes options"

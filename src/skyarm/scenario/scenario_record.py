@@ -97,8 +97,8 @@ class Delays:
     have the same.
     """
 
-    measurement: Annotated[float, Unit("s", "age of the measurement", low=0.0)] = 0.0
-    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0)] = 0.0
+    measurement: Annotated[float, Unit("s", "age of the measurement", low=0.0, usual=1.0)] = 0.0
+    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0)] = 0.0
     longest_command: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
     rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0)] = 0
     joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0)] = 0

@@ -26,7 +26,7 @@ from skyarm.records.registry.plugins import known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.scenario.controller_table import by_words, controller_of_file, make_named_or_tuned, on_actuators
+from skyarm.scenario.controller_table import LAYERS, by_words, controller_of_file, make_named_or_tuned, on_actuators
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
@@ -213,7 +213,7 @@ def controller(
 def _require_alone(fields: Fields) -> None:
     """Refuse a law together with a file of gains, which names its own."""
     for word, value in fields.table.items():
-        if word not in ("tuned", "safety", "servos"):
+        if word not in ("tuned", *LAYERS):
             allowed = "beside it only safety and servos are allowed"
             names = f"the file of {fields.at('tuned')} names the law"
             raise ValueError(f"{fields.at(word)} = {shown(value)}: must be left out: {names}; {allowed}")

@@ -98,14 +98,14 @@ class SensorNoise(Sensor):
     Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
     """
 
-    position: Annotated[Scalar, Unit("m", low=0.0)] = 0
-    velocity: Annotated[Scalar, Unit("m/s", low=0.0)] = 0
-    attitude: Annotated[Scalar, Unit("rad", "rotation vector, base axes", low=0.0)] = 0
-    rate: Annotated[Scalar, Unit("rad/s", low=0.0)] = 0
-    specific_force: Annotated[Scalar, Unit("m/s^2", low=0.0)] = 0
-    joints: Annotated[Scalar, Unit("rad or m", low=0.0)] = 0
-    joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0)] = 0
-    rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0)] = 0
+    position: Annotated[Scalar, Unit("m", low=0.0, usual=1.0)] = 0
+    velocity: Annotated[Scalar, Unit("m/s", low=0.0, usual=5.0)] = 0
+    attitude: Annotated[Scalar, Unit("rad", "rotation vector, base axes", low=0.0, usual=0.5)] = 0
+    rate: Annotated[Scalar, Unit("rad/s", low=0.0, usual=5.0)] = 0
+    specific_force: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=50.0)] = 0
+    joints: Annotated[Scalar, Unit("rad or m", low=0.0, usual=0.5)] = 0
+    joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, usual=5.0)] = 0
+    rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0, usual=200.0)] = 0
 
     def __post_init__(self) -> None:
         accept_fields(self, "sensors")

@@ -58,8 +58,8 @@ class Battery:
     """
 
     cells: int
-    capacity: Annotated[Scalar, Unit("A h", low=0.0, strict=True)]
-    resistance: Annotated[Scalar, Unit("ohm", "of the whole pack", low=0.0)]
+    capacity: Annotated[Scalar, Unit("A h", low=0.0, strict=True, usual=1000.0)]
+    resistance: Annotated[Scalar, Unit("ohm", "of the whole pack", low=0.0, usual=5.0)]
     open_circuit: CellCurve
     reference_voltage: Annotated[Scalar, Unit("V", "of the whole pack", low=0.0, strict=True)]
     charge: Annotated[Scalar, Unit("", "share of the capacity at the start", low=0.0, high=1.0)] = 1.0

@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 LENGTH = (-1e100, 1e100)
 """Bounds of a length, m, whose square overflows far beyond them."""
 
+FARTHEST = 10.0
+"""m from one part to the next: an arm of 15 mm written in millimetres is longer."""
+
+TURN = 2.0 * math.pi * 1.001, FARTHEST
+"""Usual position of a joint: a turn, as files round it, or m."""
+
 SHARE: Mapping[str, Any] = {"low": 0.0, "folds": True, "rule": coefficient}
 """A number of at least 0 whose integer zero is structure: there is no such effect."""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
+from skyarm.records.leaves import leaves
 
 if TYPE_CHECKING:
     from skyarm.vehicle.linkage import Body, Joint
@@ -55,12 +56,16 @@ def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
     import numpy as np
 
     for turn in range(3):
-        joints = tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
+        joints = _joint_values(vehicle, turn)
         with np.errstate(all="ignore"):  # absurd masses overflow; their flight ends as diverged
             found = _eliminate(vehicle, joints)
         if found:
             return found, joints
     return None
+
+
+def _joint_values(vehicle: Vehicle, turn: int) -> tuple[float, ...]:
+    return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
 def _solid(body: Body) -> bool:
@@ -78,56 +83,52 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
     return min(max(free, lower), upper)
 
 
-def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
-    """Field of the first degree of freedom, from the tips, that moves no inertia; empty if there is none."""
+def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[Any]]:
+    """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its own axes."""
     import numpy as np
 
-    whole = [rigid_inertia(body) for body in vehicle.bodies]
-    left = [inertia.copy() for inertia in whole]
-    for k in reversed(range(len(vehicle.followers))):
-        # what follows is looked at as fixed where it is: it can only move more than that
-        each = vehicle.followers[k]
-        X = _to_child(each.link.joint, float(each.ratio) * joints[each.leader] + float(each.offset))
-        for inertias in (whole, left):
-            inertias[each.link.parent + 1] += X.T @ inertias[vehicle.n + k + 1] @ X
-    for i in reversed(range(vehicle.n)):
-        joint, outer, S = vehicle.links[i].joint, whole[i + 1], _direction(vehicle.links[i].joint)
-        size = np.trace(outer[:3, :3]) if joint.kind == "revolute" else outer[3, 3]
-        moved = float(S @ outer @ S) + float(joint.armature)
-        size = size + float(joint.armature)
-        if not moved > SINGULAR * size or not pivot_into_parent(vehicle, i, joints[i], whole, left) > SINGULAR * moved:
+    J = [np.eye(6, 6 + vehicle.n)]
+    M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
+    rows = [(link, joints[i], 1.0, i) for i, link in enumerate(vehicle.links)]
+    for each in vehicle.followers:
+        ratio = float(each.ratio)
+        rows.append((each.link, ratio * joints[each.leader] + float(each.offset), ratio, each.leader))
+    for link, value, ratio, i in rows:
+        columns = _to_child(link.joint, value) @ J[link.parent + 1]
+        columns[:, 6 + i] += ratio * _direction(link.joint)
+        J.append(columns)
+        M += columns.T @ rigid_inertia(link.body) @ columns
+        M[6 + i, 6 + i] += float(link.joint.armature)
+    return M, J
+
+
+def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
+    """Field of the first degree of freedom, from the tips, that moves no inertia; empty if there is none.
+
+    The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
+    """
+    import numpy as np
+
+    M, J = mass_matrix(vehicle, joints)
+    inertias, moved = [rigid_inertia(body) for body in vehicle.bodies], np.diag(M).copy()
+    for k in reversed(range(6, len(M))):
+        joint = vehicle.links[k - 6].joint
+        size = float(joint.armature)
+        for inertia, columns in zip(inertias, J, strict=True):  # of which rounding leaves a share
+            turn, slide = columns[:3, k], columns[3:, k]
+            size += np.trace(inertia[:3, :3]) * (turn @ turn) + inertia[3, 3] * (slide @ slide)
+        if not moved[k] > SINGULAR * size or not M[k, k] > SINGULAR * moved[k]:
             return f"joints[{joint.name}]"
-    diagonal = np.diag(left[0])
+        M = M[:k, :k] - np.outer(M[:k, k], M[:k, k]) / M[k, k]
+    diagonal = np.diag(M)
     if not np.all(diagonal > 0.0):
         return "base.inertia"
     scale = 1.0 / np.sqrt(diagonal)
     try:
-        smallest = float(np.linalg.eigvalsh(left[0] * np.outer(scale, scale))[0])
+        smallest = float(np.linalg.eigvalsh(M * np.outer(scale, scale))[0])
     except np.linalg.LinAlgError:  # numbers that overflowed
         smallest = math.nan
     return "" if smallest > SINGULAR else "base.inertia"
-
-
-def pivot_into_parent(vehicle: Vehicle, i: int, value: float, whole: list[Any], left: list[Any]) -> float:
-    """Articulated inertia about joint ``i`` with the joints outward of it free; adds its link to the parent.
-
-    Args:
-        vehicle: its links.
-        i: index of the joint; those outward of it are done.
-        value: of this joint, rad or m.
-        whole: 6x6 inertias of base and links with all joints locked, changed in place.
-        left: the same with the joints outward of each body free, changed in place.
-    """
-    import numpy as np
-
-    link = vehicle.links[i]
-    X, S = _to_child(link.joint, value), _direction(link.joint)
-    U = left[i + 1] @ S
-    pivot = float(S @ U) + float(link.joint.armature)
-    if pivot > 0.0:
-        left[link.parent + 1] += X.T @ (left[i + 1] - np.outer(U, U) / pivot) @ X
-    whole[link.parent + 1] += X.T @ whole[i + 1] @ X
-    return pivot
 
 
 def joint_mobility(vehicle: Vehicle) -> list[Any]:
@@ -139,22 +140,7 @@ def joint_mobility(vehicle: Vehicle) -> list[Any]:
 
     found = []
     for turn in range(6):
-        J = [np.eye(6, 6 + vehicle.n)]
-        M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
-        for i, link in enumerate(vehicle.links):
-            value = _joint_value(link.joint, turn, i)
-            columns = _to_child(link.joint, value) @ J[link.parent + 1]
-            columns[:, 6 + i] += _direction(link.joint)
-            J.append(columns)
-            M += columns.T @ rigid_inertia(link.body) @ columns
-            M[6 + i, 6 + i] += float(link.joint.armature)
-        for each in vehicle.followers:
-            leader = _joint_value(vehicle.links[each.leader].joint, turn, each.leader)
-            X = _to_child(each.link.joint, float(each.ratio) * leader + float(each.offset))
-            columns = X @ J[each.link.parent + 1]
-            columns[:, 6 + each.leader] += float(each.ratio) * _direction(each.link.joint)
-            J.append(columns)
-            M += columns.T @ rigid_inertia(each.link.body) @ columns
+        M, _ = mass_matrix(vehicle, _joint_values(vehicle, turn))
         with np.errstate(all="ignore"):
             try:
                 found.append(np.linalg.inv(M)[6:, 6:])
@@ -207,7 +193,7 @@ def _definite(value: Body) -> bool:
     """True if the body resists turning about every axis."""
     import numpy as np
 
-    return bool(np.linalg.eigvalsh(np.array([list(row) for row in value.inertia.full().rows], dtype=float))[0] > 0.0)
+    return bool(np.linalg.eigvalsh(_matrix(value.inertia.full()))[0] > 0.0)
 
 
 def _describe(value: Vehicle, field: str) -> str:
@@ -220,13 +206,6 @@ def _describe(value: Vehicle, field: str) -> str:
 
 def _rigid_numbers(value: Vehicle) -> list[Any]:
     """Every number that the mass matrix depends on."""
-    found: list[Any] = []
-    for each in value.bodies:
-        found += [each.mass, *each.com, *each.inertia.entries]
-    for follower in value.followers:
-        found += [follower.ratio, follower.offset]
-    for link in value.moving:
-        joint_ = link.joint
-        found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
-        found += [joint_.lower, joint_.upper, joint_.armature]
-    return found
+    joints = [(j.axis, j.position, j.rotation, j.lower, j.upper, j.armature) for j in (k.joint for k in value.moving)]
+    ties = [(each.ratio, each.offset) for each in value.followers]
+    return leaves((value.bodies, tuple(joints), tuple(ties)))

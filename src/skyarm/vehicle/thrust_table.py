@@ -34,7 +34,7 @@ class ThrustTable:
     speed: Annotated[tuple[Scalar, ...], Unit("rad/s", low=0.0)]
     thrust: Annotated[tuple[Scalar, ...], Unit("N", low=0.0)]
     torque: Annotated[tuple[Scalar, ...], Unit("N m", "drag torque", low=0.0)] = ()
-    current: Annotated[tuple[Scalar, ...], Unit("A", "of one rotor", low=0.0)] = ()
+    current: Annotated[tuple[Scalar, ...], Unit("A", "of one rotor", low=0.0, usual=500.0)] = ()
     throttle: Annotated[tuple[Scalar, ...], Unit("", "of the speed controller", low=0.0, high=1.0)] = ()
     thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0)] = 0
     moment_coefficient: Annotated[Scalar, Unit("m", low=0.0)] = 0

@@ -21,7 +21,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import LENGTH, SHARE, VehicleError, accept_named
+from skyarm.vehicle.check import FARTHEST, LENGTH, SHARE, VehicleError, accept_named
 from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
@@ -49,19 +49,23 @@ class Rotor:
     """
 
     name: str
-    position: Annotated[Vec3, Unit("m", "hub, base axes", *LENGTH, rule=vector)]
+    position: Annotated[Vec3, Unit("m", "hub, base axes", *LENGTH, rule=vector, usual=FARTHEST)]
     axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
     direction: int
     thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0, strict=True, rule=number)]
-    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust", **SHARE)]
+    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust", usual=0.5, **SHARE)]
     drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag", **SHARE)] = 0
     rolling_moment_coefficient: Annotated[Scalar, Unit("N s^2/rad", **SHARE)] = 0
-    time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed", low=0.0, strict=True, rule=number)] = 0.0125
-    time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed", low=0.0, strict=True, rule=number)] = (
-        0.025
-    )
+    time_constant_up: Annotated[
+        Scalar, Unit("s", "lag of a rising speed", low=0.0, strict=True, rule=number, usual=1.0)
+    ] = 0.0125
+    time_constant_down: Annotated[
+        Scalar, Unit("s", "lag of a falling speed", low=0.0, strict=True, rule=number, usual=1.0)
+    ] = 0.025
     max_speed: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True, infinite=True, rule=number)] = math.inf
-    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns", **SHARE)] = field(default=0, metadata=WRITTEN_IF_ANY)
+    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns", usual=1.0, **SHARE)] = field(
+        default=0, metadata=WRITTEN_IF_ANY
+    )
     table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
     tilt: Tilt | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
@@ -75,7 +79,7 @@ class Frame:
 
     name: str
     link: int
-    position: Annotated[Vec3, Unit("m", "a named frame (the tool), axes of its link", *LENGTH, rule=vector)]
+    position: Annotated[Vec3, Unit("m", "a named frame (the tool), link axes", *LENGTH, rule=vector, usual=FARTHEST)]
     rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link", rule=proper_rotation)] = (
         Mat3.identity()
     )

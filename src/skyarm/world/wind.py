@@ -57,9 +57,9 @@ class ForceWind(Force):
     Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
 
-    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True)] = ZERO3
+    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0)] = ZERO3
     point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
-    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True)] = ZERO3
+    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0)] = ZERO3
     gust: Gust | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
 
@@ -95,7 +95,7 @@ class MovingAir(Air):
         turbulence: parameters of the Dryden model; None for smooth air.
     """
 
-    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True)] = ZERO3
+    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0)] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm import Change, ScenarioError, fly_sweep, run
-from skyarm.scenario.scenario_text import scenario_text, with_changes_text
+from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.studies.sweep.plan import at_episode, prepare
 from skyarm.studies.sweep.study_file import study_from
 
@@ -20,9 +20,14 @@ CHANGES = (
 )
 
 
+def changed_file(file: Path, changes: tuple[Change, ...]) -> None:
+    """Write Case 1 with changes."""
+    tables = [f'[[changes]]\nat = {each.at}\npath = "{each.path}"\nvalue = {each.value}\n' for each in changes]
+    file.write_text("\n".join([(LIBRARY / "case1.toml").read_text(), *tables]))
+
+
 def study(folder: Path, **more: object) -> dict[str, object]:
-    text = with_changes_text(scenario_text("case1"), CHANGES)
-    (folder / "mine.toml").write_text(text)
+    changed_file(folder / "mine.toml", CHANGES)
     vary = {SET: {"uniform": [0.0, 0.2]}, GAIN: {"uniform": [2.0, 5.0]}}
     small = {"schema": 1, "name": "set", "scenario": str(folder / "mine.toml"), "duration": 0.4, "episodes": 4}
     return {**small, "vary": vary, "precision": "bit_exact", "metrics": ["position_error_max"], **more}
@@ -55,7 +60,7 @@ def test_a_controller_of_the_study_flies_without_the_changes_of_the_files(tmp_pa
 def test_the_stiffest_joint_that_a_change_brings_bounds_the_steps(tmp_path: Path) -> None:
     """Friction that a change raises, by a number that the study draws, needs the steps of its largest."""
     stiff = (Change(at=0.1, path="plant.joints.damping", value=0.002),)
-    (tmp_path / "stiff.toml").write_text(with_changes_text(scenario_text("case1"), stiff))
+    changed_file(tmp_path / "stiff.toml", stiff)
     vary = {"changes.0.value": {"uniform": [0.002, 0.02]}}
     plan = prepare(study_from(study(tmp_path, scenario=str(tmp_path / "stiff.toml"), vary=vary)))
     assert plan.stiffest.changes[0].value > 0.01, "the largest that is drawn, not the file's"

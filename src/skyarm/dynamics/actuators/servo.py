@@ -63,7 +63,7 @@ class Servo(Drive):
     efficiency: Annotated[Scalar, Unit("", "of the gear", low=0.0, high=1.0)] = 1.0
     torque_constant: Annotated[Scalar, Unit("N m/A", "of the motor", low=0.0, strict=True)] = 1.0
     resistance: Annotated[Scalar, Unit("ohm", "of the winding", low=0.0, strict=True)] = 1.0
-    voltage: Annotated[Scalar, Unit("V", "of the supply", low=0.0, infinite=True)] = math.inf
+    voltage: Annotated[Scalar, Unit("V", "of the supply", low=0.0, infinite=True, usual=1000.0)] = math.inf
     current_limit: Annotated[Scalar, Unit("A", low=0.0, infinite=True)] = math.inf
     torque_limit: Annotated[Scalar, Unit("N m or N", "of the joint", low=0.0, infinite=True)] = math.inf
     speed_limit: Annotated[Scalar, Unit("rad/s or m/s", "of the goal", low=0.0, infinite=True)] = math.inf
@@ -92,6 +92,11 @@ class Servo(Drive):
         low, high = minimum(low, self.current_limit), maximum(high, -self.current_limit)
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
+
+    @property
+    def no_load_speed(self) -> float:
+        """Speed (rad/s or m/s) of the joint at which the motor's counter-voltage is the supply's; may be infinite."""
+        return float(self.voltage) / (float(self.gear) * float(self.torque_constant))
 
     def largest_effort(self) -> Any:
         """The stall torque (N m) or force (N), within the current's and the torque's own limit."""

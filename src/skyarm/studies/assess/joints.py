@@ -11,7 +11,6 @@ from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
 from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_numbers import no_load_speed
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
 from skyarm.vehicle.linkage import BASE, Joint
@@ -179,7 +178,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """
     found = []
     for i, servo in servos(scenario):
-        joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), no_load_speed(servo))
+        joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), f"{UNITS[joint.kind][0]}/s"

@@ -16,9 +16,9 @@ from typing import Any
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
 from skyarm.records.files import must_be_one_of, read_toml, require_writable, shown, write_atomically
 from skyarm.records.files.toml import toml_text
+from skyarm.scenario.controller_table import law_table
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.scenario.scenario_text import document_with
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -534,9 +534,9 @@ def flown_document(
     added = any(path.startswith(("environment.", "delays.")) for path in paths)
     document = copy.deepcopy(dict(prepared.document if added else prepared.own))
     lasting = prepared.own["duration"] if prepared.planned else duration
-    document = under_law(document_with(document, {"duration": lasting}), law)
-    if not document.get("windows", True):
-        del document["windows"]
+    document = under_law({**document, "duration": lasting}, law)
+    windows = {name: each for name, each in document.pop("windows", {}).items() if _end_of_window(each) <= lasting}
+    document |= {"windows": windows} if windows else {}
     for table in ("plant", "model"):
         _move_vehicle(document.get(table, {}), prepared.folder, folder)
     return document
@@ -547,7 +547,12 @@ def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
     if law is None:
         return dict(document)
     changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
-    return document_with({**document, "changes": changes}, {"controller": law})
+    return {**document, "changes": changes, "controller": law_table(law, document["controller"])}
+
+
+def _end_of_window(window: Any) -> float:
+    """Last instant of a window or of a list of them, s; of ``last`` its length."""
+    return max(map(_end_of_window, window), default=0.0) if isinstance(window, list) else float(window)
 
 
 def _move_vehicle(table: dict[str, Any], old: Path, new: Path) -> None:

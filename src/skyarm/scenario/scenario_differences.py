@@ -1,0 +1,62 @@
+"""Numbers and parts in which two scenarios differ, by their paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from skyarm.scenario.paths import ROOTS
+
+ABSENT = "(none)"
+"""Stands for what only one of two scenarios has."""
+
+FOR_PEOPLE = ("title", "sources", "notes", "type")
+"""Words that say nothing of a flight, or what a table is of."""
+
+Words = tuple[str, ...]
+
+SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
+"""Places of lists whose items are of several classes."""
+
+
+def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
+    """Path -> values in two scenarios, where they differ.
+
+    Args:
+        a: plain data of a scenario (``log.info["scenario_record"]``); anything else has nothing in it.
+        b: of the other.
+    """
+    ours, theirs = (dict(_leaves(each, ())) if isinstance(each, Mapping) else {} for each in (a, b))
+    found = {}
+    for words in {**ours, **theirs}:
+        pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
+        if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
+            found[_path(words)] = pair
+    return found
+
+
+def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
+    """Paths and values of all leaves of plain data."""
+    inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
+    if not inner:
+        yield words, data
+    for name, each in inner:
+        # a class is told where it is a law, a plant or another kind of wind; elsewhere it follows from the field
+        if name not in FOR_PEOPLE or (name == "type" and isinstance(each, str) and _has_choice(words)):
+            yield from _leaves(each, (*words, str(name)))
+
+
+def _has_choice(words: Words) -> bool:
+    """True if the value at this place may be of several classes."""
+    return words in (("environment", "wind"), ("agent", "estimator")) or (
+        words[:-1] in (("environment", "air"), ("environment", "forces"), ("endings",))
+    )
+
+
+def _path(words: Words) -> str:
+    """The sweep's path of a place in the record; the record's own words where there is none."""
+    roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
+    for root, place in roots:
+        if words[: len(place)] == place and len(words) > len(place):
+            return ".".join((root, *words[len(place) :]))
+    return ".".join(words)
