@@ -260,20 +260,13 @@ def observed_at(law, force):
     )
 
 
-def with_channel(memory, **changes):
-    """A memory of an admittance with other values of its own, or of the force's channel."""
-    own = {name: changes.pop(name) for name in ("age", "bias") if name in changes}
-    force, *others = memory.channels
-    return dataclasses.replace(memory, channels=(dataclasses.replace(force, **changes), *others), **own)
-
-
 def gave_way(law, force, told=(), **hearing):
     """One period of giving way after the first seconds: memory, and the reference's three signals."""
-    first = with_channel(law.memory.parts.admittance, age=2.0, **hearing)
+    first = dataclasses.replace(law.memory.parts.admittance, age=2.0, **hearing)
     at, observed = observed_at(law, force)
     rest = [Taylor((1.0, 2.0, 3.0, 0.0, 0.0))] * 6
     memory, signals = shift_reference(
-        law.par.parts.admittance, first, law.par.model.vehicle, observed, rest, (told, ()), 0.005
+        law.par.parts.admittance, first, law.par.model.vehicle, observed, rest, told, 0.005
     )
     assert signals[3:] == rest[3:]
     return at, memory, signals[:3]
@@ -286,7 +279,7 @@ def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivativ
     tip, (place, velocity, acceleration) = move(
         law.par.parts.admittance.tip, VirtualBody(), Vec3(0.5, -0.3, 0.2), 0.005
     )
-    assert [*memory.channels[0].body.rate] == pytest.approx([*tip.rate])
+    assert [*memory.body.rate] == pytest.approx([*tip.rate])
     for signal, p, v, a in zip(signals, place, velocity, acceleration, strict=True):
         assert [signal.derivative(k) for k in range(3)] == pytest.approx([1.0 + p, 2.0 + v, 6.0 + a])
     # what is bias pushes nothing
@@ -303,7 +296,7 @@ def test_a_sensor_is_heard_in_the_axes_of_the_tip_without_its_bias(scenario):
     share = 1.0 - math.exp(-60.0 * 0.005)
     assert [*memory.force] == pytest.approx(turned @ (share * told - bias))
     assert law.par.parts.admittance.tip.lead == pytest.approx(1.0 / 60.0)
-    assert memory.channels[0].detected == 1.0
+    assert memory.detected == 1.0
 
 
 def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario):
@@ -316,7 +309,7 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
 @pytest.mark.parametrize("heard", [0.0, 1.0])
 def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
     law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
-    first = with_channel(law.memory.parts.admittance, age=2.0, detected=heard)
+    first = dataclasses.replace(law.memory.parts.admittance, age=2.0, detected=heard)
     seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
     still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))
     reference, commands = Reference(joints=JOINTS, **still).dense(), []
@@ -346,4 +339,4 @@ def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
         seen = dataclasses.replace(still, joints=(-0.45, -0.9), velocity=Vec3(-0.05 * i, 0.0, 0.0), tip_force=told)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
-    assert abs(memory.parts.admittance.channels[0].body.offset[0]) > 1e-6
+    assert abs(memory.parts.admittance.body.offset[0]) > 1e-6

@@ -39,7 +39,7 @@ JOINTS = (0.2, -0.6, -0.97, 0.3, -0.8, 0.4)
 TILTED = Quaternion(0.98, 0.1, -0.15, 0.05).normalized().rotation()
 TURNED = Quaternion(0.7, 0.7, 0.1, 0.0).normalized().rotation()
 MODEL = Model(vehicle=ARM, gravity=G)
-NONE = first_load(ARM.n, False)
+NONE = first_load(ARM.n)
 AT_TIP = (0.0, 0.0, 0.0)
 
 

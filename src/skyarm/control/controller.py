@@ -129,11 +129,6 @@ def senses_force(par: Any) -> bool:
     return any(getattr(part_of(par, part), "senses", False) for part in ("interaction", "admittance"))
 
 
-def senses_torque(par: Any) -> bool:
-    """Return True if the law also uses the sensor's torque about the tip."""
-    return bool(getattr(part_of(par, "admittance"), "senses_torque", False))
-
-
 def learns_load(par: Any) -> bool:
     """Return True if a law, inside any layers, estimates the load that a reference announces."""
     return hasattr(part_of(par, "load"), "limit")

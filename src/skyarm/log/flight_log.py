@@ -53,8 +53,8 @@ class Log:
         wind_force, air_velocity: (N, 3).
         lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
             (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
-        load_mass_found, load_place_found, load_inertia_found: (N,) kg, (N, 3) m and kg m^2, of the load that the law
-            learned: mass, centre, moments about it in the axes of the tip; empty for a law that learns none.
+        load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law learned: mass, and centre in the
+            axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
             without a governor; of a task whose phases wait, the reference's own time, which is waited from.
         phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
@@ -102,7 +102,6 @@ class Log:
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = _if_any()
     load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = _if_any()
     load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = _if_any()
-    load_inertia_found: Annotated[Array, Unit("kg m^2", "its moments there")] = _if_any()
     path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = _if_any()
     phase: Annotated[Array, Unit("", "number of the task's phase")] = _if_any()
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()

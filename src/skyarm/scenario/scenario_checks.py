@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
@@ -358,26 +358,13 @@ def require_start_outside(scenario: Scenario) -> None:
 
 def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Mat3] | None:
     """Name of the first force-torque sensor on the tip's link, and the rotation of its axes to those of the tip."""
-    found = _force_sensor(sensors, vehicle)
-    return None if found is None else (found[0], vehicle.frame().rotation.T @ found[1].rotation)
-
-
-def sensor_offset(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> Vec3:
-    """Position of that sensor, m from the tip in its axes: its torque is one about this place."""
-    tip, found = vehicle.frame(), _force_sensor(sensors, vehicle)
-    assert found is not None
-    offset: Vec3 = tip.rotation.apply_T(found[1].position - tip.position)
-    return offset
-
-
-def _force_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Any] | None:
-    """Name and frame of the first force-torque sensor on the tip's link."""
     if not sensors or not vehicle.end_effector:
         return None
     from skyarm.sensing.sensor_kinds import ForceTorque
 
     framed = ((name, vehicle.frame(s.frame or None)) for name, s in sensors if isinstance(s, ForceTorque))
-    return next(((name, frame) for name, frame in framed if frame.link == vehicle.frame().link), None)
+    tip = vehicle.frame()
+    return next(((name, tip.rotation.T @ frame.rotation) for name, frame in framed if frame.link == tip.link), None)
 
 
 def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:

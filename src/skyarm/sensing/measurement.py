@@ -40,9 +40,6 @@ class Measurement:
     tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = (
         field(default=(), metadata=WRITTEN_IF_ANY)
     )
-    tip_torque: Annotated[tuple[Scalar, ...], Unit("N m", "about the tip, likewise; of a law that asks for it")] = (
-        field(default=(), metadata=WRITTEN_IF_ANY)
-    )
     switches: Annotated[tuple[Scalar, ...], Unit("", "1 closed; tactile switches that phases wait for")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
@@ -51,12 +48,12 @@ class Measurement:
         # made in every period: what holds vectors and tuples already is not looked at
         vectors = type(self.position) is type(self.velocity) is type(self.rate) is type(self.specific_force) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
-        tuples = tuples and type(self.tip_force) is type(self.tip_torque) is type(self.switches) is tuple
+        tuples = tuples and type(self.tip_force) is type(self.switches) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
             accept_fields(self, "measurement")
 
 
-def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0, tip_torque: int = 0) -> Measurement:
+def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
     """A reading of a vehicle that rests at the origin, level, at time 0: an example whose numbers are all data."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Measurement(
@@ -71,7 +68,6 @@ def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int =
         rotor_speeds=(0.0,) * rotors,
         tilts=(0.0,) * tilts,
         tip_force=(0.0,) * tip_force,
-        tip_torque=(0.0,) * tip_torque,
     )
 
 

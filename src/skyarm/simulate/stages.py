@@ -13,7 +13,6 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, mul, where
-from skyarm.control.controller import senses_torque
 from skyarm.control.law_checks import checked_law
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
@@ -24,7 +23,7 @@ from skyarm.plant.loads import payloads_of
 from skyarm.plant.surroundings import Memories, Surroundings, wind_at
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
-from skyarm.scenario.scenario_checks import sensor_offset, tip_sensor
+from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement
@@ -78,8 +77,6 @@ class Stages:
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
         self.tip_sensor = tip_sensor(self.sensors, scenario.plant.vehicle)
-        asked = self.tip_sensor is not None and senses_torque(scenario.controller.par)
-        self.twist_at = sensor_offset(self.sensors, scenario.plant.vehicle) if asked else None
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
         noisy = [sigma for sigma in leaves(scenario.noise) if type(sigma) is not float or sigma > 0.0]
         full = [FULL_STATE] if scenario.has_estimator and noisy else []
@@ -182,11 +179,7 @@ class Stages:
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
-            told_force = turned.apply(arrived[name].force)
-            measurement = dataclasses.replace(measurement, tip_force=tuple(told_force))
-            if self.twist_at is not None:
-                torque = turned.apply(arrived[name].torque) + self.twist_at.cross(told_force)
-                measurement = dataclasses.replace(measurement, tip_torque=tuple(torque))
+            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
         if self.waits.switches:
             told = tuple(arrived[name].closed for name in self.waits.switches)
             measurement = dataclasses.replace(measurement, switches=told)

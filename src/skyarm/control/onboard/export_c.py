@@ -21,7 +21,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, leaves, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force, senses_torque
+from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force
 from skyarm.control.law_checks import check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
@@ -74,8 +74,8 @@ def command_units(vehicle: Vehicle, *place: str) -> Units:
 class FilterReadings:
     """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
 
-    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. Force
-    and torque at the tip go past the filter to a law that hears them.
+    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. The
+    force at the tip goes past the filter to a law that uses it.
     """
 
     imu: ImuReading
@@ -84,11 +84,6 @@ class FilterReadings:
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
     tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
-    tip_torque: Annotated[tuple[Scalar, ...], Unit("N m", "about the tip, likewise; of a law that asks for it")] = ()
-
-
-AT_TIP = ("tip_force", "tip_torque")
-"""What of the readings no filter takes."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -109,14 +104,13 @@ class EstimatedMemory:
     sent: Command
 
 
-def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0, tip_torque: int = 0) -> FilterReadings:
+def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
     """Readings whose numbers are not used, of the sensors that a filter takes, and of so many axes of a force."""
     named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
-    aids |= {"tip_force": (0.0,) * tip_force, "tip_torque": (0.0,) * tip_torque}
-    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, **aids)
+    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, tip_force=(0.0,) * tip_force, **aids)
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
@@ -141,11 +135,10 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
     ) -> tuple[EstimatedMemory, Command]:
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
-        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name not in AT_TIP}
+        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name != "tip_force"}
         estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
         if readings.tip_force:
-            force, torque = readings.tip_force, readings.tip_torque
-            measurement = dataclasses.replace(measurement, tip_force=force, tip_torque=torque)
+            measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
         held = as_data(command)
         return EstimatedMemory(estimate=estimate, law=following, sent=held), held
@@ -265,7 +258,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     }
     if estimator is not None:
         found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
-        found["measurement"] = blank_readings(estimator, vehicle.n, *_axes_at_tip(controller))
+        found["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
         found["memory"] = first_estimated_memory(controller, estimator)
     return found
 
@@ -273,12 +266,12 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 def _blank(controller: Controller) -> Measurement:
     """Example measurement of a law without an estimator."""
     vehicle = controller.par.model.vehicle
-    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), *_axes_at_tip(controller))
+    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), tip_force=_axes_at_tip(controller))
 
 
-def _axes_at_tip(controller: Controller) -> tuple[int, int]:
-    """Numbers of the force and of the torque at the tip that the law measures."""
-    return 3 if senses_force(controller.par) else 0, 3 if senses_torque(controller.par) else 0
+def _axes_at_tip(controller: Controller) -> int:
+    """Numbers of the force at the tip that the law measures."""
+    return 3 if senses_force(controller.par) else 0
 
 
 def _reference_inputs(par: Any) -> dict[str, Any]:

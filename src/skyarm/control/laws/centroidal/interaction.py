@@ -69,7 +69,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_wrench
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, TipLevers, levers, tip_force
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
@@ -110,7 +110,7 @@ def interact(
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.requests_contact
-    force, _ = tip_wrench(vehicle, gains.errors, at, (), observed - memory.bias)
+    force = tip_force(vehicle, gains.errors, at, observed - memory.bias)
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)

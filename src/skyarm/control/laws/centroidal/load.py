@@ -11,11 +11,10 @@ in what is observed beside its bias b, which is learned while nothing is held: w
     m' = rate dm,      c' = place_rate (-e_z x t / g) m / (m^2 + light^2),
 
 m from 0 to a limit, and c the place of its centre of mass in axes that turn with the tip: while the hand rests it is
-known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a radius of
-gyration that is told (or moments, :mod:`skyarm.control.laws.centroidal.load_inertia`), is the model: of inverse
-dynamics, thrust, prediction and observer alike, so that what is learned is not observed again, and the law's gains are
-accelerations of the loaded arm. The period that is told that nothing is held any more forgets the load, and the next
-one flies without it.
+known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a small
+radius of gyration, is the model: of inverse dynamics, thrust, prediction and observer alike, so that what is learned is
+not observed again, and the law's gains are accelerations of the loaded arm. When the reference says that nothing is
+held any more the load is forgotten, and the next period flies without it.
 """
 
 from __future__ import annotations
@@ -26,21 +25,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, add, clip, divide, logical_or, maximum, minimum, mul, where
+from skyarm.algebra.scalars import Scalar, clip, divide, logical_or, maximum, minimum, mul, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction import contact_cleared
-from skyarm.control.laws.centroidal.load_inertia import (
-    InertiaGains,
-    InertiaMemory,
-    first_inertia,
-    learn_inertia,
-    stout,
-    unit_torques,
-)
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, LeastSquares
@@ -61,10 +52,8 @@ def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
     """The model with the load that its tip holds."""
     tip = model.vehicle.frame()
     about = memory.mass * (gains.size * gains.size)
-    inertia = Sym3(about, about, about)
-    if isinstance(memory.inertia, InertiaMemory):
-        inertia = Sym3(*memory.inertia.moments).rotate(tip.rotation)
-    load = Body(mass=memory.mass, com=tip.position + tip.rotation.apply(memory.place), inertia=inertia)
+    com = tip.position + tip.rotation.apply(memory.place)
+    load = Body(mass=memory.mass, com=com, inertia=Sym3(about, about, about))
     return dataclasses.replace(model, vehicle=model.vehicle.with_body(tip.link, load))
 
 
@@ -124,7 +113,6 @@ def learn_load(
     learns: Any,
     bandwidth: Any,
     dt: Any,
-    turned: tuple[Sequence[Vec3], Any] | None = None,
 ) -> tuple[LoadMemory, Disturbance]:
     """The load one period later, and what the law shall not push against.
 
@@ -143,8 +131,6 @@ def learn_load(
         learns: 1 where the observed disturbance tells of the load, 0 on a surface and at limits of actuators.
         bandwidth: of the observer, rad/s.
         dt: s.
-        turned: torques of 1 kg m^2 about each axis of the tip, as the reference turns it (world axes), and the lag of
-            each of two stages of the observer, s; None of a law that learns no inertia.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)
@@ -159,18 +145,10 @@ def learn_load(
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
-    inertia = memory.inertia
-    if gains.inertia is not None and isinstance(inertia, InertiaMemory) and turned is not None:
-        unit, late = turned
-        left, calm = (observed - memory.bias).efforts, learns * (1.0 - large)
-        inertia = learn_inertia(
-            gains.inertia, inertia, m, gains.size, model.vehicle, R, joints, unit, left, holds, calm, late, dt
-        )
     after = LoadMemory(
         mass=where(holds, m, 0.0),
         place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
         bias=memory.bias.blend_towards(observed, share, share),
-        inertia=inertia,
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
     return after, Disturbance(
@@ -209,11 +187,10 @@ class LoadGains(Part):
     furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
     size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
-    inertia: InertiaGains | None = None
 
     def start(self, joints: int) -> LoadMemory:
         """Nothing is held and nothing is known."""
-        return first_load(joints, self.inertia is not None)
+        return first_load(joints)
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
         """The load belongs to the model of all that follows."""
@@ -233,13 +210,10 @@ class LoadGains(Part):
             learns = where(logical_or(step.pressing.engaged > 0.5, step.pressing.asked), 0.0, learns)
             # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
             learns = mul(learns, where(holds, 1.0, contact_cleared(contact, before.parts.interaction)))
-        R, turned = observed.quaternion.rotation(), None
-        if self.inertia is not None:
-            late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
-            turned = (unit_torques(par.model.vehicle, step.signals), late)
+        R = observed.quaternion.rotation()
         bandwidth = minimum(par.observer.force, par.observer.joints)
         load, resting = learn_load(
-            self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt, turned
+            self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt
         )
         step.unknown, step.force = step.unknown + resting, step.force + resting.force
         return load
@@ -256,27 +230,23 @@ class LoadMemory:
     mass: Annotated[Scalar, Unit("kg", "learned")]
     place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
     bias: Disturbance
-    inertia: InertiaMemory | tuple[()] = ()
 
 
-def load_gains(limit: float, vehicle: Vehicle, mode: str, inertia: bool) -> LoadGains | None:
+def load_gains(limit: float, vehicle: Vehicle) -> LoadGains | None:
     """Constants of the learned load for its largest mass, kg; None where it is left out.
 
     Raises:
-        ControllerError: a vehicle without a tip that joints move; ``inertia`` without a mass or a tip that is kept.
+        ControllerError: a vehicle without a tip that joints move.
     """
-    if inertia and (limit == 0.0 or mode != "tip"):
-        raise ControllerError("controller.load_inertia = true: must be false without load, and but in mode 'tip'")
     if limit == 0.0:
         return None
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(
             f"controller.load = {shown(limit)}: must be 0: {vehicle.name!r} has no joints that move an end_effector"
         )
-    return LoadGains(limit=limit, inertia=InertiaGains(stout=stout(vehicle)) if inertia else None)
+    return LoadGains(limit=limit)
 
 
-def first_load(joints: int, inertia: bool) -> LoadMemory:
+def first_load(joints: int) -> LoadMemory:
     """Nothing is held and nothing is known."""
-    found = first_inertia(joints) if inertia else ()
-    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints), inertia=found)
+    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))

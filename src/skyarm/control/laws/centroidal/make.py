@@ -85,8 +85,7 @@ def make_centroidal(
         reference_period: between published samples, s.
         tip_mass_limit: kg.
         admittance: ``mass``, ``damping``, ``stiffness`` along three axes, with which the tip gives way to forces;
-            ``normal`` for axes of a surface, ``threshold`` (N) from which on a force is heard; ``rotation``, a table
-            of ``inertia``, ``damping``, ``stiffness`` and ``threshold`` (N m), with which it gives way to torques.
+            ``normal`` for axes of a surface, ``threshold`` (N) above which a force counts.
         changes: entries of the preset to replace.
 
     Raises:
@@ -174,7 +173,7 @@ def make_centroidal(
             else None,
             interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
             admittance=admittance_gains(admittance, mode, vehicle, sensor, lead, others),
-            load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
+            load=load_gains(gains["load"], vehicle),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
             adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),

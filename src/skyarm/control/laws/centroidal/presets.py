@@ -47,7 +47,6 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "wind": ((0.0, 0.0, 0.0), -100.0, 100.0),
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "load": (0.0, 0.0, 1e3),
-    "load_inertia": (False, 0.0, 1.0),
     "force_sensor": (False, 0.0, 1.0),
     "lag_inversion": (0.1, 0.0, 1.0),
     "shift_rate": (3.0, 0.0, 1e3),

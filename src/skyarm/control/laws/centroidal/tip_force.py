@@ -20,7 +20,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -75,28 +75,16 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
     return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
 
 
-def tip_wrench(
-    vehicle: Vehicle, errors: ForceErrors, at: TipLevers, turns: Sequence[Vec3], rest: Disturbance
-) -> tuple[Vec3, Vec3]:
-    """Force (N) and torque about the tip (N m), world axes, in ``rest``: weighted least squares.
-
-    Args:
-        vehicle: model.
-        errors: of the parts of the disturbance.
-        at: levers of the force.
-        turns: angular columns of the tip's Jacobian, base axes; empty without a torque.
-        rest: the observed disturbance without its bias.
-    """
-    squares = LeastSquares(6 if turns else 3)
+def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
+    """Force at the tip, N, world axes, in the observed disturbance without its bias: weighted least squares."""
+    squares = LeastSquares(3)
     squares.prefer(at.R.apply_T(rest.force), 1)
-    for i, (link, column, effort) in enumerate(zip(vehicle.links, at.columns, rest.efforts, strict=True)):
-        squares.require((*column, *(turns[i] if turns else ())), effort, errors.weight_of(link))
-    levers = [tuple(at.tip.cross(axis)) for axis in AXES]
-    for k, torque in enumerate(rest.torque):
-        row = [*(each[k] for each in levers), *(AXES[k] if turns else ())]
+    for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
+        squares.require(tuple(column), effort, errors.weight_of(link))
+    rows = zip(*(at.tip.cross(axis) for axis in AXES), strict=True)
+    for row, torque in zip(rows, rest.torque, strict=True):
         squares.require(row, torque, divide(1.0, errors.base * errors.base))
-    found = squares.solve()
-    return at.R.apply(Vec3(*found[:3])), at.R.apply(Vec3(*found[3:])) if turns else ZERO3
+    return at.R.apply(Vec3(*squares.solve()))
 
 
 class LeastSquares:

@@ -1,4 +1,4 @@
-"""A virtual body that a force moves or a torque turns: inertia, damping and stiffness along or about three axes.
+"""Virtual body of an admittance: mass, damping and stiffness along three axes.
 
 The offset x of the reference that a law tracks, along each axis by itself, is the motion of
 
@@ -12,19 +12,6 @@ the velocity that comes with the first measured force is no more than the body's
 
 Trapezoidal rule, stable for any numbers that are not negative. An axis of inertia 0 stays where it is.
 Source: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control", Springer Handbook of Robotics 2016, 9.2.
-
-Rotation: the orientation against the reference is E = exp([theta]), and the rotation vector theta (rad, along fixed
-axes) is its coordinate. With the kinetic energy theta'^T J theta' / 2, the elastic energy theta^T K theta / 2 and the
-losses theta'^T D theta', J, D and K diagonal, Lagrange's equation is
-
-    J theta'' + D theta' + K theta = A(theta)^T tau,        w = A(theta) theta',
-
-A the left Jacobian of SO(3), so that the work of the torque is tau . w at any angle: the body is passive. About one
-axis A does nothing, and the equation is J w' + D w + K theta = tau of textbooks; a constant torque about an axis of K
-turns it by tau / K. Across the axis of an offset by the angle a the apparent inertia is J ((a / 2) / sin(a / 2))^2: 9 %
-more at 1 rad.
-Source: Caccavale, Natale, Siciliano, Villani 1999, "Six-DOF impedance control based on angle/axis representations",
-IEEE Trans. Robotics and Automation 15(2), (13)-(15) for coordinates of orientation; Bullo, Murray 1995, Lemma 3 (A).
 """
 
 from __future__ import annotations
@@ -33,26 +20,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, maximum, sin, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor, choose
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, divide, maximum, sqrt
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Inertia, damping and stiffness of a virtual body along three axes, or about them.
+    """Mass, damping and stiffness of a virtual body along three axes.
 
     Attributes:
         inertia, damping, stiffness: of each axis; a structural 0 of the inertia holds it.
-        lead: lag of the measured force or torque. axes: unit vectors, world axes; empty for those of the world.
+        lead: lag of the measured force. axes: unit vectors, world axes; empty for those of the world.
     """
 
-    inertia: Annotated[tuple[Scalar, ...], Unit("kg or kg m^2", "of the virtual body; 0 holds an axis", low=0.0)]
-    damping: Annotated[tuple[Scalar, ...], Unit("N s/m or N m s/rad", "along or about each axis", low=0.0)]
-    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m or N m/rad", "towards the reference", low=0.0)]
-    lead: Annotated[Scalar, Unit("s", "lag of the measured force or torque", low=0.0)]
+    inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
+    damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
+    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m", "towards the reference", low=0.0)]
+    lead: Annotated[Scalar, Unit("s", "lag of the measured force", low=0.0)]
     axes: Annotated[tuple[Vec3, ...], Unit("", "unit vectors, world axes; none for those of the world")] = ()
 
 
@@ -61,15 +47,15 @@ class VirtualBody:
     """Memory of the virtual body, along its axes.
 
     Attributes:
-        offset: x, or the rotation vector theta. rate: w, the velocity without what the lead adds.
+        offset: x. rate: w, the velocity without what the lead adds.
     """
 
-    offset: Annotated[tuple[Scalar, ...], Unit("m or rad", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
-    rate: Annotated[tuple[Scalar, ...], Unit("m/s or rad/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
+    offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
+    rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Any) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """One period of translation.
+    """One period of the motion.
 
     Args:
         gains: constants.
@@ -116,41 +102,3 @@ def along_world(axes: Sequence[Vec3], values: Sequence[Any]) -> Vec3:
     first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
     total: Vec3 = first + second + third
     return total
-
-
-SMALL = 1e-2
-"""rad; below it the factors of A are taken from their series, whose next terms are below 1e-11 there."""
-
-
-def rotate(gains: Compliance, memory: VirtualBody, torque: Vec3, dt: Any) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """One period of rotation: the rotation vector with two derivatives (rad, rad/s, rad/s^2, world axes)."""
-    return move(gains, memory, generalised_torque(along_world(gains.axes, memory.offset), torque), dt)
-
-
-def generalised_torque(theta: Vec3, torque: Vec3) -> Vec3:
-    """A(theta)^T tau of a torque (N m) at a rotation vector (rad), world axes."""
-    square = theta.dot(theta)
-    small = square < SMALL * SMALL
-    angle = sqrt(where(small, 1.0, square))
-    # (1 - cos a) / a^2 and (a - sin a) / a^3
-    first = where(small, 0.5 - square / 24.0 + square * square / 720.0, divide(1.0 - cos(angle), angle * angle))
-    second = where(
-        small,
-        1.0 / 6.0 - square / 120.0 + square * square / 5040.0,
-        divide(angle - sin(angle), angle * angle * angle),
-    )
-    across = theta.cross(torque)
-    found: Vec3 = torque - across * first + theta.cross(across) * second
-    return found
-
-
-def rotation_series(vector: tuple[Vec3, ...]) -> Mat3:
-    """The rotation E of a rotation vector with two derivatives (rad and per s): every entry a series in time."""
-    theta = Vec3(*(Taylor.of_derivatives(each) for each in zip(*vector, strict=True)))
-    square = theta.dot(theta)
-    small = square < SMALL * SMALL
-    # the root never sees zero; next terms of the series of sin(a/2)/a and cos(a/2) are below 1e-16
-    angle = sqrt(choose(small, Taylor.constant(1.0, len(square.c) - 1), square))
-    factor = choose(small, 0.5 - square * (1.0 / 48.0) + square * square * (1.0 / 3840.0), sin(angle * 0.5) / angle)
-    w = choose(small, 1.0 - square * 0.125 + square * square * (1.0 / 384.0), cos(angle * 0.5))
-    return Quaternion(w, factor * theta.x, factor * theta.y, factor * theta.z).rotation()
