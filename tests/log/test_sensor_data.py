@@ -17,7 +17,6 @@ from estimated_flight import COMPASS, GPS, document, estimated
 from logged_flights import same
 from skyarm.log.log_columns import columns
 from skyarm.scenario.scenario_record import NamedSensor
-from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Encoders
@@ -190,25 +189,6 @@ def test_parts_of_a_flight_without_estimate_have_none():
     estimate = skyarm.Batch(scenario, [], bit_exact=True, log_every=1).fly({}, seed=scenario.seed).log.estimate
     assert np.isnan(estimate.position.x[0, :10]).all()
     assert np.array_equal(estimate.position.x[0, 10:], log.estimate["position"][10:, 0])
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class WithoutRotors(Estimator):
-    """The full state, but for the rotors' speeds."""
-
-    def step(self, memory, readings, command, dt):
-        return memory, dataclasses.replace(readings["state"], rotor_speeds=())
-
-
-def test_what_one_estimator_alone_gives_is_described_too(tmp_path):
-    session = skyarm.Session(sensing(), machine_code=False)
-    session.step()
-    session.replace(dataclasses.replace(sensing(), estimator=WithoutRotors()))
-    session.step()
-    log = session.log
-    assert np.isfinite(log.estimate["rotor_speeds"]).all(axis=1).tolist() == [True, False]
-    read = skyarm.load_log(skyarm.save_log(log, tmp_path / "replaced.npz"))
-    assert read.arrays().keys() == log.arrays().keys()
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from added_components import RandomPush, Turbulence, same_logs
+from added_components import same_logs
 from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
@@ -196,26 +196,6 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     assert session.scenario.plant.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
 
 
-def test_what_is_added_begins_anew_and_what_was_there_goes_on() -> None:
-    """A push more, and air before it: the wind's turbulence and the push that was there have their memories still."""
-    push = RandomPush(sigma=0.1)
-    windy = dataclasses.replace(
-        scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)), forces=(push,)
-    )
-    session = Session(windy)
-    for _ in range(20):
-        session.step()
-    wind, pushed = session.now.components
-    session.replace(dataclasses.replace(windy, forces=(push, RandomPush(sigma=0.2))))
-    assert session.now.components == (wind, pushed, (0.0,))
-    session.replace(dataclasses.replace(windy, air=(Turbulence(),)))
-    first, air, last = session.now.components
-    assert (first, last) == (wind, pushed)
-    assert air == session._engine.first.components[1], "a memory of its own from its first draws"
-    session.replace(windy)
-    assert session.now.components == (wind, pushed)
-
-
 def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
     session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
     for _ in range(10):
@@ -260,9 +240,8 @@ def test_a_session_that_has_ended_cannot_be_changed() -> None:
     log = session.run()
     assert log.status == "ground"
     # a change at this instant would come before the ending in a flight of the plan
-    for act in (lambda: session.change({"environment.ground": False}), lambda: session.replace(BASE)):
-        with pytest.raises(ScenarioError, match=r"^session: has ended; there is no next period"):
-            act()
+    with pytest.raises(ScenarioError, match=r"^session: has ended; there is no next period"):
+        session.change({"environment.ground": False})
     assert same_logs(run(session.plan), log)
 
 

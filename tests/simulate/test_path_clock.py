@@ -287,11 +287,7 @@ def test_a_reference_is_another_one_where_it_is_replaced_as_a_whole(scenario):
         (Overrides(parts=(law, task)), replaced, False),
         (Overrides(parts=(("reference.base", {"kind": "hover"}),)), own, True),
     ):
-        assert is_other_reference(scenario, now, scenario, before) is other
-    gentler = dataclasses.replace(scenario, seed=5)
-    assert not is_other_reference(gentler, own, scenario, own)
-    longer = dataclasses.replace(scenario.reference, z=Constant(1.2))
-    assert is_other_reference(dataclasses.replace(scenario, reference=longer), own, scenario, own)
+        assert is_other_reference(now, before) is other
 
 
 @pytest.mark.parametrize("asked", [{"force": 0.5}, {"force_below": 0.5}])

@@ -239,7 +239,7 @@ class Leg:
         self, begun: Scenario, overrides: Overrides, periods: range, options: LegOptions, before: Sequence[Leg] = ()
     ) -> None:
         self.periods, self._options = periods, options
-        self._begun, self._overrides = begun, overrides
+        self._overrides = overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         self.scenario.controller.require_compiled("a batch")
         self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
@@ -322,7 +322,7 @@ class Leg:
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
-        anew = is_other_reference(self._begun, self._overrides, leg._begun, leg._overrides)
+        anew = is_other_reference(self._overrides, leg._overrides)
         clock = clock_of_change(self.scenario, begun, loop, anew=anew)
         now = carry_over(begun, loop, component_groups(self.scenario, leg.scenario), clock)
         rows = [*leaves(now), *leaves(totals_now)]

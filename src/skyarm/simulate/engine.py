@@ -27,7 +27,7 @@ from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.reference import Publisher, Reference
+from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
@@ -78,7 +78,6 @@ class EpisodeCode:
         numbers: by path, as they are now.
         machine_code: False evaluates the program in Python, whose numbers are constants.
         commands: a command from outside may take the law's place.
-        own_reference: evaluate the reference in the program, not in a table.
         effort: of the compiler; None chooses by the length of the episode.
         key: of programs that differ in the values of their numbers alone.
 
@@ -94,12 +93,11 @@ class EpisodeCode:
         *,
         machine_code: bool = True,
         commands: bool = True,
-        own_reference: bool = False,
         effort: int | None = None,
         key: Any = None,
     ) -> None:
         require_shapes(scenario)
-        self.scenario, self.commands, self.own_reference, self.key = scenario, commands, own_reference, key
+        self.scenario, self.commands, self.key = scenario, commands, key
         self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
         self.calls: LawCalls | None = None if machine_code else LawCalls(copy.deepcopy(scenario.controller.memory))
         self.first = first_loop_state(scenario)
@@ -125,7 +123,7 @@ class EpisodeCode:
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
 
     def _trace(self, step: Callable[..., Any]) -> Loop:
-        fed: Any = (0.0, 0.0) if self.own_reference else episode_inputs(self.scenario).row_example
+        fed: Any = episode_inputs(self.scenario).row_example
         if self.commands:
             fed = fed, 0.0, structure_of(self.first.queue[0])
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
@@ -139,9 +137,6 @@ class EpisodeCode:
         else:
             stages = StagesInPython(scenario, self.calls, self.first.queue[0], command, given)
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
-        if self.own_reference:
-            time, held = row
-            row = Row(time=time, reference=() if scenario.reference.guards else scenario.reference.at(held))
         return stages, plant, row
 
     def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Sample]:
@@ -248,13 +243,7 @@ class Engine:
 
     def _input_rows(self) -> Array:
         """Inputs of every period: its time and its reference, then a command from outside."""
-        scenario = self.scenario
-        if self.code.own_reference:
-            ticks, rates = np.arange(scenario.steps), scenario.rates
-            publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
-            rows = np.stack([ticks / rates.control, publisher.held_time(ticks)], axis=1)
-        else:
-            rows = self.inputs.rows(0, scenario.steps)
+        rows = self.inputs.rows(0, self.scenario.steps)
         if not self.code.commands:
             return np.ascontiguousarray(rows)
         return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.queue[0]))))])
@@ -415,7 +404,7 @@ class Engine:
             return False
         self.scenario, self.begun = scenario, self.tick
         self._stepper.parameters[:] = [*numbers.values()]
-        if any(path.startswith("reference.") for path in changed) and not self.code.own_reference:
+        if any(path.startswith("reference.") for path in changed):
             self._rows = self._input_rows()
             self._stepper.read_tables(self._rows, self._log)
         return True

@@ -474,17 +474,10 @@ def due(ticks: Any, every: int) -> Any:
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
 
 
-def is_other_reference(begun: Scenario, now: Overrides, before: Scenario, then: Overrides) -> bool:
-    """True if a change has replaced the whole reference.
-
-    Args:
-        begun: scenario with which the flight began.
-        now: what holds in its place.
-        before: scenario with which the flight began, as it was before the change.
-        then: what held in its place.
-    """
+def is_other_reference(now: Overrides, then: Overrides) -> bool:
+    """True if a change has replaced the whole reference between two instants of a flight."""
     parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
-    return parts != old or (begun is not before and begun.reference != before.reference)
+    return parts != old
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:

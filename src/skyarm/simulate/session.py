@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.in_flight import NONE, Overrides, require_changes, require_continuous, try_changes, try_coming
+from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -35,7 +34,7 @@ class Course:
     """The scenario in force at an instant of a flight, and the changes before it.
 
     Attributes:
-        begun: the scenario with which the flight began, or by which it was replaced.
+        begun: the scenario with which the flight began.
         now: as it is, with the changes to come.
         made: changes that have taken hold, in order. coming: those that have not.
         overrides: what they made of ``begun``.
@@ -97,25 +96,6 @@ class Course:
         flown = (*self.flown, piece) if len(piece.flown.states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
-    def with_scenario(self, tick: int, scenario: Scenario, piece: Piece) -> Course:
-        """The course after the whole scenario is replaced; what it would have changed by now holds."""
-        return dataclasses.replace(Course.of(scenario), flown=self.flown).with_due_changes(tick, piece)
-
-
-@dataclass(frozen=True, slots=True)
-class Flying:
-    """Scenario, course and engine at a snapshot; copies of the snapshot share them, since machine code is not copied.
-
-    Attributes:
-        engine: it. held: what it keeps of that instant.
-    """
-
-    engine: Any
-    held: Any
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Flying:
-        return Flying(self.engine, copy.deepcopy(self.held, memo))
-
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
@@ -123,13 +103,14 @@ class Snapshot:
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
-        flying: what flew then.
+        engine: what flew then. held: its data of that instant.
         session: number of the session that it is of.
     """
 
     course: Course
     tick: int
-    flying: Flying
+    engine: Engine
+    held: Any
     session: int
 
 
@@ -168,7 +149,7 @@ class Session:
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
-        self._begun, self._codes = scenario, list[EpisodeCode]()
+        self._codes = list[EpisodeCode]()
         self._waits = bool(scenario.changes)
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
@@ -181,14 +162,14 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario in force, with the changes to come; :meth:`change` and :meth:`replace` make another of it."""
+        """The scenario in force, with the changes to come; :meth:`change` makes another of it."""
         return self._scenario
 
     @property
     def plan(self) -> Scenario:
         """The scenario that :func:`skyarm.run` flies to the bits of this session: as it began, with all its changes.
 
-        Commands from outside are no part of a scenario; one that was replaced as a whole says the last.
+        Commands from outside are no part of a scenario.
         """
         return self._course.plan
 
@@ -281,7 +262,7 @@ class Session:
 
     def snapshot(self) -> Snapshot:
         """The session now."""
-        return Snapshot(self._course, self.tick, Flying(self._engine, self._engine.snapshot()), self._number)
+        return Snapshot(self._course, self.tick, self._engine, self._engine.snapshot(), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or forward again, to a snapshot of this session.
@@ -293,9 +274,9 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        course, self._engine = snapshot.course, snapshot.flying.engine
+        course, self._engine = snapshot.course, snapshot.engine
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
-        self._engine.restore(snapshot.flying.held)
+        self._engine.restore(snapshot.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Change numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
@@ -312,30 +293,10 @@ class Session:
         self._require_running()
         self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
 
-    def replace(self, scenario: Scenario) -> None:
-        """Fly on with another scenario: other gains, wind, payload, reference or law.
-
-        State, commands and readings on their way and every memory stay; a law of another structure begins with its
-        first memory.
-
-        Raises:
-            ScenarioError: another vehicle's structure, other clocks, delays or sensors, another plant; or a session
-                that has ended.
-        """
-        self._require_running()
-        require_flight(scenario)
-        require_changes(scenario)
-        old = self._scenario
-        require_continuous(old, scenario)
-        scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
-        self._go_on(self._course.with_scenario(self.tick, scenario, self._engine.piece))
-
     def _make_engine(self, course: Course) -> Engine:
         """Machine code if available, else Python."""
         scenario = course.now
         if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
-            if course.begun is not self._begun:
-                self._begun, self._codes = course.begun, []
             try:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
@@ -351,14 +312,11 @@ class Session:
             # code that flies on after a change is made in a hurry: the vehicle is in the air
             quick = course.overrides is not NONE or self._waits or self._paths
             effort = 0 if quick else 2 if self._commands else None
-            # a hand that moves the reference does not wait for a table of it
-            own = scenario.path_time is None and any(path.startswith("reference.") for path in self._paths)
-            options: Any = {"commands": self._commands, "own_reference": own, "effort": effort, "key": key}
 
             def vary(values: Sequence[Any]) -> Scenario:
                 return with_numbers(shape, dict(zip(numbers, values, strict=True)))
 
-            code = EpisodeCode(scenario, vary, numbers, **options)
+            code = EpisodeCode(scenario, vary, numbers, commands=self._commands, effort=effort, key=key)
             self._codes.append(code)
         return Engine(code, scenario, numbers)
 
@@ -381,16 +339,14 @@ class Session:
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers
-        steady = course.begun is self._course.begun and not any(path.startswith("sensors.") for path in changed)
+        steady = not any(path.startswith("sensors.") for path in changed)
         numbers = dict(self._read(course).numbers)
         if not (steady and self._engine.give(course.now, numbers, changed, self._key(course))):
             engine = self._make_engine(course)
             different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
             if different:
                 raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
-            before = self._course
-            anew = is_other_reference(course.begun, course.overrides, before.begun, before.overrides)
-            engine.take_over(self._engine, anew=anew)
+            engine.take_over(self._engine, anew=is_other_reference(course.overrides, self._course.overrides))
             self._engine = engine
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
 
