@@ -33,7 +33,7 @@ LISTED = indented_lines(COMMAND_LINE.partition("## Commands\n")[2].partition("\n
 SHOWN = list(dict.fromkeys([*LISTED, *GALLERY]))
 """Commands of the page on the command line, then those of the README that it does not list."""
 
-FEW = ("--plants", "2", "--seeds", "1", "--one-by-one", "1")
+FEW = ("--plants", "2", "--seeds", "1")
 
 SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare envelope-suite": ("--quick", "--axes", "circle"),

@@ -93,10 +93,6 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
             ("envelope-suite", "--seeds", "4"),
             "--seeds: must be left out for envelope-suite; only paper-suite and a scenario have it",
         ),
-        (
-            ("case3", "--one-by-one", "4"),
-            "--one-by-one: must be left out for scenario case3; only paper-suite and contact-suite have it",
-        ),
         (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, or a scenario"),
     ],
 )

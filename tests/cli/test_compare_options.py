@@ -27,17 +27,11 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Compari
 
 
 def test_each_number_is_that_of_its_own_option(asked: list[tuple[Comparison, Path, int]]) -> None:
-    numbers = ("--plants", "11", "--seeds", "3", "--one-by-one", "5", "--seed", "17", "--workers", "2")
+    numbers = ("--plants", "11", "--seeds", "3", "--seed", "17", "--workers", "2")
     refused(skyarm("compare", *numbers, "--plant", "mujoco", "--out", "here"), "nothing is flown here")
     ((comparison, folder, threads),) = asked
     assert (comparison.conditions["plants"].episodes, comparison.conditions["noisy"].episodes) == (11, 3)
-    assert (comparison.one_by_one, comparison.seed, comparison.plant, folder.name, threads) == (
-        5,
-        17,
-        "mujoco",
-        "here",
-        2,
-    )
+    assert (comparison.seed, comparison.plant, folder.name, threads) == (17, "mujoco", "here", 2)
 
 
 def test_names_may_have_spaces_about_them_and_keep_the_order_of_the_comparison(

@@ -34,14 +34,14 @@ def check(
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
     poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses; the worst is then searched for")] = 1024,
-    seed: Annotated[int, typer.Option(help="of the poses and of the states compared with MuJoCo")] = 0,
+    seed: Annotated[int, typer.Option(help="of the poses")] = 0,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
 ) -> None:
     """Check whether a vehicle can fly, and why not.
 
     Thrust margin, torques and forces over all arm poses, with and without a payload; joint torques against limits;
-    centre of mass, workspace, largest payload, largest steady wind; motor lag; units that look wrong; its equations
-    beside MuJoCo's. Of a scenario also its reference against limits, and when rotors or joints would saturate.
+    centre of mass, workspace, largest payload, largest steady wind; motor lag; units that look wrong. Of a scenario
+    also its reference against limits, and when rotors or joints would saturate.
 
     Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.
     """

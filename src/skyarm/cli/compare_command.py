@@ -40,9 +40,9 @@ MOST = 1_000_000
 """Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
 
 OF_SUITES = {
-    SUITE: ("--conditions", "--plants", "--seeds", "--one-by-one"),
+    SUITE: ("--conditions", "--plants", "--seeds"),
     ENVELOPE: ("--axes", "--vehicle", "--quick"),
-    CONTACT: ("--tasks", "--worlds", "--quick", "--one-by-one"),
+    CONTACT: ("--tasks", "--worlds", "--quick"),
 }
 """Suite -> options that not every comparison has."""
 
@@ -84,7 +84,6 @@ def compare(
     ] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
-    one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
     seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     flying: Flying = 0,
@@ -97,7 +96,7 @@ def compare(
     law is good, and where it is lost. The contact-suite flies tasks that touch the world, each in many wrong worlds.
     The same command continues what was interrupted.
     """
-    for option, value in (("--plants", plants), ("--seeds", seeds), ("--one-by-one", one_by_one)):
+    for option, value in (("--plants", plants), ("--seeds", seeds)):
         require_within(option, value, 1, MOST)
     require_within("--seed", seed, 0)
     threads = workers(flying)
@@ -111,13 +110,13 @@ def compare(
         asked: Suite = _envelope(laws, axes, vehicle or PAPER, quick=quick, **common)
         _fly(asked, out or "out/envelope", threads)
     elif suite == CONTACT:
-        asked = _contact(laws, tasks, worlds, quick, one_by_one=one_by_one, **common)
+        asked = _contact(laws, tasks, worlds, quick, **common)
         _fly(asked, out or "out/contact", threads)
     else:
         if suite == SUITE:
             there = conditions_of(plants, seeds)
             chosen = {name: there[name] for name in chosen_names("--conditions", conditions, there)}
-            asked = Comparison(entrants=_entrants(laws), conditions=chosen, one_by_one=one_by_one, **common)
+            asked = Comparison(entrants=_entrants(laws), conditions=chosen, **common)
         else:
             asked = _scenario(suite, laws, seeds=seeds, **common)
         _fly(asked, out or "out/compare", threads)

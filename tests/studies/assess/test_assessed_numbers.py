@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 
 import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Sym3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.actuators import make_mixer, mix, motion_demand
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess import along_reference
-from skyarm.studies.assess import assessment as mujoco_certificate
 from skyarm.studies.assess.arm_poses import arm_poses, center_of_mass, hover_efforts
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin, largest_lag
 from skyarm.studies.assess.finding import Finding
@@ -151,26 +149,6 @@ def test_the_flipped_rotor_is_named_where_one_alone_explains_it():
     rotors[2] = dataclasses.replace(rotors[2], direction=1)
     (found,) = [f for f in rotor_layout(dataclasses.replace(vehicle, rotors=tuple(rotors)), 9.81) if f.level == "fault"]
     assert "rotors[rotor2].direction" in found.field
-
-
-def test_the_certificate_sees_a_wrong_mass_matrix(monkeypatch):
-    (found,) = mujoco_certificate.certificate(ARM2, 9.81, states=5)
-    assert found.level == "ok"
-    assert found.value < 1e-12
-    heavier = dataclasses.replace(
-        ARM2, base=dataclasses.replace(ARM2.base, inertia=ARM2.base.inertia + Sym3(1e-7, 0, 0))
-    )
-    mass_matrix = mujoco_certificate.mass_matrix
-    monkeypatch.setattr(mujoco_certificate, "mass_matrix", lambda _, *rest: mass_matrix(heavier, *rest))
-    (found,) = mujoco_certificate.certificate(ARM2, 9.81, states=5)
-    assert found.level == "fault"
-
-
-def test_the_certificate_without_mujoco_says_so(monkeypatch):
-    monkeypatch.setitem(sys.modules, "skyarm.plant.mujoco_loads", None)
-    (found,) = mujoco_certificate.certificate(ARM2, 9.81)
-    assert found.level == "note"
-    assert "mujoco-core" in found.text
 
 
 def test_poses_lie_within_the_limits_and_change_with_the_seed():

@@ -49,13 +49,13 @@ def asked(monkeypatch):
 
 
 def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
-    comparison = Comparison(entrants=LAWS, conditions=COLUMNS, seed=7, plant="mujoco", one_by_one=3)
+    comparison = Comparison(entrants=LAWS, conditions=COLUMNS, seed=7, plant="mujoco")
     folder = tmp_path / "deep" / "comparison"
     found = fly_suite(comparison, folder, threads=2, progress=print)
     names, positional, named = asked["flown"]
     assert set(names) == set(flown())
     assert (positional, named) == ((folder / "cells",), {"threads": 2, "progress": print})
-    assert {(each.seed, each.plant, each.one_by_one) for each in comparison.flights()} == {(7, "mujoco", 3)}
+    assert {(each.seed, each.plant) for each in comparison.flights()} == {(7, "mujoco")}
     assert sorted(path.name for path in folder.iterdir()) == [
         *("cells", "flights.parquet", "laws.png", "report.html", "results.json", "tables.md")
     ]

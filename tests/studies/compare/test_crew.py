@@ -9,6 +9,7 @@ import numpy as np
 
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
+from skyarm.studies.compare import cells
 from skyarm.studies.compare.cells import Cell, Flights, fly
 from skyarm.studies.compare.comparison import Comparison
 from skyarm.studies.compare.comparison_report import plants_rows
@@ -56,17 +57,16 @@ def test_flights_in_processes_are_those_of_one_process_in_order(tmp_path):
     assert len({float(value) for value in found[0].metrics["ee_error_mean_continuous"]}) == 2
 
 
-def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
+def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all(monkeypatch):
+    monkeypatch.setattr(cells, "ONE_BY_ONE", 2)
+
     def count(planned):
         return planned.episodes(planned.scenario())
 
-    assert count(flights(one_by_one=2)) == NOISY.episodes
-    assert count(flights(WRONG, one_by_one=2)) == 2
-    assert count(flights(WRONG, one_by_one=9)) == WRONG.episodes
-    assert count(flights(WRONG, law="paper_ct", one_by_one=2)) == WRONG.episodes
-    assert count(flights(WRONG, law="paper_ct", one_by_one=2, plant="mujoco")) == 2
-    every = Comparison(entrants={"nmpc": ENTRANTS["nmpc"]}, one_by_one=3).flights()
-    assert {planned.one_by_one for planned in every} == {3}
+    assert count(flights()) == NOISY.episodes
+    assert count(flights(WRONG)) == 2
+    assert count(flights(WRONG, law="paper_ct")) == WRONG.episodes
+    assert count(flights(WRONG, law="paper_ct", plant="mujoco")) == 2
 
 
 def test_every_cell_of_the_comparison_travels_to_a_process():

@@ -7,11 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.actuators import AllocationError, make_mixer
-from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
 from skyarm.records.files import number
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
@@ -25,48 +22,6 @@ from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
-
-STATES = 200
-
-TOLERANCE = 1e-8
-"""Of the difference over the size: rounding of an ill-conditioned arm leaves 1e-10."""
-
-
-def certificate(vehicle: Vehicle, gravity: float, seed: int = 0, states: int = STATES) -> list[Finding]:
-    """Worst difference of mass matrix and acceleration from MuJoCo's over random states, as shares of their size."""
-    question = "agreement with MuJoCo"
-    if vehicle.planar:
-        text = "not possible: no real body has the inertia of a planar link, and MuJoCo refuses it"
-        return [Finding(question, NOTE, text, "links.planar")]
-    try:
-        from skyarm.plant.mujoco_loads import Equations
-    except ImportError as error:
-        text = f"not done: MuJoCo cannot be loaded ({error}); python -m pip install mujoco-core"
-        return [Finding(question, NOTE, text)]
-    try:
-        theirs = Equations(vehicle, gravity)
-    except ValueError as error:
-        text = f"not possible: MuJoCo refuses the vehicle ({error})"
-        return [Finding(question, NOTE, text)]
-    n, rng = vehicle.n, np.random.default_rng(seed)
-    at, q = rng.normal(size=(states, 3)), rng.normal(size=(states, 4))
-    q /= np.linalg.norm(q, axis=1)[:, None]
-    joints, velocity = rng.uniform(-1.5, 1.5, (states, n)), rng.normal(size=(states, 6 + n))
-    weight = float(vehicle.mass) * gravity
-    force = rng.normal(size=(states, 6 + n)) * np.array([weight] * 3 + [0.1 * weight] * 3 + [0.02 * weight] * n)
-    M = mass_matrix(vehicle, at, q, joints)
-    a = forward_dynamics(vehicle, at, q, joints, velocity, force, gravity=gravity)
-    matrix = acceleration = 0.0
-    for k in range(states):
-        M_k, a_k = theirs.at(at[k], q[k], joints[k], velocity[k], force[k])
-        matrix = max(matrix, float(np.abs(M[k] - M_k).max() / np.abs(M_k).max()))
-        acceleration = max(acceleration, float(np.linalg.norm(a[k] - a_k) / np.linalg.norm(a_k)))
-    worst = max(matrix, acceleration)
-    level = OK if worst < TOLERANCE else FAULT
-    text = f"mass matrix within {matrix:.1e}, accelerations within {acceleration:.1e} at {states} random states"
-    remedy = "" if level == OK else "report it with this vehicle's file: both engines must agree"
-    return [Finding(question, level, text, "", remedy, worst, TOLERANCE)]
-
 
 SHARE = 0.5
 """Of the lag at which the loop begins to oscillate: above it little damping is left."""
@@ -202,7 +157,7 @@ def assess_vehicle(
         gravity: m/s^2.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
-        seed: of the poses, the local search and the certificate's states.
+        seed: of the poses and the local search.
 
     Raises:
         ValueError: one line: an argument outside of what is allowed.
@@ -213,7 +168,7 @@ def assess_vehicle(
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
         )
-    findings = (*_of_vehicle(arm_poses(vehicle, poses, seed, gravity), payload), *certificate(vehicle, gravity, seed))
+    findings = tuple(_of_vehicle(arm_poses(vehicle, poses, seed, gravity), payload))
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, seed, findings)
 
 

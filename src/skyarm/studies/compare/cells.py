@@ -104,7 +104,6 @@ class Flights:
 
     Attributes:
         entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
-        one_by_one: perturbed plants at most, if the episodes fly one by one.
     """
 
     entrant: Entrant
@@ -112,7 +111,6 @@ class Flights:
     condition: Condition
     plant: str = "rigid_body"
     seed: int = 0
-    one_by_one: int = ONE_BY_ONE
 
     further_metrics: ClassVar[tuple[str, ...]] = ()
     """Metrics in addition to those that every comparison counts."""
@@ -148,9 +146,9 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes: of perturbed plants the first ``one_by_one``, if they fly one by one."""
+        """Number of episodes: of perturbed plants the first ones, if they fly one by one."""
         every = self.condition.episodes
-        return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
+        return min(ONE_BY_ONE, every) if self.condition.spread and self.alone(scenario) else every
 
     def keys_of_noise(self, count: int) -> Array:
         """Key of each episode's noise, (count,)."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
@@ -30,14 +30,12 @@ class Comparison(Suite):
 
     Attributes:
         entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
-        one_by_one: perturbed plants that a law meets whose flights fly one by one.
     """
 
     entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
     conditions: Mapping[str, Condition] = field(default_factory=conditions)
     seed: int = 0
     plant: str = "rigid_body"
-    one_by_one: int = ONE_BY_ONE
 
     name, file = SUITE, "results"
 
@@ -49,9 +47,8 @@ class Comparison(Suite):
 
     def flights(self) -> list[Flights]:
         """Every cell, entrant by entrant."""
-        options: dict[str, Any] = {"seed": self.seed, "plant": self.plant, "one_by_one": self.one_by_one}
         return [
-            Flights(entrant=entrant, case=CASES[case], condition=condition, **options)
+            Flights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
             for entrant in self.entrants.values()
             for condition in self.conditions.values()
             for case in condition.cases

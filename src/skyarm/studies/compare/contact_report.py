@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
-from skyarm.studies.compare.contact_tasks import TITLES, Task
+from skyarm.studies.compare.contact_tasks import Task
 from skyarm.studies.sweep.intervals import wilson
 from skyarm.view.pages import DASH, Report, Section, Table, number
 
@@ -150,13 +150,10 @@ def contact_report(found: Mapping[str, Any]) -> Report:
         head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, *_ in NUMBERS.values()))
         table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
         numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
-    titles = [(law, TITLES[law]) for law in found["laws"] if law in TITLES]
-    only = [Section(title="Laws", tables=[Table(head=("law", "what"), rows=titles)])]
     return Report(
         title=f"Tasks in contact, {found['worlds']} wrong worlds each, on {found['plant']}",
         facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
         sections=[*flown, *numbers],
-        page_only=only,
     )
 
 

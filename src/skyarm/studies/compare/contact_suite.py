@@ -58,7 +58,7 @@ class ContactFlights(Flights):
     def episodes(self, scenario: Scenario) -> int:
         """One for each world; the first ones of a law that flies one by one."""
         every = self.condition.episodes
-        return min(self.one_by_one, every) if self.alone(scenario) else every
+        return min(ONE_BY_ONE, every) if self.alone(scenario) else every
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
         """The hardest surface, the stiffest friction and the lightest object: all need short steps.
@@ -95,7 +95,7 @@ class ContactSuite(Suite):
 
     Attributes:
         laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
-            flies. one_by_one: worlds that a law meets whose flights fly one by one.
+            flies.
     """
 
     laws: tuple[str, ...] = LAWS
@@ -103,7 +103,6 @@ class ContactSuite(Suite):
     worlds: int = WORLDS
     seed: int = 0
     plant: str = "rigid_body"
-    one_by_one: int = ONE_BY_ONE
 
     name, file = CONTACT, "contact"
 
@@ -125,7 +124,6 @@ class ContactSuite(Suite):
                 condition=condition,
                 plant=self.plant,
                 seed=self.seed,
-                one_by_one=self.one_by_one,
             )
             for task in self.tasks
             for law in self.laws

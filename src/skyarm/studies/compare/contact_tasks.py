@@ -118,15 +118,6 @@ LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
 """What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
 two as others make them press."""
 
-TITLES = {
-    FLAGSHIP: "the centroidal law, with interaction where the task has a push",
-    MOTION: "the same without interaction",
-    LOAD: "the same with a load that is learned while something is held",
-    "hybrid_ct": "the paper's law across the normal, force along it, with that law's tuned gains",
-    "admittance_pd": "the paper's baseline behind an admittance along the normal, with that law's tuned gains",
-    "nmpc": "model predictive control whose plan foresees the surface's force",
-}
-
 TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
 """The paper's laws on another vehicle than the paper's, which its gains are not for."""
 

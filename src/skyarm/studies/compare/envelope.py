@@ -17,7 +17,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (
@@ -97,7 +97,7 @@ class AxisFlights(Flights):
         """One for each value; of an axis of plants as many as a law meets, value after value."""
         if not self.axis.plants:
             return len(self.points)
-        return len(self.points) * (min(PLANTS, self.one_by_one) if self.alone(scenario) else PLANTS)
+        return len(self.points) * (min(PLANTS, ONE_BY_ONE) if self.alone(scenario) else PLANTS)
 
     def trials(self, count: int) -> Array:
         """The value of each episode, SI."""
