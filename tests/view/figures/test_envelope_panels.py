@@ -60,7 +60,6 @@ def test_a_law_keeps_its_look_where_others_do_not_fly():
     assert everywhere.get_color() == alone.get_color()
     assert figure.axes[0].lines[0].get_color() != alone.get_color()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "other", "lost"]
-    assert not figure.axes[2].axison, "an empty place shows no frame"
 
 
 def test_a_known_law_looks_the_same_beside_any_others():

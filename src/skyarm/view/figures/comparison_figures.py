@@ -110,14 +110,11 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
             (:mod:`skyarm.studies.compare.envelope_report`).
         laws: in the order of the legend.
     """
-    rows, looks, low = -(-len(axes) // ACROSS), _looks(laws), _low(axes)
-    figure = PAGE.blank(PAGE.width, LEGEND + PANEL * rows)
-    panels = figure.subplots(rows, ACROSS, squeeze=False)
-    for panel in panels.flat[len(axes) :]:
-        panel.set_axis_off()
-    for (name, axis), panel in zip(axes.items(), panels.flat, strict=False):
+    looks, low = _looks(laws), _low(axes)
+    figure, panels = PAGE.tiles(len(axes), ACROSS, (PAGE.width / ACROSS, PANEL), LEGEND)
+    for i, ((name, axis), panel) in enumerate(zip(axes.items(), panels, strict=True)):
         _panel(panel, name, axis, looks, low)
-        if panel in panels[:, 0]:
+        if i % ACROSS == 0:
             panel.set_ylabel("error [mm]", **PAGE.words)
     handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
     cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2}
@@ -151,7 +148,7 @@ def _looks(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, dict[str, Any]], low: float) -> None:
     places = range(len(axis["values"]))
-    PAGE.dress(panel).axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
+    panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):
         if law in axis["laws"]:
             _law(panel, places, axis["laws"][law], look, k / len(looks), low)

@@ -160,18 +160,17 @@ def _short(words: str) -> str:
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
-def _ends(each: BandedCurves) -> tuple[float, float]:
+def _ends(*found: BandedCurves) -> tuple[float, float]:
     """Ends of the value axis, which begins at zero where no curve is below."""
-    found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
-    seen = np.concatenate(found)
+    curves = [curve for each in found for curve in each.curves]
+    seen = np.concatenate([line for curve in curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
 def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str, style: PictureStyle) -> Any:
     """Line of a curve with its band."""
-    ax.fill_between(
-        curve.x, curve.low, curve.high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0
-    )
+    fill: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
+    ax.fill_between(curve.x, curve.low, curve.high, **fill)
     for end in (curve.low, curve.high):
         ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
     (line,) = ax.plot(curve.x, curve.middle, label=label, **look.line, **_marks(curve.x, style))
@@ -201,28 +200,18 @@ def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
         curves: from :func:`skyarm.studies.sweep.banded_curves.metric_curves`; one at least.
         label: of the metric, with its unit.
     """
-    columns = min(COLUMNS, len(curves))
-    rows = -(-len(curves) // columns)
-    figure = PAPER.blank(WIDTH * columns, HEIGHT * rows + FURNITURE)
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
-    for ax in panels[len(curves) :]:
-        ax.set_axis_off()
+    figure, panels = PAPER.tiles(len(curves), COLUMNS, (WIDTH, HEIGHT), FURNITURE, sharey=True)
     handles: dict[str, Any] = {}
-    for i, (ax, lines) in enumerate(zip(panels, curves, strict=False)):
-        PAPER.dress(ax)
+    for i, (ax, lines) in enumerate(zip(panels, curves, strict=True)):
         handles |= _draw(ax, lines.curves, lines, PAPER, one_law=False)
         if lines.over.logarithmic:
             logarithmic(ax.xaxis)
         else:
             ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
         ax.set_xlabel(axis_label(lines.over.words, lines.over.unit), **PAPER.small_words)
-        if i % columns == 0:
+        if i % COLUMNS == 0:
             ax.set_ylabel(label, **PAPER.small_words)
-    every = [each for lines in curves for each in lines.curves]
-    seen = np.concatenate([np.concatenate([each.low, each.high]) for each in every])
-    seen = seen[np.isfinite(seen)]
-    if seen.size and np.ptp(seen) < ROUNDING:
-        panels[0].set_ylim(*limits([seen], floor=bool((seen >= 0.0).all()), span=ROUNDING))
+    panels[0].set_ylim(*_ends(*curves))
     PAPER.legend(figure, handles)
     return figure
 
@@ -241,33 +230,23 @@ LINE = "#d7301f"
 
 def robustness_figure(found: RobustnessMap) -> Figure:
     """Draw the share of successes as shade, the failure boundary as a line; cells without an episode stay blank."""
-    figure, ax = PAPER.single(MAP_WIDTH, MAP_HEIGHT)
-    across, upward = found.across, found.upward
-    _shade(figure, ax, (across.edges, upward.edges), found.rate, "share of successes")
+    figure, (ax,) = PAPER.tiles(1, 1, (MAP_WIDTH, MAP_HEIGHT))
+    across, upward, share = found.across, found.upward, np.ma.masked_invalid(found.rate)
+    ax.grid(visible=False)
+    shade = ax.pcolormesh(across.edges, upward.edges, share, cmap=COLORS, vmin=0.0, vmax=1.0)
+    bar = figure.colorbar(shade, ax=ax)
+    bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0], width=0.5)
+    bar.set_label("share of successes", **PAPER.small_words)
     for side, axis in ((across, ax.xaxis), (upward, ax.yaxis)):
         if side.logarithmic:
             logarithmic(axis)
-    _boundary(ax, (across.centers, upward.centers), found.rate)
+    if min(share.shape) >= 2 and share.min() < BOUNDARY < share.max():
+        look: dict[str, Any] = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
+        ax.contour(across.centers, upward.centers, share, **look).set_label("half succeed")
     ax.set_title(found.controller, **PAPER.words)
     ax.set_xlabel(across.label or across.path, **PAPER.small_words)
     ax.set_ylabel(upward.label or upward.path, **PAPER.small_words)
     return figure
-
-
-def _shade(figure: Figure, ax: Axes, edges: Sequence[Any], share: Any, label: str) -> None:
-    """Shade of each cell, with its bar."""
-    ax.grid(visible=False)
-    shade = ax.pcolormesh(*edges, np.ma.masked_invalid(share), cmap=COLORS, vmin=0.0, vmax=1.0)
-    bar = figure.colorbar(shade, ax=ax)
-    bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0], width=0.5)
-    bar.set_label(label, **PAPER.small_words)
-
-
-def _boundary(ax: Axes, centers: Sequence[Any], share: Any) -> None:
-    """The line on which half of the episodes succeed, where the map crosses it."""
-    if min(share.shape) >= 2 and np.nanmin(share) < BOUNDARY < np.nanmax(share):
-        look: dict[str, Any] = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
-        ax.contour(*centers, np.ma.masked_invalid(share), **look).set_label("half succeed")
 
 
 ACROSS, DIAGRAM = 3, 2.1
@@ -285,14 +264,9 @@ def nyquist_figure(loci: Sequence[Locus]) -> Figure:
     The disk's points are -1 / f for all factors f of the margin: on the real axis from -1 over the lowest gain to -1
     over the highest. At a margin of 2 it is the left half plane.
     """
-    across = min(ACROSS, len(loci))
-    down = -(-len(loci) // across)
-    figure = PAPER.blank(across * DIAGRAM, down * (DIAGRAM + 0.25))
-    every = figure.subplots(down, across, squeeze=False).ravel()
-    for ax, locus in zip(every, loci, strict=False):
-        _diagram(PAPER.dress(ax), locus)
-    for ax in every[len(loci) :]:
-        ax.set_axis_off()
+    figure, axes = PAPER.tiles(len(loci), ACROSS, (DIAGRAM, DIAGRAM + 0.25))
+    for ax, locus in zip(axes, loci, strict=True):
+        _diagram(ax, locus)
     return figure
 
 

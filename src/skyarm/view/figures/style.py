@@ -141,10 +141,17 @@ class PictureStyle:
             spine.set_edgecolor(self.frame)
         return ax
 
-    def single(self, width: float, height: float) -> tuple[Picture, Axes]:
-        """A figure of one panel, in."""
-        figure = self.blank(width, height)
-        return figure, self.dress(figure.subplots())
+    def tiles(
+        self, count: int, across: int, size: tuple[float, float], extra: float = 0.0, *, sharey: bool = False
+    ) -> tuple[Picture, list[Axes]]:
+        """A figure of so many panels of one size (in), row by row, with ``extra`` height."""
+        columns = min(across, count)
+        rows = -(-count // columns)
+        figure = self.blank(size[0] * columns, size[1] * rows + extra)
+        axes = list(figure.subplots(rows, columns, sharey=sharey, squeeze=False).flat)
+        for ax in axes[count:]:
+            ax.set_axis_off()
+        return figure, [self.dress(ax) for ax in axes[:count]]
 
     def stacked_panels(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
         """A figure of so many panels over one time axis, filled column by column, top to bottom."""

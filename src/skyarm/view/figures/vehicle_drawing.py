@@ -108,8 +108,6 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None, *, 
             alpha = 0.4 if shape.role == "rotor" else 1.0
             drawn.set(linewidth=0.06 * chosen.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
             ax.add_patch(drawn)
-            if shape.role in ("link", "boom", "joint", "tip"):
-                marks.avoid(outline)
         draw(marks, vehicle, posed, world)
         marks.write()
     parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
@@ -150,11 +148,9 @@ def _draw_solid(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> N
 
 
 def _draw_side(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
-    """From the right: angles from zero, and lengths between joints."""
+    """From the right: lengths between joints."""
     del world, vehicle
     marks.triad(posed.frames[0], letters=True)
-    for joint in posed.joints:
-        marks.angle(joint)
     for rod in posed.rods:
         marks.length(rod)
 
@@ -185,17 +181,14 @@ class PosedJoint:
     """A joint to draw.
 
     Attributes:
-        name: as in the vehicle. revolute: it turns; else it slides. value: rad or m.
-        at: origin (3,), m. axis: unit vector (3,) of positive motion. zero: (3,) where its rod would point at zero, m;
-            of no length where its link carries nothing.
+        name: as in the vehicle. revolute: it turns; else it slides.
+        at: origin (3,), m. axis: unit vector (3,) of positive motion.
     """
 
     name: str
     revolute: bool
-    value: float
     at: Array
     axis: Array
-    zero: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,30 +237,20 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
         R, p = poses[frame.link]
         local = np.array([_vector(row) for row in frame.rotation.rows])
         frames.append(Frame(frame.name, p + R @ _vector(frame.position), R @ local))
-    ends = [_carried_ends(vehicle, i, *poses[i]) for i in range(len(vehicle.moving))]
-    posed = []
-    for i, link in enumerate(vehicle.links):
-        (R, p), joint = poses[i], link.joint
-        axis, rod = R @ _vector(joint.axis), ends[i][0] - p if ends[i] else np.zeros(3)
-        if joint.kind == "revolute":
-            # the rod turned back by the joint's own angle
-            along = axis * (axis @ rod)
-            rod = along + math.cos(values[i]) * (rod - along) - math.sin(values[i]) * np.cross(axis, rod)
-        posed.append(PosedJoint(joint.name, joint.kind == "revolute", values[i], p, axis, rod))
-    rods = tuple(np.array([poses[i][1], end]) for i, each in enumerate(ends) for end in each)
+    posed = [
+        PosedJoint(link.joint.name, link.joint.kind == "revolute", poses[i][1], poses[i][0] @ _vector(link.joint.axis))
+        for i, link in enumerate(vehicle.links)
+    ]
+    rods = [(i, other.joint.position) for other in vehicle.moving if (i := other.parent) != BASE]
+    rods += [(frame.link, frame.position) for frame in vehicle.frames if frame.link != BASE]
+    ends = [(poses[i][1], poses[i][0] @ _vector(at)) for i, at in rods]
+    drawn = tuple(np.array([p, p + along]) for p, along in ends if np.linalg.norm(along) > 1e-6)
     named = [
         *(frame.at for frame in frames),
         *(each.at for each in posed),
         *(_vector(r.position) for r in vehicle.rotors),
     ]
-    return Posed(poses, tuple(frames), tuple(posed), rods, max(float(np.linalg.norm(each)) for each in named) or 0.1)
-
-
-def _carried_ends(vehicle: Vehicle, i: int, R: Array, p: Array) -> list[Array]:
-    """Joints and frames that a link carries away from its own joint."""
-    found = [R @ _vector(other.joint.position) for other in vehicle.moving if other.parent == i]
-    found += [R @ _vector(frame.position) for frame in vehicle.frames if frame.link == i]
-    return [p + each for each in found if np.linalg.norm(each) > 1e-6]
+    return Posed(poses, tuple(frames), tuple(posed), drawn, max(float(np.linalg.norm(each)) for each in named) or 0.1)
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> dict[int, tuple[Array, Array]]:
@@ -300,11 +283,6 @@ class Marks:
         self._taken: list[Bbox] = []
         self._dots = style.small * ax.figure.dpi / 72.0
 
-    def avoid(self, corners: Array) -> None:
-        """Keep labels off a solid, where there is room."""
-        closed, middle = np.concatenate([corners, corners[:1]]), corners.mean(axis=0)
-        self._points += [middle + share * (closed - middle) for share in (0.5, 1.0)]
-
     def label(self, text: str, at: Array, color: str = "") -> None:
         """Request a label near a point (2,) on paper."""
         self._labels.append((text, at, color or self.style.ink))
@@ -330,19 +308,6 @@ class Marks:
         self.arrow(self.view.flat(way), self.style.ink, 0.1)
         self._line(np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis]), (6, 2, 1, 2))
         self._name(joint.at, joint.name)
-
-    def angle(self, joint: PosedJoint) -> None:
-        """The angle of a joint whose axis is seen end on: from where its rod points at zero, in the positive sense."""
-        end_on = joint.revolute and abs(joint.axis @ self.view.toward) >= FLAT
-        if not end_on or np.linalg.norm(joint.zero) < MERGED * self.reach or abs(joint.value) < 0.05:
-            return
-        self._line(np.array([joint.at, joint.at + 0.85 * joint.zero]), (3, 2))
-        along = joint.zero - joint.axis * (joint.axis @ joint.zero)
-        flat = self.view.flat(arc(joint.at, joint.axis, 0.6 * along, joint.value))
-        self.arrow(flat, self.style.ink, 0.1)
-        # beside the beginning of the arrow, away from the link
-        begin, centre = flat[len(flat) // 5], self.view.flat(joint.at)
-        self.label(f"{joint.name} {'>' if joint.value > 0.0 else '<'} 0", centre + 1.1 * (begin - centre))
 
     def length(self, rod: Array) -> None:
         """Dimension of a rod that lies in the paper plane; of two arms in one line of sight only once."""

@@ -119,24 +119,16 @@ def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], capti
     return _part("table", [name.removeprefix(">") for name in names], kinds, rows, caption, kind)
 
 
-def image(
-    alternative: str, caption: str, content: bytes, *, wide: bool = False, whole: bool = False, small: bool = False,
-    link: str = "", kind: str = "", name: str = "", form: str = "png",
-) -> str:  # fmt: skip
+def image(alternative: str, caption: str, content: bytes, *, wide: bool = False, kind: str = "", name: str = "") -> str:
     """A picture inside the page.
 
     Args:
         alternative: text in its place.
         caption: text below it.
-        content: of its file.
-        wide: takes all of the page's width, on a narrow screen only if it is ``whole``.
-        whole: a wide one that does not scroll.
-        small: three stand in a row.
-        link: file that the caption leads to.
+        content: of its PNG file.
+        wide: takes all of the page's width; on a narrow screen it scrolls.
         kind: class of its style.
         name: identifier.
-        form: "png" or "webp".
     """
-    kind = kind or ("small" if small else f"wide{' whole' * whole}" if wide else "")
-    address = f"data:image/{form};base64,{base64.b64encode(content).decode('ascii')}"
-    return _part("figure", alternative, caption, address, kind, link, name)
+    address = f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}"
+    return _part("figure", alternative, caption, address, kind or ("wide" if wide else ""), name)
