@@ -155,7 +155,7 @@ def actuator_law(
     memory: ActuatorMemory,
     measurement: Measurement,
     reference: Reference,
-    dt: Any,
+    dt: Scalar,
     *,
     par: ActuatorParameters,
     inner: Law,
@@ -201,14 +201,14 @@ def _setpoints(
     return tuple(setpoints), tuple(kept)
 
 
-def _mean_motion(drive: Any, q: Any, qd: Any, qdd: Any, dt: Any) -> tuple[Any, Any]:
+def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
     """Mean position and rate from where a setpoint arrives to one period later, of a joint that accelerates evenly."""
     ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(qd, mul(qdd, ahead))
 
 
-def effort_at_rest(drive: Any, effort: Any, acceleration: Any, dt: float) -> Any:
+def effort_at_rest(drive: Any, effort: Scalar, acceleration: Scalar, dt: float) -> Any:
     """Effort (N m or N) of a drive whose setpoint was chosen for an accelerating joint, while the joint stands still.
 
     Args:
@@ -222,7 +222,7 @@ def effort_at_rest(drive: Any, effort: Any, acceleration: Any, dt: float) -> Any
     return drive.effort(drive.steady_memory(memory, 0.0, setpoint), setpoint, 0.0, 0.0)
 
 
-def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Any, ...]:
+def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Scalar, ...]:
     """Angles of the rotors that tilt, rad: measured, else estimated by the law that turns them, else at rest."""
     inner = memory.inner
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))

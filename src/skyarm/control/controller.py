@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
@@ -139,7 +139,7 @@ def all_applied(joints: int) -> tuple[float, ...]:
     return (1.0,) * (1 + joints)
 
 
-def _applied_flags(desired: Command, sent: Command) -> tuple[Any, ...]:
+def _applied_flags(desired: Command, sent: Command) -> tuple[Scalar, ...]:
     """Return 1 for the rotors, and for each joint, whose applied commands are the desired ones; else 0, as for NaN."""
     rotors: Any = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile import Node, TracedBranchError, leaves, rebuild
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -133,7 +133,7 @@ def _check_step(
     memory: Any,
     measurement: Any,
     reference: Any,
-    dt: Any,
+    dt: Scalar,
     *,
     par: Any,
     law: Law,

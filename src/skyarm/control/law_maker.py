@@ -47,7 +47,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
     light link behind a real gear. Give such joints their own gains.
     """
     n = model.vehicle.n
-    own = (1.0,) * n
+    own: tuple[Any, ...] = (1.0,) * n
     if torque:
         M = mass_matrix(model.vehicle, Mat3.identity(), (0.0,) * n)
         own = tuple(M[6 + i][6 + i] for i in range(n))

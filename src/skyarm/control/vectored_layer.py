@@ -161,7 +161,7 @@ def _motor_lag(rotor: Rotor) -> Any:
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
-def _lagging_angles(vehicle: Vehicle, angles: Sequence[Any], goals: Sequence[Any], dt: Any) -> list[Any]:
+def _lagging_angles(vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar) -> list[Scalar]:
     """Angles of servos that lag as the motors of their rotors do, one period later."""
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
@@ -174,7 +174,7 @@ def vectored_law(
     memory: VectoredMemory,
     measurement: Measurement,
     reference: Reference,
-    dt: Any,
+    dt: Scalar,
     *,
     par: VectoredParameters,
     inner: Law,
@@ -204,7 +204,7 @@ def vectored_law(
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
 
 
-def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[Any, ...]:
+def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
     """Measured angles, rad; the modelled servos' where there are none, and in place of one that is not finite."""
     if not measurement.tilts:
         return believed
@@ -212,10 +212,10 @@ def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[An
     return tuple(where(absolute(seen) < math.inf, seen, held) for seen, held in rows)
 
 
-def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Scalar) -> tuple[Scalar, ...]:
     """Angles of the desired forces, rad; a force near zero, whose direction is noise, moves its angle slowly."""
     vehicle = model.vehicle
-    total: Any = 0.0
+    total: Scalar = 0.0
     for each in vehicle.rotors:
         total = add(total, each.thrust_coefficient)
     hover = divide(mul(vehicle.mass, model.gravity), total)
@@ -229,7 +229,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: 
     return tuple(found)
 
 
-def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any]) -> list[Any]:
+def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Scalar]) -> list[Scalar]:
     """Squared speeds that give the desired forces' torque and thrust with the rotors at ``angles``.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
@@ -249,7 +249,7 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
     weights = ldl_solve(gram, short)
     change = [inner_product([row[i] for row in A], weights) for i in range(len(kept))]
     tops = [mul(rotor.max_speed, rotor.max_speed) for rotor in vehicle.rotors]
-    share: Any = 1.0
+    share: Scalar = 1.0
     for value, by, top in zip(kept, change, tops, strict=True):
         room = where(by > 0.0, sub(top, value), value)
         size = where(by > 0.0, by, sub(0.0, by))
@@ -257,5 +257,5 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
     return [minimum(add(value, mul(share, by)), top) for value, by, top in zip(kept, change, tops, strict=True)]
 
 
-def _times(A: Sequence[Sequence[Any]], column: Sequence[Any]) -> list[Any]:
+def _times(A: Sequence[Sequence[Scalar]], column: Sequence[Scalar]) -> list[Scalar]:
     return [inner_product(row, column) for row in A]

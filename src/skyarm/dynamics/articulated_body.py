@@ -6,10 +6,9 @@ Source: Featherstone 2008, sections 7.3 and 9.4, with classical accelerations at
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import add, divide, mul, sub
+from skyarm.algebra.scalars import Scalar, add, divide, mul, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
@@ -19,12 +18,12 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 def forward_dynamics(
     vehicle: Vehicle,
-    joints: Sequence[Any],
+    joints: Sequence[Scalar],
     rate: Vec3,
-    joint_rates: Sequence[Any],
+    joint_rates: Sequence[Scalar],
     applied: Force,
-    joint_torques: Sequence[Any],
-) -> tuple[Motion, tuple[Any, ...]]:
+    joint_torques: Sequence[Scalar],
+) -> tuple[Motion, tuple[Scalar, ...]]:
     """Acceleration that applied forces give.
 
     Args:
@@ -49,8 +48,8 @@ def forward_dynamics(
     base = spatial_inertia(vehicle.base)
     base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
     U: list[Force] = [Force(Vec3(0, 0, 0), Vec3(0, 0, 0))] * n
-    inverse_d: list[Any] = [0] * n
-    u: list[Any] = [0] * n
+    inverse_d: list[Scalar] = [0] * n
+    u: list[Scalar] = [0] * n
     for i in reversed(range(n)):
         S = links[i].joint.motion_subspace
         U[i] = inertias[i].apply(S)
@@ -68,7 +67,7 @@ def forward_dynamics(
             biases[links[i].parent] += force
     base_acceleration = _solve_base(base_inertia, applied - base_bias)
     accelerations: list[Motion] = []
-    joint_accelerations: list[Any] = []
+    joint_accelerations: list[Scalar] = []
     for i in range(n):
         parent = base_acceleration if links[i].parent == BASE else accelerations[links[i].parent]
         a = parent.into_child(places[i].R, places[i].p) + moving[i].products
@@ -80,12 +79,12 @@ def forward_dynamics(
 
 def _by_mass_matrix(
     vehicle: Vehicle,
-    joints: Sequence[Any],
+    joints: Sequence[Scalar],
     rate: Vec3,
-    joint_rates: Sequence[Any],
+    joint_rates: Sequence[Scalar],
     applied: Force,
-    joint_torques: Sequence[Any],
-) -> tuple[Motion, tuple[Any, ...]]:
+    joint_torques: Sequence[Scalar],
+) -> tuple[Motion, tuple[Scalar, ...]]:
     """The same for a vehicle with followers, whose joints are not those of a tree: M a = f - bias, solved whole."""
     still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
@@ -98,7 +97,7 @@ def _by_mass_matrix(
 def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
     """Acceleration of the floating base; the linear block first, where a bare airframe is diagonal."""
     M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H.rows
-    A: list[list[Any]] = [[0] * 6 for _ in range(6)]
+    A: list[list[Scalar]] = [[0] * 6 for _ in range(6)]
     for i in range(3):
         for j in range(3):
             A[i][j] = tuple(M[i])[j]

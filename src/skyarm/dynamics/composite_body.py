@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
-from skyarm.algebra.scalars import add
+from skyarm.algebra.scalars import Scalar, add
 from skyarm.dynamics.kinematics import every_joint, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[list[Any]]:
+def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[list[Scalar]]:
     """M of the generalized velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
 
     Args:
@@ -49,14 +49,14 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
     return M
 
 
-def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Any]]:
+def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
     """G^T M G of the mass matrix of all joints."""
     rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
     columns = [list(column) for column in zip(*rows, strict=True)]
     return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
-def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Any]]:
+def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
     """[[m 1, -R S(mc)], [S(mc) R^T, I]] in the corner of a matrix of structural zeros."""
     M: list[list[Any]] = [[0] * size for _ in range(size)]
     coupling = R_WB @ Mat3.cross(-whole.moment)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import add, divide, mul
+from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
 from skyarm.vehicle.linkage import BASE
@@ -75,7 +75,7 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
 def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     """Kinetic energy, J."""
     vehicle, state = untie_followers(vehicle, state)
-    total: Any = 0
+    total: Scalar = 0
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         w = motion.pose.R.apply_T(motion.w)
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
@@ -84,6 +84,6 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     return mul(0.5, total)
 
 
-def potential_energy(vehicle: Vehicle, state: State, gravity: Any) -> Any:
+def potential_energy(vehicle: Vehicle, state: State, gravity: Scalar) -> Any:
     """Potential energy in gravity (m/s^2), zero at world z = 0, J."""
     return mul(mul(vehicle.mass, gravity), center_of_mass(vehicle, state).z)

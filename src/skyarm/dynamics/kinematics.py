@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.state import State
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
@@ -33,19 +32,19 @@ class Pose:
 IDENTITY = Pose(Mat3.identity(), ZERO3)
 
 
-def joint_placement(joint: Joint, q: Any) -> Pose:
+def joint_placement(joint: Joint, q: Scalar) -> Pose:
     """Pose of the child link in its parent at joint value ``q`` (rad or m)."""
     if joint.kind == "revolute":
         return Pose(joint.rotation @ axis_rotation(joint.axis, q), joint.position)
     return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
 
 
-def placements(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
+def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
     """Pose of every link in its parent."""
     return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
 
 
-def link_poses(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
+def link_poses(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
     """Pose of every link in the base frame, then of every follower."""
     if vehicle.followers:
         return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints))
@@ -55,18 +54,18 @@ def link_poses(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
     return poses
 
 
-def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> Pose:
+def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose:
     """Pose of a frame in the base frame."""
     local = Pose(frame.rotation, frame.position)
     return local if frame.link == BASE else link_poses(vehicle, joints)[frame.link] @ local
 
 
-def forward_kinematics(vehicle: Vehicle, frame: Frame, base: Pose, joints: Sequence[Any]) -> Pose:
+def forward_kinematics(vehicle: Vehicle, frame: Frame, base: Pose, joints: Sequence[Scalar]) -> Pose:
     """Pose of a frame in the world for a base pose in the world."""
     return base @ frame_pose(vehicle, frame, joints)
 
 
-def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> list[Motion]:
+def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> list[Motion]:
     """Columns d(angular, linear velocity of the frame's origin)/d(joint rates), base axes, base at rest.
 
     A joint that does not carry the frame gives a structural zero.
@@ -88,17 +87,17 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> l
     return columns
 
 
-def every_joint(vehicle: Vehicle, joints: Sequence[Any]) -> tuple[Any, ...]:
+def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Values of the links' joints and of the followers', rad or m."""
     return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))
 
 
-def every_rate(vehicle: Vehicle, rates: Sequence[Any]) -> tuple[Any, ...]:
+def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """First or second time derivatives of the links' joints and of the followers'."""
     return (*rates, *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers))
 
 
-def onto_leaders(vehicle: Vehicle, efforts: Sequence[Any]) -> tuple[Any, ...]:
+def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Generalised forces of the links' joints, from forces (N m or N) of all joints."""
     found = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
-from skyarm.algebra.scalars import add, same
+from skyarm.algebra.scalars import Scalar, add, same
 from skyarm.dynamics.kinematics import Pose
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -42,14 +41,14 @@ def spatial_inertia(body: Body) -> SpatialInertia:
     return SpatialInertia.of_body(body.mass, body.com, body.inertia)
 
 
-def members(vehicle: Vehicle, joints: Sequence[Any]) -> list[LinkInAxes]:
+def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
     """Every link in its working axes, in the order of the vehicle's links."""
     links = vehicle.links
     follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
     inner = {link.parent for link in links}
     found: list[LinkInAxes] = []
-    angles: list[Any] = []
+    angles: list[Scalar] = []
     turns: list[Mat3] = []  # from a link's own axes to its working axes
     for i, (link, q) in enumerate(zip(links, joints, strict=True)):
         joint = link.joint

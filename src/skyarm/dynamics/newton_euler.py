@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.vehicle.linkage import BASE, Joint
@@ -25,7 +25,7 @@ class JointMotion:
     products: Motion
 
 
-def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Any) -> JointMotion:
+def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Scalar) -> JointMotion:
     """Angular velocity of the child, and the part of its origin's acceleration that is quadratic in velocity.
 
     With w the rates and s the joint's own motion: angular w x s; linear R^T (w_P x (w_P x p)), and the Coriolis term
@@ -38,7 +38,7 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: A
     return JointMotion(carried + own.angular, products)
 
 
-def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]) -> list[JointMotion]:
+def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Scalar]) -> list[JointMotion]:
     """Joint motion of every link for base rate ``rate`` (base axes, rad/s)."""
     found: list[JointMotion] = []
     for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
-from skyarm.algebra.scalars import add
+from skyarm.algebra.scalars import Scalar, add
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
 from skyarm.vehicle.linkage import BASE
@@ -30,7 +30,7 @@ class PointMotion:
         state: State,
         air: Callable[[Vec3], Vec3] | None = None,
         *,
-        gravity: Any = 0,
+        gravity: Scalar = 0,
         step: Any = None,
     ) -> None:
         self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
@@ -83,7 +83,9 @@ class PointMotion:
         found = self.vehicle.frame(name)
         return found.position, found.link
 
-    def generalized_force(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, tuple[Any, ...]]:
+    def generalized_force(
+        self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int
+    ) -> tuple[Force, tuple[Scalar, ...]]:
         """J^T of a wrench on a body: force on the base (about its origin, base axes) and joint torques."""
         push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
         at = self._in_base(point, body)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -35,11 +35,11 @@ class State:
             accept_fields(self, "state")
 
 
-def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Any) -> Motion:
+def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Scalar) -> Motion:
     """Return the base acceleration as an accelerometer reads it: R^T (dv/dt + g e_z), base axes."""
     return Motion(angular_B, R_WB.apply_T(linear_W + E_Z * gravity))
 
 
-def coordinate_acceleration(R_WB: Mat3, proper: Motion, gravity: Any) -> tuple[Vec3, Vec3]:
+def coordinate_acceleration(R_WB: Mat3, proper: Motion, gravity: Scalar) -> tuple[Vec3, Vec3]:
     """(dv_W/dt, dw_B/dt) from a proper acceleration."""
     return R_WB.apply(proper.linear) - E_Z * gravity, proper.angular

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Mixer
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
-def rotors_follow(mixer: Mixer, squares: Sequence[Any]) -> Any:
+def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
     """True while every squared rotor speed requested by the mixer lies within the rotor's limits."""
     inside: Any = True
     for square, top in zip(squares, mixer.highest, strict=True):
@@ -32,7 +32,7 @@ def all_follow(applied: Sequence[Any]) -> Any:
     return found
 
 
-def joints_follow(vehicle: Vehicle, efforts: Sequence[Any]) -> list[Any]:
+def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Any]:
     """For each joint, True while its desired effort lies within its limit."""
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
@@ -43,7 +43,7 @@ def limit_efforts(par: Parameters, efforts: Any) -> tuple[Any, ...]:
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
-def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> Any:
+def command_for(rotor: Rotor, speed: Scalar, wanted: Any, dt: Scalar, share: Scalar) -> Any:
     """Speed command (rad/s) after which the rotor's speed at the end of the period is ``wanted``.
 
     Args:
@@ -64,8 +64,8 @@ def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> A
 
 
 def compensate_motor_lag(
-    rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Any], dt: Any, share: Any
-) -> tuple[Any, ...]:
+    rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Scalar], dt: Scalar, share: Scalar
+) -> tuple[Scalar, ...]:
     """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that changes as planned.
 
     A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /

@@ -80,7 +80,7 @@ class Attitude:
     acceleration: Vec3
 
 
-def reachable(force: Vec3, tilt: Any, floor: Any) -> Vec3:
+def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
     """A force (series, N) with a vertical part of at least ``floor`` and at most the tangent ``tilt`` of tilt."""
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
@@ -90,7 +90,7 @@ def reachable(force: Vec3, tilt: Any, floor: Any) -> Vec3:
     return Vec3(force.x * share, force.y * share, z)
 
 
-def upright(force: Vec3, weight: Any, start: Any) -> Vec3:
+def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
     """The force with a larger vertical part where that is less than ``start`` of the weight: for the attitude alone.
 
     Near free fall the direction of a small force turns quickly, and noise in it asks for more torque than rotors at

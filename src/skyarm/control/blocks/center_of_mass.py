@@ -7,13 +7,13 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Motion, SpatialInertia, Sym3, Vec3
-from skyarm.algebra.scalars import divide
+from skyarm.algebra.scalars import Scalar, divide
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
-def locked_inertia(vehicle: Vehicle, joints: Sequence[Any]) -> SpatialInertia:
+def locked_inertia(vehicle: Vehicle, joints: Sequence[Scalar]) -> SpatialInertia:
     """Spatial inertia of the whole vehicle with its joints locked: about the base origin, base axes."""
     total = spatial_inertia(vehicle.base)
     for link, pose in zip(vehicle.moving, link_poses(vehicle, joints), strict=True):
@@ -27,7 +27,7 @@ def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
     return center, locked.inertia - Sym3.parallel_axis(locked.mass, center)
 
 
-def center_velocity(vehicle: Vehicle, joints: Sequence[Any], joint_rates: Sequence[Any]) -> Vec3:
+def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Sequence[Scalar]) -> Vec3:
     """Velocity of the centre of mass against the base, base axes, m/s: what the joint rates give it."""
     total: Vec3 = ZERO3
     for i, link in enumerate(vehicle.moving):

@@ -86,8 +86,8 @@ def measure_translation(
     R: Mat3,
     linear: Vec3,
     rotors: Vec3,
-    joints: Sequence[Any],
-    dt: Any,
+    joints: Sequence[Scalar],
+    dt: Scalar,
 ) -> Felt:
     """Measured translation over one period, with the accelerometer.
 
@@ -121,7 +121,7 @@ def measure_translation(
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
     fast, slow = double_pole(gains.velocity, dt)
-    moving: Any = 1.0
+    moving: Scalar = 1.0
     for each in joints:
         moving = mul(moving, each)
     return Felt(
@@ -132,7 +132,7 @@ def measure_translation(
     )
 
 
-def first_observed(joints: int, rotor_speeds: Sequence[Any], accelerometer: bool = False) -> Observed:
+def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: bool = False) -> Observed:
     """Memory before the first measurement, with the bias of an accelerometer where one is used."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Observed(
@@ -162,9 +162,9 @@ def observe(
     measurement: Measurement,
     acted: Command,
     unknown: Disturbance,
-    started: Any,
-    free: Sequence[Any],
-    dt: Any,
+    started: Scalar,
+    free: Sequence[Scalar],
+    dt: Scalar,
     accelerometer: AccelerometerGains | None = None,
     air: BelievedAir | None = None,
 ) -> tuple[Observed, Told]:
@@ -254,7 +254,9 @@ def observe_uncompensated(
     return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
 
 
-def unmodelled_thrust(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
+def unmodelled_thrust(
+    model: Model, squares: Sequence[Scalar], half: Sequence[Scalar], speeds: Sequence[Scalar]
+) -> Vec3:
     """Thrust of all rotors at the end of a period minus the thrust in the model's prediction; N, base axes.
 
     Args:
@@ -278,9 +280,9 @@ class Told:
     """
 
     angular: Vec3
-    joints: tuple[Any, ...]
+    joints: tuple[Scalar, ...]
     angular_correction: Vec3
-    joint_corrections: tuple[Any, ...]
+    joint_corrections: tuple[Scalar, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,10 +291,10 @@ class Place:
 
     position: Vec3
     quaternion: Quaternion
-    joints: tuple[Any, ...]
+    joints: tuple[Scalar, ...]
 
 
-def filter_pose(bandwidth: Any, memory: Observed, measurement: Measurement, started: Any, dt: Any) -> Place:
+def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar) -> Place:
     """Place carried by the estimated velocities and pulled towards the measured one; the measured one at first."""
     share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
@@ -315,8 +317,8 @@ def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
 
 
 def inertia_times(
-    model: Model, R: Mat3, joints: Sequence[Any], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Any]
-) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    model: Model, R: Mat3, joints: Sequence[Scalar], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Scalar]
+) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
     """M times an acceleration, by inverse dynamics at rest without weight: force in W, torque in B, joint torques."""
     still = (0,) * len(joints)
     base = Motion(angular_B, R.apply_T(linear_W))

@@ -33,13 +33,13 @@ def samples(reference: Reference) -> list[Sample]:
 
 def extrapolate(
     channels: Sequence[Channel],
-    age: Any,
+    age: Scalar,
     held: Sequence[Sample],
-    started: Any,
-    dt: Any,
-    period: Any,
-    share: Any = 1,
-) -> tuple[list[Taylor], tuple[Channel, ...], Any]:
+    started: Scalar,
+    dt: Scalar,
+    period: Scalar,
+    share: Scalar = 1,
+) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
     """Series of every signal at the present instant, the channels to remember, and the sample's new age.
 
     Args:
@@ -64,7 +64,7 @@ def extrapolate(
     return series, moved, age
 
 
-def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Any, period: Any) -> Channel:
+def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
     """The channel with the held sample in it.
 
     Where one is due and nothing has changed, the motion is over: what jerk and snap it ended with do not go on.
@@ -85,7 +85,7 @@ def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Any, p
     )
 
 
-def _series(channel: Channel, sample: Sample, age: Any, period: Any) -> Taylor:
+def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Taylor:
     """Value to fourth derivative, ``age`` seconds after the sample; a constant signal keeps its structure."""
     if all(type(c) is int and c == 0 for c in sample[1:]):
         return Taylor.constant(sample[0], 4)

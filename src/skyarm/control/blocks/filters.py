@@ -13,7 +13,7 @@ PI = 3.141592653589793
 ROOT_TWO = 1.4142135623730951
 
 
-def low_pass(old: Any, new: Any, bandwidth: Any, dt: Any) -> Any:
+def low_pass(old: Any, new: Any, bandwidth: Scalar, dt: Scalar) -> Any:
     """First-order low-pass: y += (1 - exp(-w dt)) (u - y), exact for an input held over the period."""
     return old + (new - old) * low_pass_share(bandwidth, dt)
 
@@ -23,7 +23,7 @@ def low_pass_share(bandwidth: Any, dt: Any) -> Any:
     return 1.0 - exp(-(bandwidth * dt))
 
 
-def double_pole(bandwidth: Any, dt: Any) -> tuple[Any, Any]:
+def double_pole(bandwidth: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
     """L1 and L2, which place both poles of an observer at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
     b = exp(-(bandwidth * dt))
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
@@ -47,7 +47,7 @@ class Taps:
     second: Annotated[Scalar, Unit("", "second sum of a filter, in its signal's unit")] = 0.0
 
 
-def butterworth(cutoff: Any, dt: Any) -> Butterworth:
+def butterworth(cutoff: Scalar, dt: Scalar) -> Butterworth:
     """Coefficients for a cut-off frequency in Hz, below 1 / (2 dt); bilinear transform, prewarped.
 
     Source: Oppenheim, Schafer, Discrete-Time Signal Processing, chapter 7; the filter of Smeur, Chu, de Croon 2016.
@@ -63,13 +63,15 @@ def settle(value: Any, par: Butterworth) -> Taps:
     return Taps(first=value * (1.0 - par.b0), second=value * (par.b0 - par.a2))
 
 
-def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, Any]:
+def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, Scalar]:
     """Next taps and the output."""
     out = par.b0 * value + taps.first
     return Taps(first=par.b1 * value - par.a1 * out + taps.second, second=par.b0 * value - par.a2 * out), out
 
 
-def filtered_all(taps: Sequence[Taps], values: Sequence[Any], par: Butterworth) -> tuple[tuple[Taps, ...], list[Any]]:
+def filtered_all(
+    taps: Sequence[Taps], values: Sequence[Any], par: Butterworth
+) -> tuple[tuple[Taps, ...], list[Scalar]]:
     """:func:`filtered` for each of several signals."""
     pairs = [apply_butterworth(each, value, par) for each, value in zip(taps, values, strict=True)]
     return tuple(following for following, _ in pairs), [out for _, out in pairs]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import atan2, cos, divide, mul, sin, where
+from skyarm.algebra.scalars import Scalar, atan2, cos, divide, mul, sin, where
 from skyarm.control.model import GeometricGains
 
 RATE_ERRORS = ("rotors_sim", "corrected")
@@ -22,7 +22,13 @@ SMALL_SINE = 1e-6
 
 
 def downward_acceleration(
-    gains: GeometricGains, mass: Any, gravity: Any, *, position_error: Vec3, velocity_error: Vec3, acceleration: Vec3
+    gains: GeometricGains,
+    mass: Scalar,
+    gravity: Scalar,
+    *,
+    position_error: Vec3,
+    velocity_error: Vec3,
+    acceleration: Vec3,
 ) -> Vec3:
     """a_d of (82), world axes, m/s^2: it points DOWN in hover; the desired specific force is -a_d.
 
@@ -33,7 +39,7 @@ def downward_acceleration(
     return a_d
 
 
-def desired_attitude(a_d: Vec3, yaw: Any, R_WB: Mat3) -> Mat3:
+def desired_attitude(a_d: Vec3, yaw: Scalar, R_WB: Mat3) -> Mat3:
     """R_d with b3 along -a_d and b1 as near the heading as b3 allows.
 
     b3 = -a_d/|a_d|, b2 = b3 x [cos psi, sin psi, 0] normalised, R_d = [b2 x b3, b2, b3]. With no commanded force b3 is
@@ -49,7 +55,7 @@ def desired_attitude(a_d: Vec3, yaw: Any, R_WB: Mat3) -> Mat3:
     return Mat3.columns(b2.cross(b3), b2, b3)
 
 
-def _unit(v: Vec3, length: Any, vanishes: Any, otherwise: Vec3) -> Vec3:
+def _unit(v: Vec3, length: Scalar, vanishes: Any, otherwise: Vec3) -> Vec3:
     """Return v / length, or ``otherwise`` where the length vanishes; never by way of an infinity."""
     direction = v * divide(1.0, where(vanishes, 1.0, length))
     return Vec3(*(where(vanishes, x, y) for x, y in zip(otherwise, direction, strict=True)))
@@ -60,7 +66,7 @@ def attitude_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
     return (R_d.T @ R_WB).vee_antisymmetric()
 
 
-def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Any, form: str) -> Vec3:
+def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) -> Vec3:
     """e_w of (84) with w_d = [0, 0, yaw rate] in the desired body's axes.
 
     "corrected" is Lee's w - R^T R_d w_d; "rotors_sim" is RotorS's own w - R_d^T R w_d, which differs once the yaw
@@ -85,8 +91,8 @@ def attitude_loop(
     inertia: Sym3,
     *,
     a_d: Vec3,
-    yaw: Any,
-    yaw_rate: Any,
+    yaw: Scalar,
+    yaw_rate: Scalar,
     R_WB: Mat3,
     w_B: Vec3,
     rate_form: str,
@@ -97,7 +103,7 @@ def attitude_loop(
     return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)
 
 
-def body_thrust(mass: Any, a_d: Vec3, R_WB: Mat3) -> Any:
+def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Any:
     """Thrust along the present body z, N: -m a_d . (R e_3); negative when the vehicle is on its back."""
     return mul(-mass, a_d.dot(R_WB.column(2)))
 

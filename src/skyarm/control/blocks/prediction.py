@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.algebra.scalars import add, sub
+from skyarm.algebra.scalars import Scalar, add, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.select import data, vector_data
@@ -48,7 +48,7 @@ class Disturbance:
             efforts=tuple(sub(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
         )
 
-    def blend_towards(self, new: Disturbance, share: Any, force_share: Any) -> Disturbance:
+    def blend_towards(self, new: Disturbance, share: Scalar, force_share: Scalar) -> Disturbance:
         """A share of the way towards a new one, and another share of its force: as a memory keeps it."""
         return Disturbance(
             force=vector_data(self.force + (new.force - self.force) * force_share),
@@ -109,14 +109,14 @@ SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""
 
 
-def rotor_wrench(model: Model, squares: Sequence[Any], sideways: bool = False) -> Force:
+def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False) -> Force:
     """Torque and thrust along body z of squared rotor speeds, or in all directions: what the mixer commands."""
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))
 
 
-def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
+def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
     """Rotor wrench in addition to :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
@@ -128,7 +128,7 @@ def with_side(
     model: Model,
     unknown: Disturbance,
     R: Mat3,
-    speeds: Sequence[Any],
+    speeds: Sequence[Scalar],
     velocity: Vec3,
     rate: Vec3,
     sideways: bool = False,
@@ -148,12 +148,12 @@ def acceleration(
     model: Model,
     R: Mat3,
     rate: Vec3,
-    joints: Sequence[Any],
-    joint_rates: Sequence[Any],
+    joints: Sequence[Scalar],
+    joint_rates: Sequence[Scalar],
     applied: Force,
-    efforts: Sequence[Any],
+    efforts: Sequence[Scalar],
     unknown: Disturbance,
-) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
     """d/dt of world velocity, body rate and joint rates."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
     given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
@@ -164,13 +164,13 @@ def acceleration_under(
     model: Model,
     R: Mat3,
     rate: Vec3,
-    joints: Sequence[Any],
-    joint_rates: Sequence[Any],
+    joints: Sequence[Scalar],
+    joint_rates: Sequence[Scalar],
     total: Force,
-    efforts: Sequence[Any],
-    extra: Sequence[Any],
-    dry_rates: Sequence[Any],
-) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    efforts: Sequence[Scalar],
+    extra: Sequence[Scalar],
+    dry_rates: Sequence[Scalar],
+) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
     """The same under ``total``, the total wrench on the base: the one right-hand side of every law's model.
 
     ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
@@ -183,13 +183,13 @@ def acceleration_under(
     return linear, angular, qdd
 
 
-def motor_speeds(model: Model, speeds: Sequence[Any], command: Command, dt: Any) -> tuple[Any, ...]:
+def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> tuple[Scalar, ...]:
     """Rotor speeds after ``dt`` seconds of a held command."""
     return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
 
 
 def predict(
-    model: Model, state: State, command: Command, unknown: Disturbance, dt: Any, sideways: bool = False
+    model: Model, state: State, command: Command, unknown: Disturbance, dt: Scalar, sideways: bool = False
 ) -> State:
     """The state after one control period of a held command, by symplectic steps of the model."""
     h = dt / SUBSTEPS

@@ -132,7 +132,7 @@ def stepped_computed_torque(
 
 
 def _present(
-    memory: StepMemory, reference: Reference, dt: Any, par: StepParameters
+    memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
 ) -> tuple[Reference, tuple[Any, ...], Any]:
     """The reference at the present instant, and what to remember of its samples."""
     if par.steps < EXTRAPOLATION:
@@ -141,7 +141,7 @@ def _present(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
     )
 
-    def of(k: int) -> tuple[Any, ...]:
+    def of(k: int) -> tuple[Scalar, ...]:
         return tuple(signal.derivative(k) for signal in series)
 
     p, v, a, j, s = (of(k) for k in range(5))
@@ -162,7 +162,7 @@ def _present(
 
 
 def _estimate_disturbance(
-    memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters
+    memory: StepMemory, measurement: Measurement, dt: Scalar, par: StepParameters
 ) -> tuple[Any, Disturbance]:
     """The observer's memory and its estimate; nothing without it."""
     if not memory.observed:

@@ -13,7 +13,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
@@ -43,7 +43,7 @@ def geometric_accelerations(
 
 
 def rotors_sim_position(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """RotorS's geometric position controller alone; joints get no torque."""
     del dt
@@ -90,8 +90,8 @@ def hybrid_computed_torque(
 
 
 def generalized_force(
-    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Any, ...]
-) -> tuple[Force, tuple[Any, ...]]:
+    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
+) -> tuple[Force, tuple[Scalar, ...]]:
     """Inverse dynamics of the model at the measured state, less the terms an ablation takes away."""
     vehicle, terms = par.model.vehicle, par.terms
     q = measurement.joints
@@ -113,7 +113,7 @@ def generalized_force(
     return force, torques
 
 
-def level_joint_gravity(model: Model, joints: tuple[Any, ...]) -> tuple[Any, ...]:
+def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
     """Joint torques that carry the arm's weight with a level base: the reduced gravity of (78)-(79), for any arm."""
     still = (0,) * model.vehicle.n
     level = Motion(ZERO3, E_Z * model.gravity)
@@ -129,8 +129,8 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 
 
 def with_friction(
-    par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Any]
-) -> tuple[Any, ...]:
+    par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Joint torques with a share of the model's friction compensated.
 
     Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
@@ -159,7 +159,7 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
     return dataclasses.replace(reference, joint_rates=rates)
 
 
-def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Any, ...]:
+def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
     """kp (q_d - q) + kd (qd_d - qd) per joint.
 
     The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
@@ -182,7 +182,7 @@ def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -
 
 def _base_speeds(
     par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
-) -> tuple[Any, ...]:
+) -> tuple[Scalar, ...]:
     """Rotor speeds of RotorS's controller: torque I_b alpha_d, thrust -m a_d . (R e_3)."""
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
     vehicle = par.model.vehicle

@@ -105,14 +105,14 @@ class Touch:
 
     at: TipLevers
     pressing: Pressing
-    force: Any
-    along: Any
-    speed: Any
+    force: Scalar
+    along: Scalar
+    speed: Scalar
     into: Any
 
 
 def observe_contact(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, par: PressingParameters
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
 ) -> tuple[PressingMemory, Touch | None]:
     """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
     vehicle = par.model.vehicle
@@ -137,7 +137,7 @@ def observe_contact(
     return dataclasses.replace(after, interaction=held), touch
 
 
-def shift_base(reference: Reference, n: Vec3, shift: tuple[Any, Any, Any]) -> Reference:
+def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
     """The reference with the base's path moved along a normal (m, m/s, m/s^2)."""
     s, rate, acceleration = shift
     return dataclasses.replace(
@@ -182,7 +182,7 @@ VAGUE = 0.01
 
 
 def hybrid_ct(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
     """The paper's computed torque across the normal, force along it."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)
@@ -217,7 +217,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def release_normal(touch: Touch, wanted: Sequence[Any]) -> tuple[Any, ...]:
+def release_normal(touch: Touch, wanted: Sequence[Any]) -> tuple[Scalar, ...]:
     """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
@@ -258,7 +258,9 @@ def admittance_pd(
     return dataclasses.replace(after, sent=command), command
 
 
-def admittance_motion(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Any) -> tuple[Any, Any, Any]:
+def admittance_motion(
+    par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
     """Place, velocity and acceleration of the virtual mass one period later, m along the normal."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))

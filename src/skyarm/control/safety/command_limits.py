@@ -33,7 +33,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
     return dataclasses.replace(mixer, policy="priority")
 
 
-def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Any, ...]:
+def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Return speeds within the rotors' limits: torque and thrust of the given ones mixed again where one is beyond.
 
     A law that commands more than it wants, to undo the motors' lag, may ask for such speeds with any mixer.
@@ -41,10 +41,10 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Any
     beyond: Any = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
-    pushes: list[Any] = []
+    pushes: list[Scalar] = []
     sideways = bool(mixer.across)
     for row in allocation_matrix(model.vehicle, sideways):
-        total: Any = 0
+        total: Scalar = 0
         for entry, speed in zip(row, speeds, strict=True):
             total = add(total, mul(entry, speed * speed))
         pushes.append(total)
@@ -54,11 +54,11 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Any
 
 
 def limit_slew(
-    command: Command, last: Command, started: Any, rotor_slew: Any, effort_slew: Sequence[Any], dt: Any
+    command: Command, last: Command, started: Scalar, rotor_slew: Scalar, effort_slew: Sequence[Scalar], dt: Scalar
 ) -> Command:
     """Return the command no farther from the last one than the slew limits allow; the first one is free."""
 
-    def near(value: Any, before: Any, slew: Any) -> Any:
+    def near(value: Any, before: Any, slew: Scalar) -> Any:
         step = mul(slew, dt)
         return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
 
@@ -73,8 +73,8 @@ def limit_slew(
 
 
 def apply_joint_barrier(
-    model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Any]
-) -> tuple[Any, ...]:
+    model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Return joint efforts under which no joint runs into its limits.
 
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
@@ -94,7 +94,7 @@ def apply_joint_barrier(
     )
 
 
-def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any]) -> tuple[Any, ...]:
+def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint accelerations by the model: rotors at their measured speeds, calm air."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, measurement.rotor_speeds, strict=True):
@@ -104,7 +104,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any
     )[1]
 
 
-def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> list[Any]:
+def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
     """Accelerations within the barrier."""
     found: list[Any] = []
     k = limits.joint_pole
@@ -125,7 +125,7 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
     return found
 
 
-def floating_inertia_times(model: Model, joints: Sequence[Any], change: Sequence[Any]) -> list[Any]:
+def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Sequence[Scalar]) -> list[Scalar]:
     """Joint torques that change the joints' accelerations by ``change`` while nothing more pushes on the base.
 
     [M_bb M_bj; M_jb M_jj] [a; change] = [0; torque].
@@ -137,13 +137,13 @@ def floating_inertia_times(model: Model, joints: Sequence[Any], change: Sequence
     return [add(_row(M[6 + i][:6], base), _row(M[6 + i][6:], change)) for i in range(n)]
 
 
-def _row(entries: Sequence[Any], values: Sequence[Any]) -> Any:
-    total: Any = 0
+def _row(entries: Sequence[Scalar], values: Sequence[Any]) -> Any:
+    total: Scalar = 0
     for entry, value in zip(entries, values, strict=True):
         total = add(total, mul(entry, value))
     return total
 
 
-def within_efforts(limits: Limits, efforts: Sequence[Any]) -> tuple[Any, ...]:
+def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Efforts within their limits; NaN stays NaN."""
     return tuple(clip(effort, 0.0 - most, most) for effort, most in zip(efforts, limits.effort, strict=True))

@@ -12,7 +12,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    add,
+    clip,
+    divide,
+    logical_or,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    sub,
+    tan,
+    where,
+)
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.reference import Reference
@@ -23,7 +37,13 @@ TINY = 1e-9
 
 
 def govern_base(
-    reference: Reference, measurement: Measurement, *, limits: Limits, stiffness: Any, damping: Any, gravity: Any
+    reference: Reference,
+    measurement: Measurement,
+    *,
+    limits: Limits,
+    stiffness: Scalar,
+    damping: Scalar,
+    gravity: Scalar,
 ) -> Reference:
     """The reference with position, velocity and acceleration as far from the measurement as the limits allow.
 
@@ -64,7 +84,7 @@ def _length(v: Vec3) -> Any:
     return sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 
 
-def _limit_length(v: Vec3, longest: Any) -> Vec3:
+def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
     """A vector no longer than ``longest``; the same bits if it is not."""
     length = _length(v)
     share = divide(longest, length + TINY)
@@ -79,14 +99,14 @@ def _longer(v: Vec3, shortened: Vec3) -> Any:
 def govern_joints(
     reference: Reference,
     before: Sequence[Any],
-    ramping: Sequence[Any],
-    speeds: Sequence[Any],
-    steps: Sequence[Any],
-    dt: Any,
+    ramping: Sequence[Scalar],
+    speeds: Sequence[Scalar],
+    steps: Sequence[Scalar],
+    dt: Scalar,
     *,
     model: Model,
     limits: Limits,
-) -> tuple[Reference, tuple[Any, ...]]:
+) -> tuple[Reference, tuple[Scalar, ...]]:
     """Joint references inside the joints' limits and no faster than ``speeds`` beyond ``steps``; else as it is.
 
     Args:
@@ -102,10 +122,10 @@ def govern_joints(
     Returns:
         The reference, and for each joint 1 if it is on its way.
     """
-    at: list[Any] = []
+    at: list[Scalar] = []
     slowed: list[Any] = []
-    rates: list[Any] = []
-    on_way: list[Any] = []
+    rates: list[Scalar] = []
+    on_way: list[Scalar] = []
     for wanted, rate, old, ramp, link, speed, free, most, margin in zip(
         reference.joints,
         reference.joint_rates,
@@ -130,7 +150,7 @@ def govern_joints(
         moving = where(gap > 0.0, speed, 0.0 - speed)
         rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most))))
 
-    def still(values: Sequence[Any]) -> tuple[Any, ...]:
+    def still(values: Sequence[Any]) -> tuple[Scalar, ...]:
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 

@@ -210,6 +210,6 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
     return error
 
 
-def base_stiffness(recovery: Recovery, mass: Any) -> tuple[Any, Any]:
+def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:
     """(1/s^2, 1/s) of the law along the vertical, for the governor."""
     return divide(recovery.gains.position.z, mass), divide(recovery.gains.velocity.z, mass)

@@ -127,12 +127,12 @@ class Governed:
     """
 
     reference: Reference
-    ramping: tuple[Any, ...]
-    joints: tuple[Any, ...]
+    ramping: tuple[Scalar, ...]
+    joints: tuple[Scalar, ...]
 
 
 def govern(
-    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Any
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Scalar
 ) -> Governed:
     """Return the governed reference."""
     limits = par.limits
@@ -194,14 +194,14 @@ def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, 
     return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
 
 
-def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Any]:
+def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
     """Hover position and heading of the recovery: measured while the law flies, held since it was given up."""
     hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
 def _hold_reference(
-    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Any, dt: Scalar
 ) -> Reference:
     """Return the reference of the recovery: hover, and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
@@ -224,7 +224,7 @@ def _hold_reference(
 
 
 def limit_command(
-    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Any
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Scalar
 ) -> Command:
     """Return the command within its limits."""
     limits = par.limits
@@ -332,7 +332,7 @@ def _traced_law(
     memory: SafetyMemory,
     measurement: Measurement,
     reference: Reference,
-    dt: Any,
+    dt: Scalar,
     *,
     par: SafetyParameters,
     inner: Law,

@@ -13,7 +13,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 
 
-def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -> Any:
+def joint_force(joint: Joint, command: Any, rate: Scalar, effectiveness: Scalar = 1) -> Any:
     """Torque (N m) or force (N) on the joint: the limited command, less viscous and smooth Coulomb friction.
 
     ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
@@ -27,7 +27,7 @@ def limited_effort(joint: Joint, command: Any) -> Any:
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
-def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
+def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Any:
     """Joint friction: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
 
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
@@ -35,7 +35,7 @@ def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
     return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))
 
 
-def stop_force(joint: Joint, position: Any, rate: Any) -> Any:
+def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Any:
     """Torque or force of the stops at a joint's limits, N m or N; a structural 0 without stops.
 
     k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
@@ -77,23 +77,23 @@ class Drive:
         """The numbers from which a very short ``largest_step`` follows, in words; empty where that is a field."""
         return ""
 
-    def start(self, position: Any) -> Any:
+    def start(self, position: Scalar) -> Any:
         """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
         return ()
 
-    def begin(self, position: Any, setpoint: Any, dt: float) -> Any:
+    def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Any:
         """First memory of a drive that needs more inputs: the setpoint before the first command, the period (s)."""
         return self.start(position)
 
-    def steady_memory(self, memory: Any, position: Any, setpoint: Any) -> Any:
+    def steady_memory(self, memory: Any, position: Scalar, setpoint: Scalar) -> Any:
         """A memory like ``memory``, of a drive that received its setpoint long ago: initial state of its model."""
         return memory
 
-    def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+    def advance(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
         """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
         return memory
 
-    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
         """Torque (N m) or force (N) on the joint."""
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
 
@@ -101,11 +101,11 @@ class Drive:
         """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
         return math.inf
 
-    def standing(self, effort: Any, position: Any) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Any:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
         return position
 
-    def setpoint(self, memory: Any, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+    def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
         """The setpoint with which the drive gives an effort, by which torque laws fly it.
 
         The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
@@ -119,11 +119,11 @@ class TorqueDrive(Drive):
 
     takes: ClassVar[str] = "N m or N"
 
-    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
         """The setpoint itself."""
         return setpoint
 
-    def standing(self, effort: Any, position: Any) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Any:
         """The torque that holds the arm."""
         return effort
 
@@ -152,25 +152,25 @@ class LaggedTorque(TorqueDrive):
     def __post_init__(self) -> None:
         accept_fields(self, "lagged_torque")
 
-    def start(self, position: Any) -> LaggedTorqueMemory:
+    def start(self, position: Scalar) -> LaggedTorqueMemory:
         """No torque yet."""
         return LaggedTorqueMemory(0.0, 0.0)
 
-    def begin(self, position: Any, setpoint: Any, dt: float) -> LaggedTorqueMemory:
+    def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> LaggedTorqueMemory:
         """The torque that has held the joint before the first command."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
-    def steady_memory(self, memory: LaggedTorqueMemory, position: Any, setpoint: Any) -> LaggedTorqueMemory:
+    def steady_memory(self, memory: LaggedTorqueMemory, position: Scalar, setpoint: Scalar) -> LaggedTorqueMemory:
         """The setpoint itself."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
-    def advance(self, memory: LaggedTorqueMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+    def advance(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
         """The lag of one period, exactly: from the torque at its begin, towards a setpoint that is held."""
-        share: Any = dt / self.time_constant
+        share: Scalar = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint
         return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))
 
-    def effort(self, memory: LaggedTorqueMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+    def effort(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
         """Mean torque of the period."""
         return memory.mean

@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.vehicle.check import VehicleError
@@ -23,13 +24,13 @@ class HoverTrim:
         thrust: N, the vehicle's weight. efforts: joint torques that hold the arm.
     """
 
-    speeds: tuple[Any, ...]
-    squared: tuple[Any, ...]
-    thrust: Any
-    efforts: tuple[Any, ...]
+    speeds: tuple[Scalar, ...]
+    squared: tuple[Scalar, ...]
+    thrust: Scalar
+    efforts: tuple[Scalar, ...]
 
 
-def hover_trim(vehicle: Vehicle, joints: tuple[Any, ...], gravity: Any) -> HoverTrim:
+def hover_trim(vehicle: Vehicle, joints: tuple[Scalar, ...], gravity: Scalar) -> HoverTrim:
     """Rotor speeds and joint torques of a level, motionless vehicle with its arm at ``joints``."""
     still = (0.0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
@@ -65,7 +66,7 @@ class TimeAloft:
     voltage: float
 
 
-def time_aloft(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[Any] = ()) -> TimeAloft:
+def time_aloft(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[Scalar] = ()) -> TimeAloft:
     """Endurance of a level, motionless vehicle in hover on its battery with its arm at ``joints`` (zero if left out).
 
     The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the

@@ -35,18 +35,18 @@ ENDLESS = 1e100
 class Bound:
     """Bounds of the yaw torque, N m: from ``low`` + ``slope`` f to ``high`` + ``slope`` f, f the thrust in N."""
 
-    low: Any
-    high: Any
-    slope: Any
+    low: Scalar
+    high: Scalar
+    slope: Scalar
 
 
 def yaw_bounds(
-    taken: Sequence[Any],
-    per_newton: Sequence[Any],
-    per_turn: Sequence[Any],
-    highest: Sequence[Any],
+    taken: Sequence[Scalar],
+    per_newton: Sequence[Scalar],
+    per_turn: Sequence[Scalar],
+    highest: Sequence[Scalar],
     wanted: Any,
-    slack: Any,
+    slack: Scalar,
 ) -> list[Bound]:
     """Bounds of the yaw torque by its demand and by each rotor.
 
@@ -58,7 +58,7 @@ def yaw_bounds(
         wanted: yaw torque, N m.
         slack: N m, by which it may be missed beyond nothing.
     """
-    largest: Any = 0.0
+    largest: Scalar = 0.0
     for each in per_turn:
         largest = maximum(largest, absolute(each))
     least = mul(SMALL, largest)
@@ -72,8 +72,8 @@ def yaw_bounds(
 
 def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
     """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
-    low: Any = -ENDLESS
-    high: Any = ENDLESS
+    low: Scalar = -ENDLESS
+    high: Scalar = ENDLESS
     for i, under in enumerate(bounds):
         for j, over in enumerate(bounds):
             if i == j:
@@ -86,7 +86,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
     return minimum(maximum(wanted, low), high)
 
 
-def nearest_yaw(bounds: Sequence[Bound], thrust: Any, wanted: Any) -> Any:
+def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Any) -> Any:
     """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
@@ -139,7 +139,7 @@ class Mixer:
     ] = ()
 
 
-def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Any]]:
+def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Scalar]]:
     """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed.
 
     ``sideways`` adds the rows of force along body x and y.
@@ -152,7 +152,7 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Any
     return [[column[row] for column in columns] for row in range(6 if sideways else 4)]
 
 
-def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Any = 0.0) -> Mixer:
+def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Scalar = 0.0) -> Mixer:
     """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix; ``sideways`` of all its six rows.
 
     Raises:
@@ -177,7 +177,7 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
     return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
 
 
-def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
+def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
     """Concrete layouts must reach torque about three axes and thrust, or all of a wrench, independently."""
     if not concrete(*(entry for row in A for entry in row)):
         return
@@ -204,7 +204,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
         )
 
 
-def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
+def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
     """Every rotor must speed up with thrust: the priority policy makes room for torque by moving the thrust."""
     if not concrete(*per_newton):
         return
@@ -216,7 +216,9 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
             )
 
 
-def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+def mix(
+    mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
     """Rotor speeds (rad/s) for a body torque (N m), a thrust along body z and a force across it (N).
 
     A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
@@ -232,7 +234,7 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 
-def _prioritize(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
+def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...]:
     """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
 
     1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
@@ -253,7 +255,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
-def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
+def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Scalar], yaw: Scalar, thrust: Scalar) -> tuple[Scalar, ...]:
     """Squared speeds within [0, highest] in addition to roll and pitch: thrust first, then yaw torque."""
     per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
     room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
@@ -266,7 +268,7 @@ def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any)
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
-def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> Any:
+def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Any:
     """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
 
     Rotor i asks for thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
@@ -274,7 +276,7 @@ def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequenc
     """
     d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]
     e = [divide(top, slope) for top, slope in zip(highest, per_newton, strict=True)]
-    share: Any = 1.0
+    share: Scalar = 1.0
     for j, d_j in enumerate(d):
         for i, d_i in enumerate(d):
             if i != j:
@@ -283,7 +285,9 @@ def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequenc
     return share
 
 
-def _thrust_range(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> tuple[Any, Any]:
+def _thrust_range(
+    tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]
+) -> tuple[Scalar, Scalar]:
     """Smallest and largest thrust (N) with 0 <= tilt_i + thrust per_newton_i <= highest_i for all i."""
     low: Any = None
     high: Any = None
@@ -294,9 +298,9 @@ def _thrust_range(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Seque
     return low, high
 
 
-def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequence[Any]) -> Any:
+def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Any], highest: Sequence[Scalar]) -> Any:
     """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
-    share: Any = 1.0
+    share: Scalar = 1.0
     for value, change, top in zip(fixed, wanted, highest, strict=True):
         up, down = divide(top - value, change), divide(0.0 - value, change)
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
@@ -304,7 +308,9 @@ def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequenc
     return share
 
 
-def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: Sequence[Any]) -> tuple[Any, ...]:
+def _with_side(
+    mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Squared speeds with the largest share of a force across body z that fits.
 
     It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
@@ -312,8 +318,8 @@ def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: S
     """
     if mixer.policy == "clip":
         return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
-    low: Any = 0.0
-    high: Any = 1.0
+    low: Scalar = 0.0
+    high: Scalar = 1.0
     for value, change, top in zip(raw, side, mixer.highest, strict=True):
         to_zero, to_top = divide(0.0 - value, change), divide(top - value, change)
         inside = logical_and(value >= 0.0, value <= top)

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Rotor
 
 
-def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
+def speed_after(rotor: Rotor, speed: Scalar, command: Any, dt: Scalar) -> Any:
     """Rotor speed (rad/s) after ``dt`` seconds of a held command: the asymmetric first-order lag solved exactly.
 
     The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
@@ -25,13 +25,15 @@ def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
     return target + (speed - target) * where(target > speed, rising, falling)
 
 
-def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+def speeds_after(
+    rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Any], dt: Scalar
+) -> tuple[Scalar, ...]:
     """Speeds (rad/s) of all rotors after ``dt`` seconds of held commands."""
     rows = zip(rotors, speeds, commands, strict=True)
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
 
-def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1) -> Force:
+def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3, effectiveness: Scalar = 1) -> Force:
     """Force of a rotor on the base: torque about and force at the base origin, base axes.
 
     Args:
@@ -47,7 +49,7 @@ def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1
 
 
 def rotor_forces(
-    rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3, rate: Vec3, effectiveness: Sequence[Any] = ()
+    rotors: Sequence[Rotor], speeds: Sequence[Scalar], velocity: Vec3, rate: Vec3, effectiveness: Sequence[Scalar] = ()
 ) -> Force:
     """Sum of :func:`rotor_force` over all rotors of a base.
 
@@ -78,7 +80,7 @@ Turning = tuple[Rotor, Any, Any]
 """A rotor, its speed (rad/s) and its effectiveness."""
 
 
-def _components(group: Sequence[Turning]) -> list[tuple[Any, ...]]:
+def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
     """All x, all y and all z of the rotors' positions."""
     return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
@@ -91,7 +93,7 @@ def _offset(position: Vec3, center: Vec3) -> Vec3:
 def _similar(a: Rotor, b: Rotor) -> bool:
     """Return True if two rotors have one axis and one set of coefficients."""
 
-    def numbers(rotor: Rotor) -> tuple[Any, ...]:
+    def numbers(rotor: Rotor) -> tuple[Scalar, ...]:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
         return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
 
@@ -99,7 +101,7 @@ def _similar(a: Rotor, b: Rotor) -> bool:
     return all(map(same, numbers(a), numbers(b)))
 
 
-def push(rotor: Rotor, speed: Any) -> Any:
+def push(rotor: Rotor, speed: Scalar) -> Any:
     """Thrust over the thrust coefficient, (rad/s)^2: the squared speed, or what the rotor's table has in its place."""
     return speed * speed if rotor.table is None else rotor.table.push(speed)
 
@@ -114,7 +116,7 @@ def _have_inertia(rotors: Sequence[Rotor]) -> bool:
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 
-def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], rate: Vec3) -> Vec3:
+def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Any], rate: Vec3) -> Vec3:
     """Torque on the base of rotors that turn faster or slower and whose spin is turned with the base, base axes, N m.
 
     The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction

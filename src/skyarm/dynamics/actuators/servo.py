@@ -82,7 +82,7 @@ class Servo(Drive):
                 if given in stated and name not in stated:
                     raise ValueError(f"{name}: must be stated beside {given}, which bounds the torque by it")
 
-    def bounds(self, rate: Any) -> tuple[Any, Any]:
+    def bounds(self, rate: Scalar) -> tuple[Scalar, Scalar]:
         """Least and largest torque (N m) or force (N) that motor and supply give at a joint's rate."""
         per_volt, counter = mul(self.gear, self.torque_constant), mul(mul(self.gear, self.torque_constant), rate)
         per_ampere = mul(per_volt, self.efficiency)
@@ -102,7 +102,7 @@ class Servo(Drive):
         """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
         return self.bounds(0.0)[1]
 
-    def start(self, position: Any) -> ServoMemory:
+    def start(self, position: Scalar) -> ServoMemory:
         """A loop that holds the joint where it is."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
 
@@ -124,12 +124,12 @@ class Servo(Drive):
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
-    def steady_memory(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
+    def steady_memory(self, memory: ServoMemory, position: Scalar, setpoint: Scalar) -> ServoMemory:
         """A loop that received its setpoint long ago."""
         waiting = (setpoint,) * len(memory.waiting)
         return ServoMemory(goal=self._loop_setpoint(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
-    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
+    def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> ServoMemory:
         """A loop that received its setpoint long ago; the latency sets how many more are on their way."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
@@ -137,7 +137,7 @@ class Servo(Drive):
         empty = ServoMemory(goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count)
         return self.steady_memory(empty, position, setpoint)
 
-    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+    def advance(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> ServoMemory:
         """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal, rounding = self._next_goal(memory.goal, received, dt), self._rounding(position)
@@ -145,28 +145,28 @@ class Servo(Drive):
         integral = self._integrate(memory, error, asked, rate, dt)
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
-    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+    def effort(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
         """Torque of the loop, within the bounds of motor and supply."""
         low, high = self.bounds(rate)
         return clip(self._loop(memory.goal, memory.integral, position + memory.rounding, rate)[1], low, high)
 
-    def _loop_setpoint(self, setpoint: Any) -> Any:
+    def _loop_setpoint(self, setpoint: Scalar) -> Any:
         """The setpoint as the loop holds it."""
         return setpoint
 
-    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
         """The goal after a period in which a setpoint arrived."""
         raise NotImplementedError
 
-    def _rounding(self, position: Any) -> Any:
+    def _rounding(self, position: Scalar) -> Any:
         """What the encoder's rounding adds to a position."""
         return 0.0
 
-    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+    def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         """Error of the loop, and the torque that its law gives without bounds."""
         raise NotImplementedError
 
-    def _arriving_setpoint(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
+    def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:
         """The setpoint that arrives in this period on average, and those still on their way."""
         count = len(memory.waiting)
         if count == 0:
@@ -176,7 +176,7 @@ class Servo(Drive):
         older, newer, share = seen[0], seen[1], clip(self.latency / dt - (count - 1), 0.0, 1.0)
         return newer + (older - newer) * share, seen[1:]
 
-    def _integrate(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
+    def _integrate(self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float) -> Any:
         """The integral after a period; it stands still while a bound holds the torque and the error would wind it up.
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
@@ -214,26 +214,26 @@ class PositionServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.damping), float(self.stiffness))
 
-    def _loop_setpoint(self, setpoint: Any) -> Any:
+    def _loop_setpoint(self, setpoint: Scalar) -> Any:
         return self._quantize(setpoint)
 
-    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
         step = mul(self.speed_limit, dt)
         return goal + clip(self._quantize(received) - goal, -step, step)
 
-    def _rounding(self, position: Any) -> Any:
+    def _rounding(self, position: Scalar) -> Any:
         return self._quantize(position) - position
 
-    def standing(self, effort: Any, position: Any) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Any:
         """Next to the joint, by the deflection of the loop's spring under the torque."""
         return position + divide(effort, self.stiffness)
 
-    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
         """The inverse of the loop's law, whose integral takes this period's error before it acts."""
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
-    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+    def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         error = goal - position
         return error, self.stiffness * error - self.damping * rate + self.integral * integral
 
@@ -260,17 +260,17 @@ class VelocityServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.gain), 0.0)
 
-    def _next_goal(self, goal: Any, received: Any, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
         return clip(received, -self.speed_limit, self.speed_limit)
 
-    def standing(self, effort: Any, position: Any) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Any:
         """The rate setpoint that gives the torque at a joint at rest."""
         return divide(effort, self.gain)
 
-    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
         """The inverse of the loop's law, whose integral takes this period's error before it acts."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
-    def _loop(self, goal: Any, integral: Any, position: Any, rate: Any) -> tuple[Any, Any]:
+    def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         error = goal - rate
         return error, add(mul(self.gain, error), mul(self.integral, integral))

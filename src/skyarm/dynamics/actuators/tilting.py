@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import (
+    Scalar,
     absolute,
     add,
     atan2,
@@ -41,7 +42,7 @@ FASTEST = 1e9
 """rad/s: the largest rate that is reckoned with."""
 
 
-def angle_after(tilt: Tilt, angle: Any, setpoint: Any, dt: Any) -> Any:
+def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Any:
     """Angle (rad) of a rotor's servo after ``dt`` seconds of a held setpoint.
 
     The rate is (setpoint - angle) / time_constant within +-max_rate: the angle moves at the largest rate until what is
@@ -57,13 +58,15 @@ def angle_after(tilt: Tilt, angle: Any, setpoint: Any, dt: Any) -> Any:
     return goal + mul(sign(error), maximum(left, 0.0))
 
 
-def angles_after(vehicle: Vehicle, angles: Sequence[Any], setpoints: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+def angles_after(
+    vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar
+) -> tuple[Scalar, ...]:
     """Angles (rad) of all servos of a vehicle after ``dt`` seconds of held setpoints."""
     rows = zip(vehicle.tilts, angles, setpoints, strict=True)
     return tuple(angle_after(tilt, angle, setpoint, dt) for tilt, angle, setpoint in rows)
 
 
-def turned_rotor(rotor: Rotor, angle: Any) -> Rotor:
+def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
     """A rotor with its axis at the angle of its servo: n cos a + (t x n) sin a, with t across n."""
     if rotor.tilt is None:
         return rotor
@@ -71,7 +74,7 @@ def turned_rotor(rotor: Rotor, angle: Any) -> Rotor:
     return dataclasses.replace(rotor, axis=axis, tilt=None)
 
 
-def turn_rotors(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
+def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
     """The vehicle with its rotors' axes where the servos hold them; the same record where none tilts."""
     if not vehicle.tilts:
         return vehicle
@@ -95,11 +98,11 @@ WIDEST = math.pi / 4.0
 class Force:
     """A rotor's part of a wrench: squared speed, (rad/s)^2, and angle, rad."""
 
-    push: Any
-    angle: Any
+    push: Scalar
+    angle: Scalar
 
 
-def ends(tilt: Tilt) -> tuple[Any, Any]:
+def ends(tilt: Tilt) -> tuple[Scalar, Scalar]:
     """Angles of the two axes of a rotor's pair, rad: the servo's range within +-WIDEST."""
     return maximum(tilt.lower, -WIDEST), minimum(tilt.upper, WIDEST)
 
@@ -138,7 +141,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     return found
 
 
-def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Any], angles: Sequence[Any]) -> tuple[Any, ...]:
+def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Speeds (rad/s) of the pairs that push as the rotors do; an angle beyond an end counts as that end."""
     found: list[Any] = []
     left = iter(angles)
@@ -153,7 +156,7 @@ def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Any], angles: Sequence[An
     return tuple(found)
 
 
-def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Any]) -> tuple[Force, ...]:
+def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Force, ...]:
     """Squared speed and angle of every rotor for speeds (rad/s) of the pairs; the angle of a fixed one is 0."""
     found, left = [], iter(speeds)
     for rotor in vehicle.rotors:

@@ -72,7 +72,7 @@ class Network:
     scales: Annotated[tuple[Scalar, ...], Unit("", "of the outputs: N and N m, base axes, then joint torques")]
     limits: Annotated[tuple[Scalar, ...], Unit("", "largest magnitude of each output, in its unit")]
 
-    def __call__(self, inputs: Sequence[Any]) -> tuple[Any, ...]:
+    def __call__(self, inputs: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """Outputs within their limits."""
         values = [mul(sub(x, m), f) for x, m, f in zip(inputs, self.means, self.factors, strict=True)]
         for i, layer in enumerate(self.layers):
@@ -84,7 +84,7 @@ class Network:
         )
 
 
-def _affine(row: Sequence[Any], values: Sequence[Any], offset: Any) -> Any:
+def _affine(row: Sequence[Scalar], values: Sequence[Any], offset: Scalar) -> Any:
     total = offset
     for w, x in zip(row, values, strict=True):
         total = add(total, mul(w, x))
@@ -186,7 +186,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
     return tuple(f"{group} {part}" for group, parts in groups.items() for part in parts)
 
 
-def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Any, ...]:
+def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Scalar, ...]:
     """The network's inputs; accelerations are those of the filtered velocities, HISTORY (x - filtered x)."""
     m, R = measurement, measurement.quaternion.rotation()
     new = history.started < 0.5
@@ -208,18 +208,18 @@ def features(measurement: Measurement, reference: Reference, history: History) -
     )
 
 
-def _velocities(measurement: Measurement) -> tuple[Any, ...]:
+def _velocities(measurement: Measurement) -> tuple[Scalar, ...]:
     return (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
 
 
-def with_motion(history: History, measurement: Measurement, dt: Any) -> History:
+def with_motion(history: History, measurement: Measurement, dt: Scalar) -> History:
     """History with a measurement in it."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
     return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
-def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) -> History:
+def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
     """History with the command in it that was sent after its last measurement; as it is before the first."""
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
@@ -233,7 +233,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) 
     )
 
 
-def _filter_values(new: Any, filtered: Any, values: Any, dt: Any) -> tuple[Any, ...]:
+def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
     """Values through the filter, which starts at the first of them."""
     share = 1.0 - exp(mul(-HISTORY, dt))
     return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
@@ -260,7 +260,7 @@ class LearnedMemory:
 
 
 def learned_compensator(
-    memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: LearnedParameters
+    memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: LearnedParameters
 ) -> tuple[LearnedMemory, Command]:
     """The paper's computed torque, less the network's estimate of what the model lacks.
 

@@ -50,7 +50,7 @@ class Contact:
     damping: Scalar
 
 
-def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: tuple[Any, ...]) -> Vec3:
+def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: tuple[Scalar, ...]) -> Vec3:
     """Acceleration of the tip, m/s^2, world axes, from those of base (world, base axes) and joints."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
@@ -68,11 +68,11 @@ def tip_velocity(model: Model, state: State) -> Vec3:
 def under_contact(
     model: Model,
     state: State,
-    efforts: tuple[Any, ...],
+    efforts: tuple[Scalar, ...],
     disturbance: Disturbance,
-    dry_rates: tuple[Any, ...] | None,
+    dry_rates: tuple[Scalar, ...] | None,
     contact: Contact | tuple[()],
-) -> tuple[Disturbance, Any]:
+) -> tuple[Disturbance, Scalar]:
     """The disturbance with the surface's force in it, and that force (N); unchanged and 0 without contact.
 
     Args:
@@ -150,7 +150,7 @@ class Weights:
     force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
 
 
-def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Any, ...]:
+def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Scalar, ...]:
     """Weighted errors of a state.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
@@ -184,7 +184,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
     return tuple(found)
 
 
-def given_way(vehicle: Vehicle, joints: tuple[Any, ...], tilt: Vec3) -> tuple[Any, ...]:
+def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
     """Joints whose first ones take back a tilt of the base (body axes, sine): what follows keeps its own angle."""
     return tuple(
         sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
@@ -194,7 +194,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Any, ...], tilt: Vec3) -> tuple[An
 
 def input_residuals(
     model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
-) -> tuple[Any, ...]:
+) -> tuple[Scalar, ...]:
     """Weighted costs of the inputs.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
@@ -204,13 +204,15 @@ def input_residuals(
     pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
     _, _, found = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
     arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
-    pressed: tuple[Any, ...] = ()
+    pressed: tuple[Scalar, ...] = ()
     if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
     return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)
 
 
-def predict_stage(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Any) -> State:
+def predict_stage(
+    model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Scalar
+) -> State:
     """State after a stage of ``dt`` seconds, the surface's force at its beginning held over it."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
     return integrate_stage(model, state, inputs, pushed, dt, goal.joint_rates)

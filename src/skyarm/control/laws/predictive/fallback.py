@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Motion, Vec3
-from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
+from skyarm.algebra.scalars import Scalar, atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
@@ -164,7 +164,7 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
     return (*speeds, *limit_efforts(par, efforts))
 
 
-def _near(yaw: Any, heading: Any) -> Any:
+def _near(yaw: Scalar, heading: Scalar) -> Any:
     """A yaw (rad) no further than :data:`TURN` from the heading, on its shorter side.
 
     The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
@@ -174,7 +174,7 @@ def _near(yaw: Any, heading: Any) -> Any:
     return heading + maximum(-TURN, minimum(off, TURN))
 
 
-def _climbable(force: Vec3, gravity: Any) -> Vec3:
+def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
     """A specific force (m/s^2, world axes) with a share of gravity upwards at least, and no further from the vertical.
 
     Rotors that carry nothing have no torque to give, and a thrust that lies down does not come up again.

@@ -17,7 +17,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +53,7 @@ class Bandwidths:
     joints: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
 
 
-def predict(model: Model, estimate: Estimate, command: Command, dt: Any) -> State:
+def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> State:
     """State ``dt`` seconds later under a held command, whose rotors lag."""
     state = estimate.state
     after = motor_speeds(model, state.rotor_speeds, command, dt)
@@ -64,7 +64,7 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Any) -> Stat
 
 
 def observe(
-    model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Any
+    model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Scalar
 ) -> Estimate:
     """Estimate at a measurement from the one a period earlier and the command that acted in between.
 

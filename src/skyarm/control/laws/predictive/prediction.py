@@ -36,10 +36,10 @@ class Inputs:
 def accelerations(
     model: Model,
     state: State,
-    efforts: tuple[Any, ...],
+    efforts: tuple[Scalar, ...],
     disturbance: Disturbance,
-    dry_rates: tuple[Any, ...] | None = None,
-) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    dry_rates: tuple[Scalar, ...] | None = None,
+) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
     """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a disturbance.
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
@@ -59,7 +59,7 @@ def accelerations(
 
 
 def base_accelerations(
-    model: Model, state: State, joint_accelerations: tuple[Any, ...], disturbance: Disturbance
+    model: Model, state: State, joint_accelerations: tuple[Scalar, ...], disturbance: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
     vehicle, R = model.vehicle, state.quaternion.rotation()
@@ -82,7 +82,9 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
     return applied
 
 
-def slope_of(state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Any, ...]) -> State:
+def slope_of(
+    state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
+) -> State:
     """Time derivative of the state, part by part, from the accelerations of base and joints."""
     return State(
         position=state.velocity,
@@ -95,7 +97,7 @@ def slope_of(state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_ac
     )
 
 
-def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, dt: Any) -> State:
+def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, dt: Scalar) -> State:
     """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
 
     Source: Kutta 1901.
@@ -112,8 +114,8 @@ def integrate_stage(
     state: State,
     inputs: Inputs,
     disturbance: Disturbance,
-    dt: Any,
-    dry_rates: tuple[Any, ...] | None = None,
+    dt: Scalar,
+    dry_rates: tuple[Scalar, ...] | None = None,
 ) -> State:
     """State after a stage of ``dt`` seconds: efforts at its beginning, from there on the joint accelerations they give.
 
@@ -129,7 +131,7 @@ def integrate_stage(
     return _runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
 
 
-def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:
+def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
     """One step of the classical Runge-Kutta method, its first slope known."""
     k2 = slope(euler_step(state, k1, 0.5 * dt))
     k3 = slope(euler_step(state, k2, 0.5 * dt))
@@ -142,7 +144,7 @@ def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], 
     return rebuild(state, iter(values))
 
 
-def euler_step(state: State, rate: State, dt: Any) -> State:
+def euler_step(state: State, rate: State, dt: Scalar) -> State:
     """Return state + dt * rate, number by number."""
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
@@ -165,7 +167,7 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
     return Motors(up, down, np.array([float(rotor.max_speed) for rotor in rotors]))
 
 
-def command_for(lags: Motors, speed: Any, acceleration: Any, dt: Any) -> Any:
+def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:
     """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
     change = acceleration * dt
     wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))

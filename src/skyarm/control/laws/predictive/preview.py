@@ -11,13 +11,12 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import cos, sin
+from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
@@ -152,7 +151,7 @@ def goals(motion: Array, shift: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def shift(vehicle: Vehicle, thrust: Vec3, yaw: Any, joints: tuple[Any, ...]) -> Vec3:
+def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> Vec3:
     """Way of the base, m, world axes.
 
     Args:

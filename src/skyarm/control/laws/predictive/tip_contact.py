@@ -59,19 +59,19 @@ class Touch:
     """
 
     normal: tuple[Any, ...]
-    asked: Any
-    touching: Any
-    rising: Any
-    share: Any
-    force: Any
-    damping: Any
-    shift: Any
+    asked: Scalar
+    touching: Scalar
+    rising: Scalar
+    share: Scalar
+    force: Scalar
+    damping: Scalar
+    shift: Scalar
     shift_rate: Any
-    gap: Any
-    speed: Any
-    free: tuple[Any, ...]
-    pressed: tuple[Any, ...]
-    tip_force: tuple[Any, ...]
+    gap: Scalar
+    speed: Scalar
+    free: tuple[Scalar, ...]
+    pressed: tuple[Scalar, ...]
+    tip_force: tuple[Scalar, ...]
 
 
 class TipContact:

@@ -21,7 +21,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import atan2, clip, cos, divide, maximum, mul, neg, sin
+from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, mul, neg, sin
 from skyarm.control.blocks.common import make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker
@@ -83,7 +83,7 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
     return alpha
 
 
-def rate_matrices(phi: Any, theta: Any) -> tuple[Mat3, Mat3]:
+def rate_matrices(phi: Scalar, theta: Scalar) -> tuple[Mat3, Mat3]:
     """Q of w_B = Q [phi', theta', psi'], and its inverse, singular at a pitch of 90 degrees.
 
     Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
@@ -94,7 +94,7 @@ def rate_matrices(phi: Any, theta: Any) -> tuple[Mat3, Mat3]:
     return Q, Mat3(Vec3(1, mul(s_over, st), mul(c_over, st)), Vec3(0, cp, neg(sp)), Vec3(0, s_over, c_over))
 
 
-def rate_matrix_rate(phi: Any, theta: Any, rates: Vec3) -> Mat3:
+def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
     """dQ/dt under rates of the Euler angles, rad/s."""
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))

@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
 from skyarm.control.law_maker import law_maker
@@ -64,7 +65,7 @@ def guo_center_of_inertia(
     return memory, command
 
 
-def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Any) -> Vec3:
+def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec3:
     """Rotor torque about the base origin that turns the locked body about its centre of mass."""
     torque: Vec3 = J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
     return torque

@@ -125,7 +125,9 @@ def indi(
     ), command
 
 
-def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Any) -> tuple[Any, ...]:
+def _speeds(
+    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
+) -> tuple[Scalar, ...]:
     """Rotor speeds, measured or modelled; the model starts at the measured ones and is as late as a measurement."""
     if par.measured_speeds:
         return measurement.rotor_speeds
@@ -138,8 +140,8 @@ def _filter_signals(
     measurement: Measurement,
     R: Mat3,
     speeds: tuple[Any, ...],
-    hold: tuple[Any, ...],
-    dt: Any,
+    hold: tuple[Scalar, ...],
+    dt: Scalar,
     par: IndiParameters,
     first: Any,
 ) -> tuple[tuple[Taps, ...], list[Any]]:
@@ -162,7 +164,7 @@ def _filter_signals(
 def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
     """Commands of the last periods with the newest behind; before the first one rotors and arm were held."""
 
-    def begun(hold: tuple[Any, ...], old: tuple[Any, ...]) -> tuple[Any, ...]:
+    def begun(hold: tuple[Scalar, ...], old: tuple[Any, ...]) -> tuple[Scalar, ...]:
         return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))
 
     past = (

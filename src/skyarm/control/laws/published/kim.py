@@ -77,13 +77,15 @@ class SlidingMemory:
     applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
 
 
-def sliding_rates(stiffness: Any, damping: Any) -> tuple[Any, Any]:
+def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
     """Lambda <= K with K + Lambda = kd and K Lambda = kp; both kd / 2 where no real pair exists."""
     spread = sqrt(maximum(damping * damping - 4.0 * stiffness, 0.0))
     return 0.5 * (damping - spread), 0.5 * (damping + spread)
 
 
-def reached(error: Any, rate: Any, kp: Any, kd: Any, group: int, par: SlidingParameters) -> tuple[Any, Any, Any]:
+def reached(
+    error: Scalar, rate: Scalar, kp: Scalar, kd: Scalar, group: int, par: SlidingParameters
+) -> tuple[Scalar, Scalar, Scalar]:
     """Sliding variable of one coordinate; linear part and push of the acceleration that reaches and keeps s = 0."""
     slope, gain = sliding_rates(kp, kd)
     s = rate + slope * error
@@ -107,7 +109,7 @@ def kim_sliding_mode(
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapt(delta: Any, s: Any, group: int, inside: Any) -> Any:
+    def adapt(delta: Scalar, s: Scalar, group: int, inside: Any) -> Any:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 
@@ -123,7 +125,7 @@ def kim_sliding_mode(
 
 def _translation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
-) -> tuple[list[Any], Vec3]:
+) -> tuple[list[Scalar], Vec3]:
     """Sliding variables and desired specific force, world axes."""
     per_mass = divide(1.0, par.model.vehicle.mass)
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
@@ -135,7 +137,7 @@ def _translation(
 
 def _rotation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3, par: SlidingParameters
-) -> tuple[list[Any], Vec3]:
+) -> tuple[list[Scalar], Vec3]:
     """Sliding variables and desired angular acceleration, base axes.
 
     Per axis the rates are those of its moment of inertia alone; the linear part is then turned as the PD law's torque
@@ -157,7 +159,7 @@ def _rotation(
 
 def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
-) -> tuple[list[Any], tuple[Any, ...]]:
+) -> tuple[list[Scalar], tuple[Scalar, ...]]:
     """Sliding variables and desired joint accelerations."""
     found, wanted = [], []
     for i in range(par.model.vehicle.n):

@@ -51,7 +51,7 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
-def adaptation(error: Any, rate: Any, dt: Any) -> Any:
+def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Any:
     """Piecewise-constant estimate -Phi^-1 mu of one channel from its prediction error, for the predictor rate -a.
 
     The error that sigma makes in one period from ztilde = 0 is e^(a dt) times itself: the next sigma cancels it.
@@ -148,13 +148,13 @@ def l1_adaptive(
     return following, command
 
 
-def _predictor_rates(par: L1Parameters) -> tuple[Any, ...]:
+def _predictor_rates(par: L1Parameters) -> tuple[Scalar, ...]:
     """Rate a of each channel of z, 1/s."""
     linear, angular, joints = par.predictor
     return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
 
 
-def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Any) -> tuple[Any, ...]:
+def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple[Any, ...]:
     """Zhat one period after the memory's measurement, by Euler's step as the authors take it."""
     vehicle, was, sent = par.model.vehicle, memory.measured, memory.sent
     speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
@@ -171,7 +171,7 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
 
-    def filter_within(old: Any, new: Any, bandwidth: Any, limits: Any) -> tuple[Any, ...]:
+    def filter_within(old: Any, new: Any, bandwidth: Scalar, limits: Any) -> tuple[Scalar, ...]:
         rows = zip(old, new, limits, strict=True)
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
