@@ -83,11 +83,11 @@ def make_task(
         raise ScenarioError(f"observation = {shown(observation)}: must have at least one quantity")
     if kind.asks_law:
         flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
-        if flown.path_time is not None or flown.pause is not None:
+        if flown.path_time is not None:
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None), pause=None)
+        flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None))
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm)
     if not rewarded:

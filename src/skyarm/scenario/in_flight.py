@@ -78,12 +78,12 @@ def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]
         fields = {name: getattr(found, name) for name in OF_REFERENCE[path]}
         return {"reference": dataclasses.replace(scenario.reference, **fields)}
     given, governor = tables.reference(value, scenario.plant, setting)
-    given |= {"path_time": None, "pause": None}
+    given["path_time"] = None
     if governor is not None:
         from skyarm.scenario.path_governor import with_governor
 
         governed = with_governor(dataclasses.replace(scenario, **given), governor, setting)
-        given |= {"path_time": governed.path_time, "pause": governed.pause}
+        given["path_time"] = governed.path_time
     return given
 
 

@@ -29,7 +29,6 @@ from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.governor.path_time import by_flight_time
-from skyarm.reference.governor.pause import PathPause
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Reference, Trajectory
@@ -91,7 +90,7 @@ def options_from(table: Any) -> GovernorOptions:
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     """The scenario with a planned time of its reference; without any where none is needed."""
-    bare = scenario.with_words(path_time=None, pause=options.pause)
+    bare = scenario.with_words(path_time=None)
     if bare.duration > LONGEST:
         allowed = f"must be left out of a flight of more than {LONGEST:g} s"
         raise ValueError(f"reference.governor: {allowed}")
@@ -202,8 +201,6 @@ class GovernorOptions:
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
         fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
-        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.governor.pause`); infinite
-            bounds never pause.
     """
 
     reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = 0.2
@@ -211,22 +208,11 @@ class GovernorOptions:
     turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, infinite=True)] = math.inf
     fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0, high=2.0)] = 1.0
-    pause_error: Annotated[Scalar, Unit("m", "of the tip, in flight", low=0.0, strict=True, infinite=True)] = math.inf
-    pause_thrust: Annotated[Scalar, Unit("", "of a rotor's largest", low=0.0, strict=True, infinite=True)] = math.inf
-    pause_acceleration: Annotated[float, Unit("1/s", "of the reference's time", low=0.0, strict=True)] = 0.5
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
         if self.tilt > 1.5:
             raise ValueError(f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5")
-        if 1.0 <= self.pause_thrust < math.inf:
-            raise ValueError(f"reference.governor.pause_thrust = {self.pause_thrust!r}: must be below 1")
-
-    @property
-    def pause(self) -> PathPause | None:
-        """The pause in flight; None without bounds for it."""
-        found = PathPause(error=self.pause_error, thrust=self.pause_thrust, acceleration=self.pause_acceleration)
-        return found if found.is_active else None
 
 
 class Limits:

@@ -147,7 +147,7 @@ def _check_reference(scenario: Scenario) -> None:
         if joined > scenario.duration:
             raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
     path = scenario.path_time
-    if scenario.reference.guards and not (path is None and scenario.pause is None):
+    if scenario.reference.guards and path is not None:
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
     if path is not None and path.duration < scenario.duration - 1e-9:
         raise ValueError(

@@ -29,7 +29,6 @@ from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
 from skyarm.reference import Trajectory
 from skyarm.reference.governor.path_time import PathTime
-from skyarm.reference.governor.pause import PathPause
 from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
@@ -280,7 +279,6 @@ class Agent:
         tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
             reference. An int of 0 is structure: the law tracks from the first instant.
         path_time: time scaling of the reference by a governor (:func:`skyarm.govern`); None for none.
-        pause: of a governor that slows the reference's time in flight; None for none.
         noise: of the full state. sensors: in addition to it.
         estimator: from all readings to the measurement that the law receives.
         drives: of joints whose setpoint is not the torque.
@@ -295,7 +293,6 @@ class Agent:
     reference: Trajectory
     tracking_start: Scalar = 0
     path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    pause: PathPause | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     noise: SensorNoise = PERFECT_SENSORS
     sensors: tuple[NamedSensor, ...] = ()
     estimator: Estimator = PASS_THROUGH
@@ -430,11 +427,6 @@ class Scenario:
     def path_time(self) -> PathTime | None:
         """Path governor of the agent."""
         return self.agent.path_time
-
-    @property
-    def pause(self) -> PathPause | None:
-        """Pause of the agent."""
-        return self.agent.pause
 
     @property
     def noise(self) -> SensorNoise:

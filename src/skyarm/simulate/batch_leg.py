@@ -31,7 +31,7 @@ from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import clock_of_change, is_other_reference, reference_clock
+from skyarm.simulate.reference_clock import Waits, clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
@@ -139,9 +139,9 @@ def make_counting_period(
         uniforms: tuple[Any, ...],
     ) -> tuple[tuple[LoopState, tuple[Any, ...]], Sample]:
         loop, totals = both
-        row = stages.clock.lead(loop.clock, loop.ticks, row)
+        row = stages.waits.lead(loop.clock, loop.ticks, row)
         if not goals:
-            free = stages.waits.reference(*stages.waits.instants(stages.clock.log_values(loop.clock, loop.ticks))[1])
+            free = stages.waits.reference(*stages.waits.instants(stages.waits.log_values(loop.clock, loop.ticks))[1])
             goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
         following, sample = period(loop, row, uniforms)
         state, command = sample.state, sample.command
@@ -275,7 +275,7 @@ class Leg:
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._lane_scenario(values)
             row, goals, inside = self._feed.read(varied, fed)
-            row = reference_clock(varied).lead(both[0].clock, both[0].ticks, row)
+            row = Waits(varied).lead(both[0].clock, both[0].ticks, row)
             period = make_counting_period(varied, substeps, options.wanted)
             following, sample = period(both, row, goals, inside, uniforms)
             wanted = row.reference.dense() if options.changing else row.reference

@@ -146,7 +146,7 @@ class EpisodeCode:
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
         """The first stages of a period, up to the law's measurement."""
         stages, plant, row = self._begin(numbers, fed)
-        row = stages.clock.lead(now.clock, now.ticks, row)
+        row = stages.waits.lead(now.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement
 
     @cached_property

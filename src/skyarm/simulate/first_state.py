@@ -17,7 +17,7 @@ from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
-from skyarm.simulate.reference_clock import reference_clock
+from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
 
@@ -41,7 +41,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     return LoopState(
         alive=1.0,
         ticks=0.0,
-        clock=reference_clock(scenario).first(),
+        clock=Waits(scenario).first(),
         state=state,
         memory=scenario.controller.memory,
         queue=(standing,) * commands_waiting(scenario),

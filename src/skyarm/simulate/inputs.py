@@ -17,7 +17,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.governor.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.reference_clock import PathClock, Waits, reference_clock
+from skyarm.simulate.reference_clock import PathClock, Waits
 
 Array = npt.NDArray[Any]
 
@@ -69,7 +69,7 @@ class EpisodeInputs:
     def told_reference(self) -> Reference | tuple[()]:
         """The governed reference as published and held, a record of arrays; empty without a governor."""
         path = self.scenario.path_time
-        if path is None or self.scenario.pause is not None:
+        if path is None:
             return ()
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
@@ -82,7 +82,7 @@ class EpisodeInputs:
     def path_time(self) -> Array | tuple[()]:
         """(steps,) time of the governed reference, s; empty without a governor."""
         path = self.scenario.path_time
-        return () if path is None or self.scenario.pause is not None else np.asarray(path.derivatives(self.times)[0])
+        return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> Row:
@@ -135,12 +135,7 @@ class EpisodeInputs:
         if isinstance(now.clock, PathClock):
             path_time = float(self.waits.path_time(now.clock))
             return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
-        led = reference_clock(self.scenario).lead(now.clock, now.ticks, fed)
-        if now.clock == ():
-            return fed
-        told: Any = led.told
-        time: Any = led.path_time
-        return dataclasses.replace(fed, told=told.dense(), path_time=float(time))
+        return fed
 
     @cached_property
     def goals(self) -> Array:

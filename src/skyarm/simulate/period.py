@@ -82,12 +82,12 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
     """
 
     def period(before: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:
-        row = stages.clock.lead(before.clock, before.ticks, row)
+        row = stages.waits.lead(before.clock, before.ticks, row)
         now = stages.check(before, row)
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read
         memory, command = stages.decide(now.memory, read.measurement, stages.law_reference(row), row.path_time)
-        clock = stages.clock.advance(now.clock, now.ticks, read.measurement, row, memory, command)
+        clock = stages.waits.advance(now.clock, now.ticks, read.measurement, row, memory)
         following = act(stages, plant, now, measured, memory, command, clock)
         sample = Sample(
             alive=following.alive,
@@ -97,7 +97,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
             readings=read.readings,
             wind=measured.wind,
             found=stages.found(memory),
-            led=stages.clock.log_values(now.clock, now.ticks),
+            led=stages.waits.log_values(now.clock, now.ticks),
         )
         return stages.keep(following, before), sample
 

@@ -1,15 +1,10 @@
-"""Clocks of the reference: phases with guards, and a pausing governor; both are states of the loop.
+"""Clock of a reference whose phases wait for guards: a state of the loop.
 
-The clock of phases counts control periods of the reference. It goes on with the flight's own, stands still at the
+It counts control periods of the reference, goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
 that may end early. Guards know what the law knows: the measurement, and the force that the law observes.
 
-The clock of a governor slows the law's reference down while the vehicle cannot follow. The rate r of the reference's
-time is to be r* (:class:`skyarm.reference.governor.pause.PathPause`), and follows it with a bounded acceleration a:
-a' = 4 k (clip(k (r* - r), -A, A) - a), a critically damped pair without overshoot: time never runs backwards. The law
-receives the reference's derivatives by the flight's time. The reference itself, and errors, go on with that time.
-
-Where no phase waits and nothing pauses the clock is ``()``: structure, without an operation.
+Where no phase waits the clock is ``()``: structure, without an operation.
 """
 
 from __future__ import annotations
@@ -22,23 +17,18 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import (
     Scalar,
-    clip,
-    divide,
     floor,
     logical_and,
     logical_not,
     logical_or,
-    maximum,
     minimum,
     sqrt,
     where,
 )
 from skyarm.control.law_estimates import observed_push
-from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import blend, leaves, mismatch
-from skyarm.reference.governor.path_time import by_flight_time, offset_reference
-from skyarm.reference.splines import uniform_curve
+from skyarm.reference.governor.path_time import offset_reference
 from skyarm.reference.task_records import Guard
 from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import PASSED, Reference
@@ -177,9 +167,7 @@ class Waits:
         """Columns of the clock in a log; () without a clock."""
         return () if clock == () else self.times(clock, ticks)
 
-    def advance(
-        self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, _command: Command
-    ) -> Any:
+    def advance(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any) -> Any:
         """The clock one control period later, from the law's measurement and memory."""
         if clock == ():
             return ()
@@ -360,115 +348,6 @@ def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
-QUICKNESS = 5.0
-"""1/s, with which the rate follows."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pace:
-    """Time of the reference, in control periods, and its derivatives by the flight's: 1, 1/s, 1/s^2."""
-
-    place: Scalar
-    rate: Scalar
-    acceleration: Scalar
-    jerk: Scalar
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PaceClock:
-    """The clock between two periods: the pace now, and that of the sample that is held; () where each is published."""
-
-    now: Pace
-    held: Pace | tuple[()]
-
-
-class Paces:
-    """A scenario's governor that pauses, over any scalar.
-
-    Args:
-        scenario: whose numbers may be traced.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._pause, self._trajectory = scenario.pause, scenario.reference
-        self._rate = float(scenario.rates.control)
-        self._ratio = scenario.rates.control // scenario.rates.reference
-        self._vehicle = scenario.controller.par.model.vehicle
-        path = scenario.path_time
-        self._path = None if path is None else uniform_curve([float(p) for p in path.points], 0.0, float(path.step))
-
-    def first(self) -> PaceClock:
-        """The clock before the first period."""
-        now = Pace(place=0.0, rate=1.0, acceleration=0.0, jerk=0.0)
-        return PaceClock(now=now, held=() if self._ratio == 1 else now)
-
-    def begun_at(self, ticks: Any) -> PaceClock:
-        """The clock of a reference that starts in a control period of the flight."""
-        first = self.first()
-        now = dataclasses.replace(first.now, place=ticks)
-        return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
-
-    def held_pace(self, clock: PaceClock, ticks: Any) -> Pace:
-        """The pace of the sample that holds in a period: taken in it where it publishes one."""
-        if not isinstance(clock.held, Pace):
-            return clock.now
-        held: Pace = blend(due(ticks, self._ratio), clock.now, clock.held)
-        return held
-
-    def lead(self, clock: PaceClock, ticks: Any, row: Row) -> Row:
-        """Inputs of a period, with the governed reference at its own clock."""
-        told = row.told or self.governed_reference(clock, ticks)
-        return dataclasses.replace(row, told=told, path_time=self.path_time(clock))
-
-    def log_values(self, clock: PaceClock, _ticks: Any) -> tuple[Any, ...]:
-        """Columns of the clock in a log."""
-        return (self.path_time(clock),)
-
-    def advance(
-        self, clock: PaceClock, ticks: Any, measurement: Measurement, row: Row, _memory: Any, command: Command
-    ) -> Any:
-        """The clock one control period later, from the law's measurement and memory."""
-        return self.following(clock, ticks, measurement, row.told, command)
-
-    def path_time(self, clock: PaceClock) -> Any:
-        """Time of the governed reference along its path, s."""
-        time = clock.now.place / self._rate
-        return time if self._path is None else self._path.derivatives(time)[0]
-
-    def governed_reference(self, clock: PaceClock, ticks: Any) -> Reference:
-        """Reference that the law receives."""
-        pace = self.held_pace(clock, ticks)
-        time = pace.place / self._rate
-        chain = (time, pace.rate, pace.acceleration, pace.jerk, 0)
-        if self._path is None:
-            return by_flight_time(self._trajectory.at(time), chain)
-        s = self._path.derivatives(time)
-        return by_flight_time(by_flight_time(self._trajectory.at(s[0]), s), chain)
-
-    def following(self, clock: PaceClock, ticks: Any, measurement: Measurement, told: Any, command: Command) -> Any:
-        """The clock one control period later."""
-        if self._pause is None:
-            raise AssertionError("a clock needs its bounds")
-        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
-        away = counted_error(tip - goal_of(self._vehicle, told).tool, told.push, tip)
-        share: Any = 0.0
-        for rotor, speed in zip(self._vehicle.rotors, command.rotor_speeds, strict=True):
-            part = divide(speed, rotor.max_speed)
-            share = maximum(share, part * part)
-        wanted = self._pause.rate(sqrt(away.dot(away)), share)
-        now, dt, most = clock.now, 1.0 / self._rate, self._pause.acceleration
-        jerk = 4.0 * QUICKNESS * (clip(QUICKNESS * (wanted - now.rate), -most, most) - now.acceleration)
-        acceleration = now.acceleration + jerk * dt
-        rate = clip(now.rate + acceleration * dt, 0.0, 1.0)
-        following = Pace(place=now.place + 0.5 * (now.rate + rate), rate=rate, acceleration=acceleration, jerk=jerk)
-        return PaceClock(now=following, held=() if self._ratio == 1 else self.held_pace(clock, ticks))
-
-
-def reference_clock(scenario: Scenario) -> Waits | Paces:
-    """The clock of a scenario's reference."""
-    return Waits(scenario) if scenario.pause is None else Paces(scenario)
-
-
 def due(ticks: Any, every: int) -> Any:
     """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
@@ -492,5 +371,5 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
     other = mismatch(first.clock, now.clock, "clock")
     if first.clock == () or not (anew or other):
         return ()
-    begun: Any = reference_clock(scenario).begun_at(now.ticks)
+    begun: Any = Waits(scenario).begun_at(now.ticks)
     return begun if other else blend(now.alive > 0.5, begun, now.clock)

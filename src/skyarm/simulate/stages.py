@@ -38,7 +38,7 @@ from skyarm.simulate.command_line import (
 )
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, stop
-from skyarm.simulate.reference_clock import PathClock, Waits, due, reference_clock
+from skyarm.simulate.reference_clock import PathClock, Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.world import Component, WindSample, effectiveness_at
@@ -69,7 +69,7 @@ class Stages:
         self.components = scenario.components
         self.sensors = scenario.all_sensors
         self.eventful = tuple(i for i, each in enumerate(self.components) if type(each).act is not Component.act)
-        self.waits, self.clock = Waits(scenario), reference_clock(scenario)
+        self.waits = Waits(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model

@@ -90,7 +90,6 @@ def hovering(scenario: Scenario) -> Scenario:
     return scenario.with_words(
         reference=still,
         path_time=None,
-        pause=None,
         duration=SETTLING,
         wind=NO_WIND,
         air=(),

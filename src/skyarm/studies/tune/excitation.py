@@ -243,7 +243,6 @@ def tuning_flight(
         found = found.with_words(
             reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle),
             path_time=None,
-            pause=None,
             duration=UNSEEN.stop if unseen else DURATION,
             windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )
