@@ -116,7 +116,6 @@ ATTACHED = b"""schema = 1
 name = "attached"
 airframe = "hexarotor_arm6"
 end_effector = "left_tip"
-repair = true
 mimic = "couple"
 [[attach]]
 arm = "gripper.urdf"

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from shared_programs import fly
-from simulate_flights import circling
+from simulate_flights import circling, document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.dynamics.actuators import Command
@@ -158,7 +158,7 @@ def running(joined: Any, plant: str = "rigid_body") -> Any:
     table = {
         "base": {"kind": "circle", "radius": 0.3, "frequency_hz": 0.08, "center": [0.0, 0.0, 1.0], "start": 0.01},
         "joints": [{"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.5, "start": 0.01}, 0.1],
-    } | ({} if joined is None else {"joined": joined})
+    } | ({} if joined is None else {"tracking_start": joined})
     return scenario_from(
         {
             "name": "running",
@@ -207,12 +207,14 @@ def test_a_law_that_joins_at_the_start_follows_from_the_first_instant() -> None:
 
 
 def test_the_instant_varies_by_path_with_the_bits_of_single_flights() -> None:
-    assert number_at(running(None), "reference.joined") == 0.0
-    assert with_numbers(running(None), {"reference.joined": 1.0}).tracking_start == 1.0
-    batch = Batch(running(None), ("reference.joined", "reference.joints.0.amplitude"), bit_exact=True)
-    flown = batch.fly({"reference.joined": np.array([0.0, 0.5, 1.0]), "reference.joints.0.amplitude": np.full(3, 0.2)})
-    alone_only = Batch(running(None), ("reference.joined",), bit_exact=True)
-    table = alone_only.fly({"reference.joined": np.array([0.0, 0.5, 1.0])})
+    assert number_at(running(None), "reference.tracking_start") == 0.0
+    assert with_numbers(running(None), {"reference.tracking_start": 1.0}).tracking_start == 1.0
+    batch = Batch(running(None), ("reference.tracking_start", "reference.joints.0.amplitude"), bit_exact=True)
+    flown = batch.fly(
+        {"reference.tracking_start": np.array([0.0, 0.5, 1.0]), "reference.joints.0.amplitude": np.full(3, 0.2)}
+    )
+    alone_only = Batch(running(None), ("reference.tracking_start",), bit_exact=True)
+    table = alone_only.fly({"reference.tracking_start": np.array([0.0, 0.5, 1.0])})
     for lane, joined in enumerate((0.0, 0.5, 1.0)):
         alone = ends(Batch(running(joined), bit_exact=True).fly({}))
         assert ends(flown, lane) == alone == ends(table, lane)
@@ -225,12 +227,21 @@ def test_a_session_hears_of_it_too() -> None:
     assert np.array_equal(session.log.position, run(running(1.0)).position)
 
 
+def test_the_old_word_of_the_start_of_tracking_is_read_with_a_warning() -> None:
+    assert number_at(running(1.0), "reference.tracking_start") == 1.0
+    with pytest.warns(DeprecationWarning, match=r"'reference.joined' is an old name: use 'reference.tracking_start'"):
+        assert number_at(running(1.0), "reference.joined") == 1.0
+    table = {**document(), "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joined": 0.1}}
+    with pytest.warns(DeprecationWarning, match=r"^reference.joined is an old name: use reference.tracking_start"):
+        assert scenario_from(table).tracking_start == 0.1
+
+
 @pytest.mark.parametrize(
     ("joined", "words"),
     [
-        (-1.0, r"reference\.joined = -1\.0: must be at least 0"),
-        ("now", r"reference\.joined = 'now': must be a finite number"),
-        (5.0, r"reference\.joined = 5\.0: must not exceed the duration of 2 s"),
+        (-1.0, r"reference\.tracking_start = -1\.0: must be at least 0"),
+        ("now", r"reference\.tracking_start = 'now': must be a finite number"),
+        (5.0, r"reference\.tracking_start = 5\.0: must not exceed the duration of 2 s"),
     ],
 )
 def test_a_wrong_instant_is_refused_in_one_line(joined: Any, words: str) -> None:

@@ -32,7 +32,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages, joined_reference
 
 VALUES = {
-    "reference.joined": (0.0, 0.06, 0.121, 0.2),
+    "reference.tracking_start": (0.0, 0.06, 0.121, 0.2),
     "delays.rotors": (0.0, 0.004, 0.0115, 0.005),
     "delays.joints": (0.003, 0.0, 0.0042, 0.005),
     "controller.friction_compensation.0": (0.0, 1.0, 0.7, 1.1),

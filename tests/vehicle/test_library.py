@@ -2,6 +2,8 @@
 
 import math
 import tomllib
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,6 @@ import pytest
 from skyarm.algebra import Sym3
 from skyarm.vehicle import VehicleError, check
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_tables import fields_of, source_covers
 
 NAMES = (
     "crazyflie_arm1",
@@ -26,6 +27,30 @@ NAMES = (
     "voliro_like",
 )
 FLYING = tuple(name for name in NAMES if name != "hummingbird_arm2")
+
+
+Step = tuple[str, bool]
+"""A key of a table, or the name of an array's entry (True)."""
+
+
+def fields_of(table: Any, above: tuple[Step, ...] = ()) -> Iterator[tuple[tuple[Step, ...], Any]]:
+    """Path and value of every field of a document that is no table; an array of numbers is one field."""
+    if isinstance(table, dict):
+        inner = [((key, False), each) for key, each in table.items() if above or key not in ("schema", "sources")]
+    elif isinstance(table, list) and table and isinstance(table[0], dict):
+        inner = [((str(each.get("name", i)), True), each) for i, each in enumerate(table)]
+    else:
+        yield above, table
+        return
+    for step, each in inner:
+        yield from fields_of(each, (*above, step))
+
+
+def source_covers(key: str, path: Sequence[Step]) -> bool:
+    """True if a key of ``[sources]`` covers the field at a path."""
+    parts = key.split(".")
+    full, unnamed = [text for text, _ in path], [text for text, is_name in path if not is_name]
+    return full[: len(parts)] == parts or unnamed[: len(parts)] == parts
 
 
 def without_source(document):

@@ -54,7 +54,6 @@ def test_a_hub_above_the_origins_plane_turns_about_the_level_part_of_its_arm(tmp
         ("max_rate = 6.0", "speed = 6.0", "rotor_defaults.tilt.speed"),
         ("max_rate = 6.0", "axis = [0.0, 0.0, 2.0]", r"rotors\[rotor0\].tilt.axis.*perpendicular"),
         ("position = [0.3, 0.0, 0.0]", "position = [0.0, 0.0, 0.2]", r"rotors\[rotor0\].tilt.axis = \(missing\)"),
-        ('"rotor_defaults.tilt" =', '"rotor_defaults.lean" =', "sources.rotor_defaults.lean"),
     ],
 )
 def test_what_no_servo_has_is_refused_in_one_line(tmp_path, old, new, line):

@@ -21,14 +21,13 @@ import pytest
 
 from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.vehicle.vehicle_files import carried_robots, load_vehicle, vehicle_of_text
+from skyarm.vehicle.vehicle_files import carried_robots, load_vehicle
 
 REASONS = {
     "equal to Pinocchio's parse": "",
     "root weighs nothing: it cannot float": r"base\.mass = 0\.0: must be greater than 0; its root",
     "an axis without inertia": r"must leave no axis without inertia",
     "a joint moves no mass": r"must move mass outward of it",
-    "inertia up to 10 % beyond the triangle: repair = true": r"triangle inequality.*'repair = true'",
     "inertia far beyond the triangle": r"must obey the triangle inequality|principal moments .*: must not be negative",
     "no link at all": r"must have at least one link",
     "a kind of joint that URDF has not": r"type = .*: must be one of revolute, continuous, prismatic, fixed",
@@ -73,20 +72,10 @@ def outcome(file: Path) -> str:
         said = str(error).removeprefix(f"{file}: ")
         if "\n" in said or not str(error).startswith(str(file)):
             return f"refused in another form: {said}"
-        named = next((name for name, says in REASONS.items() if says and re.search(says, said)), f"refused: {said}")
-        if named.endswith("repair = true"):
-            return named if repaired(file) else f"not repaired: {said}"
-        return named
+        return next((name for name, says in REASONS.items() if says and re.search(says, said)), f"refused: {said}")
+    if any("repaired" in note for note in vehicle.notes):
+        return "equal to Pinocchio's parse"
     return difference(vehicle, file.read_bytes().lstrip())
-
-
-def repaired(file: Path) -> bool:
-    """Whether the file loads with the repair that its refusal offers, or meets a reason of its own then."""
-    text = f'schema = 1\nname = "v"\nurdf = {str(file)!r}\nrepair = true\n'
-    try:
-        return any("repaired" in note for note in vehicle_of_text(text, file.parent / "v.toml").notes)
-    except VehicleError as error:
-        return "'repair = true'" not in str(error)
 
 
 def difference(vehicle: Vehicle, text: bytes) -> str:

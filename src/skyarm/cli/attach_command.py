@@ -36,7 +36,6 @@ def attach(
     tip: Annotated[str | None, typer.Option(help="the arm's frame or link that tasks mean; its last one")] = None,
     mimic: Annotated[str, typer.Option(help="joints that follow others: lock or couple")] = "lock",
     armature: Annotated[float, typer.Option(help="kg m^2, of the drives of the arm's revolute joints")] = 0.0,
-    repair: Annotated[bool, typer.Option("--repair", help="inertias a little beyond what a body has: nearest")] = False,
 ) -> None:
     """Put an arm on an airframe: write a vehicle file.
 
@@ -47,7 +46,7 @@ def attach(
     if written.suffix != ".toml":
         raise ValueError(f"--out = {shown(file)}: must end in .toml")
     document: dict[str, Any] = {"schema": 1, "name": written.stem, "airframe": _named_from(written, airframe)}
-    document |= {name: value for name, value in (("mimic", mimic), ("repair", repair)) if value not in ("lock", False)}
+    document |= {"mimic": mimic} if mimic != "lock" else {}
     alone = vehicle_of_text(toml_text(document), written)
     mount = {"to": to, "position": [*position], "rpy": [*rpy], "prefix": prefix, "armature": armature}
     table = {name: value for name, value in mount.items() if value not in ("", "base", 0.0, [0.0, 0.0, 0.0])}

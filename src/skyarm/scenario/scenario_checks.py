@@ -143,9 +143,11 @@ def _check_clocks_of_law(scenario: Scenario) -> None:
 def _check_reference(scenario: Scenario) -> None:
     """The law starts tracking within the flight, and a governor has planned for all of it."""
     if concrete(scenario.tracking_start):
-        joined = number(scenario.tracking_start, "reference.joined", low=0.0)
-        if joined > scenario.duration:
-            raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
+        start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
+        if start > scenario.duration:
+            raise ValueError(
+                f"reference.tracking_start = {start!r}: must not exceed the duration of {scenario.duration:g} s"
+            )
     path = scenario.path_time
     if scenario.reference.guards and path is not None:
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")

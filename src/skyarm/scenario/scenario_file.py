@@ -14,7 +14,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   without = ["coriolis", "coupling", "full_gravity", "feedforward"];
                   friction_compensation, rate_weights (one number a joint);
                   safety = true, or a table of limits (skyarm.control.safety.limits)
-    [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then;
+    [reference]   see skyarm.reference.reference_tables; tracking_start (s): until then the law gets that of t = 0;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
     [environment] wind (see skyarm.world.environment_tables), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],

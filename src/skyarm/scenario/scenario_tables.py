@@ -20,6 +20,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.fields import list_of_tables
+from skyarm.records.files.old_names import warn_of_old_name
 from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import known_names
@@ -295,17 +296,20 @@ def reference(
     table: Any, world: Truth, setting: Setting, folder: Path = Path()
 ) -> tuple[dict[str, Any], GovernorOptions | None]:
     """Trajectory and start of tracking of [reference], and the options of its governor, None for none."""
-    rest, governor, joined = table, None, 0
+    rest, governor, start = table, None, 0
     if isinstance(table, Mapping):
-        rest = {name: value for name, value in table.items() if name not in ("governor", "joined")}
-        if "joined" in table:  # s; left out, a structural 0: the law follows at once
-            joined = number(table["joined"], "reference.joined", low=0.0)  # type: ignore[assignment]
+        rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start", "joined")}
+        if "joined" in table:
+            warn_of_old_name("reference.joined", "reference.tracking_start")
+        for word in ("joined", "tracking_start"):  # s; left out, a structural 0: the law follows at once
+            if word in table:
+                start = number(table[word], f"reference.{word}", low=0.0)  # type: ignore[assignment]
         if table.get("governor", False) is not False:
             from skyarm.scenario.path_governor import options_from
 
             governor = options_from(table["governor"])
     trajectory = reference_from(_in_folder(rest, folder), world.vehicle.n, "reference", setting)
-    return {"reference": trajectory, "tracking_start": joined}, governor
+    return {"reference": trajectory, "tracking_start": start}, governor
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:

@@ -61,22 +61,26 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
     for name, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), inertia_com.entries, strict=True):
         if not math.isfinite(value):
             refuse(f"{field}.{name}", value, "must be a finite number")
-    import numpy as np
-
-    rows = [list(row) for row in inertia_com.full().rows]
-    moments = np.linalg.eigvalsh(np.array(rows, dtype=float)).tolist()
+    moments = principal_moments(inertia_com)
     slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
     shown = ", ".join(f"{m:.6g}" for m in moments)
-    hint = repair_hint(moments)
     if moments[0] < -slack:
-        refuse(field, f"principal moments {shown}", f"must not be negative{hint}")
+        refuse(field, f"principal moments {shown}", "must not be negative")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
         refuse(
             field,
             f"principal moments {shown}",
             "must obey the triangle inequality (no real body has this inertia; "
-            f"a controller's model may declare 'planar = true'){hint}",
+            "a controller's model may declare 'planar = true')",
         )
+
+
+def principal_moments(inertia_com: Sym3) -> list[float]:
+    """Principal moments of inertia, kg m^2, rising."""
+    import numpy as np
+
+    rows = [[float(each) for each in row] for row in inertia_com.full().rows]
+    return [float(each) for each in np.linalg.eigvalsh(np.array(rows))]
 
 
 def joint(field: str, value: Joint) -> None:
@@ -187,14 +191,6 @@ def excess(moments: Sequence[float]) -> float:
     return (c - a - b) / c if c > 0.0 else 0.0
 
 
-def repair_hint(moments: Sequence[float]) -> str:
-    """Hint of ``repair = true`` for an error where it helps; empty elsewhere."""
-    beyond = excess(moments)
-    if not 0.0 < beyond <= REPAIRABLE:
-        return ""
-    return f"; {100.0 * beyond:.2g} % beyond it: 'repair = true' in a vehicle file takes the nearest that a body has"
-
-
 def nearest_inertia(inertia: Sym3) -> Sym3:
     """The nearest inertia of a real body, kg m^2, about the same centre of mass in the same axes."""
     import numpy as np
@@ -209,36 +205,24 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
     return Sym3.from_numbers(*(0.0 if abs(each) <= size else each for each in entries))
 
 
-def with_real_inertias(bodies: RigidBodies, repair: bool) -> RigidBodies:
-    """Bodies whose inertias that are off by rounding, or with ``repair`` by a tenth, are the nearest real ones."""
+def with_real_inertias(bodies: RigidBodies) -> RigidBodies:
+    """Bodies whose inertias that no body has, by up to a tenth, are the nearest real ones, with notes."""
     notes: list[str] = []
-    base = _checked_body(f"link {bodies.root}", bodies.base, repair, notes)
-    links = tuple(
-        replace(link, body=_checked_body(f"link {link.name}", link.body, repair, notes)) for link in bodies.links
-    )
+    base = _checked_body(f"link {bodies.root}", bodies.base, notes)
+    links = tuple(replace(link, body=_checked_body(f"link {link.name}", link.body, notes)) for link in bodies.links)
     return replace(bodies, base=base, links=links, notes=(*bodies.notes, *notes)) if notes else bodies
 
 
-def _checked_body(name: str, body: Body, repair: bool, notes: list[str]) -> Body:
+def _checked_body(name: str, body: Body, notes: list[str]) -> Body:
     """A body and, in the notes, what was changed of it."""
-    import numpy as np
-
-    if body.planar:
+    if body.planar or not all(math.isfinite(float(entry)) for entry in body.inertia.entries):
         return body
-    rows = np.array([[float(each) for each in row] for row in body.inertia.full().rows])
-    if not np.all(np.isfinite(rows)):
-        return body
-    moments = np.linalg.eigvalsh(rows).tolist()
+    moments = principal_moments(body.inertia)
     beyond = moments[2] - moments[0] - moments[1]
-    if beyond <= TOLERANCE * max(abs(each) for each in moments):
-        return body
-    if beyond > NOISE and not (repair and 0.0 < excess(moments) <= REPAIRABLE):
+    if beyond <= TOLERANCE * max(map(abs, moments)) or (beyond > NOISE and not 0.0 < excess(moments) <= REPAIRABLE):
         return body
     found = replace(body, inertia=nearest_inertia(body.inertia))
-    if beyond <= NOISE:
-        notes.append(f"{name}: inertia of {max(map(abs, moments)):.1e} kg m^2 is rounding, and taken without it")
-        return found
-    now = np.linalg.eigvalsh(np.array([[float(each) for each in row] for row in found.inertia.full().rows]))
-    told = " -> ".join(", ".join(f"{each:.6g}" for each in of) for of in (moments, now.tolist()))
-    notes.append(f"{name}: inertia repaired, {100.0 * excess(moments):.2g} % beyond: principal moments {told} kg m^2")
+    now = ", ".join(f"{each:.6g}" for each in principal_moments(found.inertia))
+    words = "rounding of its inertia left out" if beyond <= NOISE else "inertia repaired"
+    notes.append(f"{name}: {words}: principal moments {', '.join(f'{each:.6g}' for each in moments)} -> {now} kg m^2")
     return found

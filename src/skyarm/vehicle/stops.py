@@ -30,41 +30,28 @@ DAMPING_RATIO = 0.5
 """Of the joint against its stop, at that depth."""
 
 
-def with_stops(
-    vehicle: Vehicle, own: Collection[str] = (), *, stiff: Collection[str] = (), damped: Collection[str] = ()
-) -> Vehicle:
+def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     """Vehicle whose limited joints have stops.
 
     The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the joint at ``SOFTEST`` to
-    ``USUAL``; if the effort would then press deeper than ``DEEPEST``, it holds it there, at up to ``STIFFEST``.
+    ``USUAL``; if the effort would then press deeper than ``DEEPEST``, it holds it there, at up to ``STIFFEST``. A
+    damping that the joint states stays.
 
     Args:
         vehicle: with concrete numbers.
-        own: names of joints that state their stops themselves, and be it none.
-        stiff: names of joints that state the stiffness of their stops (0: none); only the damping is chosen.
-        damped: names of joints that state the damping; only the stiffness is chosen.
+        own: names of joints that state the stiffness of their stops, and be it none.
     """
-    joints = [link.joint for link in vehicle.links]
-    wanted = [_has_limits(joint) and joint.name not in own and _needs_stops(joint, stiff, damped) for joint in joints]
+    wanted = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
     if not any(wanted):
         return vehicle
     import numpy as np
 
-    mobilities = joint_mobility(vehicle)
-    ease = np.max([np.diag(each) for each in mobilities], axis=0)
-    sound = [asked and math.isfinite(each) and each > 0.0 for asked, each in zip(wanted, ease.tolist(), strict=True)]
-    rows = zip(vehicle.links, ease.tolist(), sound, strict=True)
+    ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
     links = tuple(
-        dataclasses.replace(k, joint=_with_stops(k.joint, e, k.joint.name in damped)) if s else k for k, e, s in rows
+        dataclasses.replace(k, joint=_with_stops(k.joint, e)) if asked and math.isfinite(e) and e > 0.0 else k
+        for k, e, asked in zip(vehicle.links, ease, wanted, strict=True)
     )
     return dataclasses.replace(vehicle, links=links)
-
-
-def _needs_stops(joint: Joint, stiff: Collection[str], damped: Collection[str]) -> bool:
-    """True if a number of a joint's stops is to be chosen."""
-    if joint.name not in stiff:
-        return not joint.has_stops or joint.name in damped
-    return joint.name not in damped and float(joint.stop_stiffness) > 0.0
 
 
 def _has_limits(joint: Joint) -> bool:
@@ -80,11 +67,10 @@ def _stiffness(joint: Joint, ease: float) -> float:
     return max(usual, min(shallow / DEEPEST, STIFFEST**2 / ease))
 
 
-def _with_stops(joint: Joint, ease: float, damped: bool) -> Joint:
-    """A joint with stops, of its own stiffness if it has one, and with the damping that suits them, if it has none."""
-    effort = float(joint.effort_limit)
-    stiffness = float(joint.stop_stiffness) if joint.has_stops else _stiffness(joint, ease)
-    if damped:
+def _with_stops(joint: Joint, ease: float) -> Joint:
+    """A joint with stops, and with the damping that suits them if it has none."""
+    effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
+    if float(joint.stop_damping) > 0.0:
         return dataclasses.replace(joint, stop_stiffness=stiffness)
     depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
     damping = 2.0 * DAMPING_RATIO / (math.sqrt(stiffness * ease) * depth)

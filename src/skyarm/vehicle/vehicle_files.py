@@ -139,7 +139,7 @@ def plain_vehicle(path: Path) -> Vehicle:
     """A URDF or MJCF file as a vehicle without rotors."""
     from skyarm.vehicle.urdf import urdf_vehicle
 
-    return urdf_vehicle(with_real_inertias(read_rigid(path, "lock"), False))
+    return urdf_vehicle(with_real_inertias(read_rigid(path, "lock")))
 
 
 def _read(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Mat3
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import defaults
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields
 from skyarm.records.read_table import numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
@@ -32,9 +32,6 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
 
 MIMIC = ("lock", "couple")
 
-CLOSURES = ("closures", "closure", "loops", "loop", "loop_joints", "loop_closures", "constraints", "equality")
-"""Tables in which other formats describe closed chains: refused by that name."""
-
 ACTUATION = ("lower", "upper", *JOINT_NUMBERS)
 
 Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
@@ -52,10 +49,9 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         ValueError: one line with field, value and what is allowed.
     """
     top = Fields(dict(document), "", named=True)
-    _refuse_closures(top)
     if (schema := top.take("schema")) != 1 or isinstance(schema, bool):
         refuse("schema", schema, "must be 1")
-    mimic, repair = top.choice("mimic", MIMIC, "lock"), top.flag("repair", False)
+    mimic = top.choice("mimic", MIMIC, "lock")
     bodies, airframe = _bodies(top, refer, mimic)
     own = [link.joint.name for link in bodies.links] if airframe is None and not _source(top) else []
     drives = list(airframe.drives) if airframe else []
@@ -70,7 +66,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     for fields in _unique(top, "joints"):
         changes[fields.text("name")] = _actuation(fields)
         fields.done()
-    bodies = with_real_inertias(_override_joints(changes, bodies, own), repair)
+    bodies = with_real_inertias(_override_joints(changes, bodies, own))
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(_table(top, "drives"), "drives")
@@ -112,16 +108,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - known)
     if limits == "end":
         return made
-    stiff, damped = stating("stop_stiffness"), stating("stop_damping")
-    return with_stops(made, {*settled} - stiff - damped, stiff=stiff, damped=damped)
-
-
-def _refuse_closures(top: Fields) -> None:
-    links = top.table.get("links")
-    tables = [top, *(top.tables("links") if isinstance(links, list) else ())]
-    for fields in tables:
-        for word in (word for word in CLOSURES if word in fields.table):
-            refuse(fields.at(word), fields.table[word], "closed chains are not supported")
+    return with_stops(made, {*settled, *stating("stop_stiffness")})
 
 
 def _table(top: Fields, name: str) -> dict[str, Any]:
@@ -359,18 +346,7 @@ def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
 
 def _take_table(columns: dict[str, Any], values: dict[str, Any]) -> None:
     """Put a rotor's thrust table among its values, and the coefficients and the highest speed that follow from it."""
-    if not columns["speed"]:
-        if not columns["throttle"]:
-            allowed = (
-                "must be a column, rad/s; without it throttle must be one, and the rotor have a thrust_coefficient"
-            )
-            raise VehicleError(f"thrust_table.speed: is missing: {allowed}")
-        if "thrust_coefficient" not in values:
-            allowed = "must be a number, N s^2/rad^2, where thrust_table has no column speed: the speeds follow from it"
-            raise VehicleError(f"thrust_coefficient: is missing: {allowed}")
-        # a sheet without speeds: those of k_f W^2
-        columns["speed"] = tuple((thrust / values["thrust_coefficient"]) ** 0.5 for thrust in columns["thrust"])
-    elif "thrust_coefficient" in values:
+    if "thrust_coefficient" in values:
         refuse("thrust_coefficient", values["thrust_coefficient"], "must be left out: it follows from thrust_table")
     if columns["torque"] and "moment_coefficient" in values:
         refuse("moment_coefficient", values["moment_coefficient"], "must be left out: it follows from thrust_table")
@@ -407,38 +383,6 @@ def _with_limits_of_drives(
 
 
 def _sources(top: Fields) -> dict[str, str]:
-    """[sources]: texts by the dotted path of a field of the file, of which array entries may be left out."""
-    found = _table(top, "sources")
-    paths = [path for path, _ in fields_of(top.table)]
-    for key, text in found.items():
-        if not isinstance(text, str):
-            raise VehicleError(f"sources.{key} = {shown(text)}: must be text; sources must be a table of texts")
-        if not any(source_covers(key, path) for path in paths):
-            refuse(f"sources.{key}", text, "must speak of a field of this file (a dotted path)")
-        if not text.strip():
-            refuse(f"sources.{key}", text, "must say where the number comes from")
-    return found
-
-
-Step = tuple[str, bool]
-"""A key of a table, or the name of an array's entry (True)."""
-
-
-def fields_of(table: Any, above: tuple[Step, ...] = ()) -> Iterator[tuple[tuple[Step, ...], Any]]:
-    """Path and value of every field of a document that is no table; an array of numbers is one field."""
-    if isinstance(table, dict):
-        inner = [((key, False), each) for key, each in table.items() if above or key not in ("schema", "sources")]
-    elif isinstance(table, list) and table and isinstance(table[0], dict):
-        inner = [((str(each.get("name", i)), True), each) for i, each in enumerate(table)]
-    else:
-        yield above, table
-        return
-    for step, each in inner:
-        yield from fields_of(each, (*above, step))
-
-
-def source_covers(key: str, path: Sequence[Step]) -> bool:
-    """True if a key of ``[sources]`` covers the field at a path."""
-    parts = key.split(".")
-    full, unnamed = [text for text, _ in path], [text for text, is_name in path if not is_name]
-    return full[: len(parts)] == parts or unnamed[: len(parts)] == parts
+    """[sources]: texts by the dotted path of a field of the file."""
+    found = top.inner("sources")
+    return {key: found.text(key) for key in found.table}
