@@ -15,9 +15,6 @@ from scipy.interpolate import PchipInterpolator
 
 from skyarm.dynamics.actuators import speeds_after
 from skyarm.dynamics.actuators.hover import time_aloft
-from skyarm.log.metrics.battery_use import battery_use
-from skyarm.plant.loads import supplied_speeds
-from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -29,6 +26,7 @@ from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world.battery_drain import BatteryDrain
 
 DATA = Path(__file__).parents[1] / "data"
 CHARGE, CELL = (0.0, 0.1, 0.5, 0.9, 1.0), (3.3, 3.6, 3.8, 4.05, 4.2)
@@ -95,12 +93,15 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     flight = Session(scenario, machine_code=False)
     while flight.step():
         pass
-    use = battery_use(flight.log, scenario.plant.vehicle)
+    log, vehicle = flight.log, scenario.plant.vehicle
     charge, voltage = flight.now.components[-1]
-    last = BATTERY.discharge(use.charge[-1], use.power[-1], 0.005)
-    assert charge == pytest.approx(last, rel=1e-12)
-    assert voltage == pytest.approx(use.voltage[-1], rel=1e-12)
-    assert use.current[-1] == pytest.approx(use.power[-1] / use.voltage[-1])
+    before = 1.0
+    for k, speeds in enumerate(log.rotor_speeds):
+        power = BATTERY.power(vehicle.rotors, speeds)
+        assert log.battery_voltage[k, 0] == pytest.approx(BATTERY.voltage(before, power), rel=1e-12)
+        before = BATTERY.discharge(before, power, 0.005)
+        assert log.battery_charge[k, 0] == pytest.approx(before, rel=1e-12)
+    assert (charge, voltage) == (log.battery_charge[-1, 0], log.battery_voltage[-1, 0])
     assert 0.999 < charge < 1.0
 
 
@@ -118,7 +119,9 @@ def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reac
     bare = load_vehicle("hummingbird")
     vehicle, top = dataclasses.replace(bare, battery=dataclasses.replace(BATTERY, esc=esc)), bare.rotors[0].max_speed
     for share, wanted in zip((0.5, 0.9, 1.3), reached, strict=True):
-        commands = supplied_speeds(vehicle, (share * top,) * 4, Surroundings(supply=supply))
+        drain = BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors)
+        memory = 1.0, supply * vehicle.battery.reference_voltage
+        commands = drain.rotor_commands(memory, vehicle.rotors, (share * top,) * 4)
         speeds = speeds_after(vehicle.rotors, (0.0,) * 4, commands, 10.0)
         assert speeds == pytest.approx((wanted * top,) * 4, rel=1e-12)
 
@@ -144,9 +147,8 @@ def test_an_empty_battery_lets_it_fall_on_every_engine():
     scenario = hovering(nearly, duration=2.0)
     log = run(scenario)
     assert log.status == "ground"
-    use = battery_use(log, scenario.plant.vehicle)
-    empty = int(np.argmax(use.charge == 0.0))
-    assert 0 < empty < len(use.charge) - 1
+    empty = int(np.argmax(log.battery_charge[:, 0] == 0.0)) + 1
+    assert 0 < empty < len(log.time) - 1
     assert log.position[empty, 2] > 1.9
     assert np.all(np.diff(log.rotor_speeds[empty + 2 :, 0]) < 0.0)
     assert np.array_equal(log.rotor_speeds, run_in_python(scenario).rotor_speeds)

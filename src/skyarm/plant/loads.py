@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force
-from skyarm.algebra.scalars import add, minimum, mul
+from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
@@ -82,7 +82,7 @@ def applied_force(
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    turning = supplied_speeds(vehicle, commands, around) if commands else ()
+    turning = around.rotor_commands(vehicle.rotors, commands) if commands else ()
     total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, turning, state.rate), ZERO3)
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
@@ -104,31 +104,21 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
 
 
 STEADY = Surroundings()
-"""Surroundings whose supply never sags."""
+"""Surroundings without any component."""
 
 
 def rotor_speeds_after(
     vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY
 ) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
-    return speeds_after(vehicle.rotors, state.rotor_speeds, supplied_speeds(vehicle, command.rotor_speeds, around), dt)
+    return speeds_after(
+        vehicle.rotors,
+        state.rotor_speeds,
+        surroundings_of(around).rotor_commands(vehicle.rotors, command.rotor_speeds),
+        dt,
+    )
 
 
 def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
     """Angles of rotors that tilt after ``dt`` seconds of a held command."""
     return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()
-
-
-def supplied_speeds(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
-    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage.
-
-    Below the reference voltage the highest speed is in proportion to it: a governed speed controller gives less only
-    where it is at its end, an open one everywhere. Above it an open one turns faster at the same throttle, and the
-    rotor's lag holds both at ``max_speed``, where its data ends (:func:`skyarm.dynamics.actuators.rotor.speed_after`).
-    """
-    supply = surroundings_of(around).supply
-    if supply is None or vehicle.battery is None:
-        return commands
-    if vehicle.battery.esc == "open":
-        return [minimum(each, rotor.max_speed) * supply for each, rotor in zip(commands, vehicle.rotors, strict=True)]
-    return [minimum(each, rotor.max_speed * supply) for each, rotor in zip(commands, vehicle.rotors, strict=True)]

@@ -14,7 +14,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.world import Component, Effectiveness, WindSample, Wrench
 from skyarm.world.component import moved_by
 
@@ -27,7 +27,6 @@ class Surroundings:
         components: air and forces, in the order in which they add up. memories: theirs.
         time: s, of the period's beginning.
         effectiveness: what faults leave of the actuators; None for whole ones.
-        supply: voltage of the battery over its reference voltage; None for a supply that never sags.
         drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
     """
 
@@ -35,7 +34,6 @@ class Surroundings:
     memories: tuple[Any, ...] = ()
     time: Scalar = 0.0
     effectiveness: Effectiveness | None = None
-    supply: Scalar | None = None
     drives: tuple[Drive, ...] = ()
     drive_memories: tuple[Any, ...] = ()
 
@@ -52,6 +50,12 @@ class Surroundings:
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
         return found
+
+    def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+        """Speeds (rad/s) that the rotors follow where these are commanded."""
+        for component, memory in zip(self.components, self.memories, strict=True):
+            commands = component.rotor_commands(memory, rotors, commands)
+        return commands
 
     @property
     def coupled(self) -> tuple[int, ...]:

@@ -124,12 +124,10 @@ class Stages:
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """The plant's inputs from its surroundings in one period."""
-        scenario, power = self.scenario, self.scenario.power
-        felt = len(self.components) - len(power)
+        scenario = self.scenario
         return Surroundings(
-            components=self.components[:felt],
-            memories=memories[:felt],
-            supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
+            components=self.components,
+            memories=memories,
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.plant.vehicle, time),
             drives=scenario.all_drives,

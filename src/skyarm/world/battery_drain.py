@@ -1,4 +1,4 @@
-"""Battery drain during a flight: its charge and voltage are memory of the loop."""
+"""Battery drain during a flight: charge and voltage, and what the voltage leaves of the rotors' speeds."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import data, minimum
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.vehicle_records import Rotor
-from skyarm.world.component import Component
+from skyarm.world.component import Column, Component
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,3 +30,21 @@ class BatteryDrain(Component):
         """Charge after the period; the voltage under its load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
+
+    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+        """Speeds that the voltage allows (governed), or that a throttle of these commands gives at it (open)."""
+        supply = memory[1] / self.battery.reference_voltage
+        pairs = zip(commands, rotors, strict=True)
+        if self.battery.esc == "open":
+            return [minimum(each, rotor.max_speed) * supply for each, rotor in pairs]
+        return [minimum(each, rotor.max_speed * supply) for each, rotor in pairs]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Charge and voltage."""
+        charge = Column("battery_charge", "", "", "share of the capacity after the period")
+        return charge, Column("battery_voltage", "", "V", "under load")
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Charge and voltage."""
+        return tuple(memory)

@@ -27,7 +27,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -159,6 +159,10 @@ class Component:
             rotor_speeds: rad/s.
         """
         return ()
+
+    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+        """Speeds (rad/s) that rotors follow where these are commanded."""
+        return commands
 
     def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Any:
         """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
