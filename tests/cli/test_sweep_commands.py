@@ -11,7 +11,6 @@ from commanded import refused, skyarm
 
 pytest.importorskip("pyarrow")
 
-CURVES = ("ee_error_mean", "joint_error_mean", "pitch_rms", "tau1_rms", "iae_position")
 
 STUDY = """
 schema = 1
@@ -48,8 +47,7 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
     assert summed.code == 0, summed.err
     assert "paper_ct - paper_pd: success" in summed.out
     made = {path.name for path in (folder / "out" / "quick" / "stats").iterdir()}
-    curves = {f"curve_{name}.png" for name in ("position_error_mean", *CURVES)}
-    assert made == {"report.html", "stats.json"} | curves, "a map that is the same everywhere is a sentence"
+    assert made == {"report.html", "stats.json"}, "a map that is the same everywhere is a sentence"
     page = (folder / "out" / "quick" / "stats" / "report.html").read_text()
     assert page.count(": every episode succeeds, in every cell of the map.") == 2
     found = json.loads((folder / "out" / "quick" / "stats" / "stats.json").read_text())

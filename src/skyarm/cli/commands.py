@@ -39,7 +39,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "export": ("export_command:export", "Write a log in another format, or a law as C."),
     "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
     "sweep": ("sweep_commands:sweep", "Fly a study's episodes; rows as Parquet."),
-    "stats": ("sweep_commands:stats", "Success, quantiles, curves, maps of a sweep."),
+    "stats": ("sweep_commands:stats", "Success, quantiles, maps of a sweep."),
     "margins": ("margins_commands:margins", "Linearise the closed loop: eigenvalues, margins."),
     "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
     "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),

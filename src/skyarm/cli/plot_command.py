@@ -39,10 +39,6 @@ def plot(
         str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or NAME = an expression of some")
     ] = None,
     by: Annotated[str | None, typer.Option(metavar="NUMBER", help="of a sweep: curves for each of its values")] = None,
-    center: Annotated[str | None, typer.Option(help="of a sweep: median or mean; median if left out")] = None,
-    band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="of a sweep: shares; 0.05 0.95 if left out")
-    ] = None,
     style: Annotated[str, typer.Option(help="paper (a column, readable in grey) or talk (a slide)")] = "paper",
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
@@ -54,7 +50,7 @@ def plot(
     folders = [name for name in flights if name and Path(name).is_dir()]
     if folders and len(flights) > 1:
         raise ValueError(f"folder = {shown(folders[0])}: must stand alone; a picture is of one sweep, or of flights")
-    of_sweeps = {"--metric": metric, "--over": over, "--by": by, "--center": center, "--band": band}
+    of_sweeps = {"--metric": metric, "--over": over, "--by": by}
     for option, value in ({"--kind": kind, "--window": window} if folders else of_sweeps).items():
         if value is not None:
             where = "logs of flights, and this is a folder" if folders else "a folder that 'skyarm sweep' wrote"
@@ -67,11 +63,10 @@ def plot(
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     else:
-        from skyarm.studies.sweep.banded_curves import BAND
         from skyarm.view.figures.study_figures import plot_sweep
 
-        target, middle = picture_file(file, "--out"), "median" if center is None else center
-        plot_sweep(folders[0], metric, over, target, by=by, center=middle, band=band or BAND, style=style)
+        target = picture_file(file, "--out")
+        plot_sweep(folders[0], metric, over, target, by=by, style=style)
     give(picture=target)
     tell(f"picture: {target}")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 import typer
@@ -96,6 +96,8 @@ def _draw(name: str, file: str, style: str) -> None:
 def contents() -> dict[str, Any]:
     """Vehicles, scenarios, studies and controllers of the library, as plain data."""
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
+    # a study's title alone: reading the study would read its scenario, too
+    studies = {name: read_toml((STUDIES / f"{name}.toml").read_bytes()) for name in list_studies()}
     return {
         "schema": 1,
         "vehicles": [
@@ -103,19 +105,10 @@ def contents() -> dict[str, Any]:
             for name, v in vehicles.items()
         ],
         "scenarios": [{"name": name, "title": load_scenario(name).title} for name in list_scenarios()],
-        # a study's title alone: reading the study would read its scenario, too
-        "studies": [
-            {"name": name, "title": str(read_toml((STUDIES / f"{name}.toml").read_bytes()).get("title", ""))}
-            for name in list_studies()
-        ],
+        "studies": [{"name": name, "title": str(table.get("title", ""))} for name, table in studies.items()],
         "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
         "laws": [
-            {
-                "name": name,
-                "title": each.title,
-                "options": list(each.options()),
-                "tuned": name in tuned_factors(),
-            }
+            {"name": name, "title": each.title, "options": list(each.options()), "tuned": name in tuned_factors()}
             for name, each in LAWS.items()
         ],
     }
@@ -124,13 +117,10 @@ def contents() -> dict[str, Any]:
 def _show_library() -> None:
     found = contents()
     give(found)
-    rows = [
-        (
-            each["name"] + ("" if each["flies"] else " (model only)"),
-            *(f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])),
-        )
-        for each in found["vehicles"]
-    ]
+    rows = []
+    for each in found["vehicles"]:
+        name = each["name"] if each["flies"] else f"{each['name']} (model only)"
+        rows.append((name, f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])))
     tell(table_of(("vehicle", "mass, kg", "rotors", "joints"), rows))
     for head, kind in (
         ("scenario", "scenarios"),
@@ -173,7 +163,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
                 "centre_of_mass_m": _plain(body.com),
                 "inertia_kg_m2": record_facts(body.inertia),
             }
-            for name, body in zip(("base", *(link.name for link in vehicle.moving)), vehicle.bodies, strict=True)
+            for name, body in zip(_bodies(vehicle), vehicle.bodies, strict=True)
         ],
         "hover": _hover(vehicle, gravity) if vehicle.rotors else None,
         "reach_m": None,
@@ -217,51 +207,48 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
     """The vehicle as a whole, its parts with their declared units, notes on its file, sources."""
+    sections: dict[str, dict[str, Any]] = {
+        "joints": {link.joint.name: link.joint for link in vehicle.links},
+        "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
+        "bodies, inertia about the centre of mass": dict(zip(_bodies(vehicle), vehicle.bodies, strict=True)),
+        "rotors": {rotor.name: rotor for rotor in vehicle.rotors},
+        "servos that turn rotors, at rest at 0 rad": {r.name: r.tilt for r in vehicle.rotors if r.tilt is not None},
+        "battery": {} if vehicle.battery is None else {"": vehicle.battery},
+    }
     title = f"{vehicle.name}, g = {known['gravity_m_s2']:g} m/s^2, arm at zero"
     sheet: list[RenderableType] = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
-    sheet += _tables("joints", {link.joint.name: link.joint for link in vehicle.links})
-    sheet += _tables("drives: what the joints take in place of a torque", {d.name: d.drive for d in vehicle.drives})
-    names = ("base", *(link.name for link in vehicle.moving))
-    sheet += _tables("bodies, inertia about the centre of mass", dict(zip(names, vehicle.bodies, strict=True)))
-    sheet += _tables("rotors", {rotor.name: rotor for rotor in vehicle.rotors})
-    tilts = {rotor.name: rotor.tilt for rotor in vehicle.rotors if rotor.tilt is not None}
-    sheet += _tables("servos that turn rotors, at rest at 0 rad", tilts)
-    sheet += _tables("battery", {} if vehicle.battery is None else {"": vehicle.battery})
-    if vehicle.notes:
-        title = "notes: what its file says that was left out, or taken in another way"
-        sheet.append(table_of(("",), [(note,) for note in vehicle.notes], title=title))
-    if vehicle.sources:
-        sheet.append(table_of(("", ""), vehicle.sources, left=2, title="sources"))
-    return sheet
+    for title, records in sections.items():
+        kinds = dict.fromkeys(map(type, records.values()))
+        for kind in kinds:
+            heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
+            sheet += _tables(heading, {name: each for name, each in records.items() if type(each) is kind})
+    notes = "notes: what its file says that was left out, or taken in another way"
+    sheet += [table_of(("",), zip(vehicle.notes, strict=True), title=notes)] if vehicle.notes else []
+    return sheet + ([table_of(("", ""), vehicle.sources, left=2, title="sources")] if vehicle.sources else [])
 
 
 APART = ("name", "tilt")
 """Fields that head a row, or have a table of their own."""
 
 
-def _tables(title: str, records: Mapping[str, Any]) -> list[RenderableType]:
+def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
     """Records of a class as rows, a column for each field in which they differ; then the fields that all share."""
-    tables: list[RenderableType] = []
-    kinds: list[type] = list(dict.fromkeys(type(each) for each in records.values()))
-    for kind in kinds:
-        chosen = {name: each for name, each in records.items() if type(each) is kind}
-        differ: dict[str, list[str]] = {}
-        shared = []
-        for field in field_names(kind) or ():
-            unit = units(kind)[field].unit if field in units(kind) else ""
-            cells = [_cell(getattr(each, field)) for each in chosen.values()]
-            if field in APART or not any(cells):
-                continue
-            words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
-            if len(chosen) > 1 and len(set(cells)) == 1:
-                shared.append((words, cells[0]))
-            else:
-                differ[words] = cells
-        heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
-        tables.append(table_of(("", *differ), zip(chosen, *differ.values(), strict=True), title=heading))
-        if shared:
-            tables.append(table_of(("", ""), shared, left=2, title="all of them"))
-    return tables
+    kind = type(next(iter(records.values())))
+    differ: dict[str, list[str]] = {}
+    shared: dict[str, str] = {}
+    for field in field_names(kind) or ():
+        cells = [_cell(getattr(each, field)) for each in records.values()]
+        if field in APART or not any(cells):
+            continue
+        unit = units(kind)[field].unit if field in units(kind) else ""
+        words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
+        if len(records) > 1 and len(set(cells)) == 1:
+            shared[words] = cells[0]
+        else:
+            differ[words] = cells
+    yield table_of(("", *differ), zip(records, *differ.values(), strict=True), title=title)
+    if shared:
+        yield table_of(("", ""), shared.items(), left=2, title="all of them")
 
 
 def _cell(value: Any) -> str:
@@ -272,51 +259,45 @@ def _cell(value: Any) -> str:
     return " ".join("none" if math.isinf(each) else shown_number(each, 6) for each in numbers)
 
 
-def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Rows about the vehicle as a whole."""
-    com = ", ".join(shown_number(1e3 * c) if abs(c) >= NOTHING else "0" for c in known["centre_of_mass_m"])
-    rows = [("mass", f"{shown_number(known['mass_kg'], 5)} kg"), ("centre of mass from base origin", f"{com} mm")]
+    yield "mass", f"{shown_number(known['mass_kg'], 5)} kg"
+    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in known["centre_of_mass_m"]) + " mm"
     if vehicle.planar:
-        rows.append(("inertia", "planar model: may be believed by a controller, not flown"))
+        yield "inertia", "planar model: may be the model of a controller, not flown"
     frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in known["frames"]]
-    rows += [("frames", ", ".join(frames) or "none"), ("rotors", ", ".join(known["rotors"]) or "none")]
-    rows += _hover_rows(known["hover"]) if known["hover"] else []
+    yield "frames", ", ".join(frames) or "none"
+    yield "rotors", ", ".join(known["rotors"]) or "none"
+    hover = known["hover"]
+    if hover and hover["rotor_speeds_rad_s"] is None:
+        yield "hover", "not possible level: a rotor would have to pull down"
+    elif hover:
+        speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
+        shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
+        beyond = "" if hover["possible"] else ": not possible, a rotor would have to turn faster than its limit"
+        yield "hover rotor speed", f"{shown} rad/s{beyond}"
+        top = hover["highest_thrust_N"]
+        if top < math.inf:
+            ratio = shown_number(top / hover["thrust_N"])
+            yield "thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"
     if not vehicle.links:
-        return rows
-    rows.append(("arm reach from its first joint", _reach(vehicle, known["reach_m"])))
+        return
+    reached, tip = known["reach_m"], vehicle.end_effector
+    none = "none: the end effector is fixed to the base" if tip else "unknown: no end effector"
+    searched = "all joint values" if vehicle.n <= MANY else f"{samples_of(vehicle.n)} random joint values"
+    yield (
+        "arm reach from its first joint",
+        none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
+    )
     for each in known["joints"]:
         torque, limit = known["static_efforts"][each["name"]], each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
-        if margin and torque > NOTHING:
-            margin += f", margin {limit / torque:.3g}"
-        rows.append((f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"))
-    return [*rows, ("static efforts", f"for a level base, over {_searched_joints(vehicle.n)}")]
+        margin += f", margin {limit / torque:.3g}" if margin and torque > NOTHING else ""
+        yield f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"
+    yield "static efforts", f"for a level base, over {searched}"
 
 
-def _hover_rows(hover: Mapping[str, Any]) -> list[tuple[str, str]]:
-    if hover["rotor_speeds_rad_s"] is None:
-        return [("hover", "not possible level: a rotor would have to pull down")]
-    speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
-    shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
-    rows = [("hover rotor speed", f"{shown} rad/s")]
-    if not hover["possible"]:
-        rows.append(("hover", "not possible: a rotor would have to turn faster than its limit"))
-    top = hover["highest_thrust_N"]
-    if top < math.inf:
-        ratio = shown_number(top / hover["thrust_N"])
-        rows.append(("thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"))
-    return rows
-
-
-def _reach(vehicle: Vehicle, found: float | None) -> str:
-    """Reach of an arm in words."""
-    if found is None:
-        return "none: the end effector is fixed to the base" if vehicle.end_effector else "unknown: no end effector"
-    least = "" if vehicle.n <= MANY else f", the largest over {_searched_joints(vehicle.n)}"
-    return f"{shown_number(found, 4)} m{least}"
-
-
-def _searched_joints(joints: int) -> str:
-    """Joint values over which a largest value was searched for, in words."""
-    return "all joint values" if joints <= MANY else f"{samples_of(joints)} random joint values"
+def _bodies(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the moving bodies."""
+    return "base", *(link.name for link in vehicle.moving)

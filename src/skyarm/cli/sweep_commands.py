@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +20,10 @@ from skyarm.cli.arguments import (
 from skyarm.cli.lines import say_if_many, say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell, waiting
 from skyarm.records.files import require_no_link, require_writable, taken_back, write_inside
+
+if TYPE_CHECKING:
+    from skyarm.studies.sweep.maps import RobustnessMap
+    from skyarm.studies.sweep.study_page import Pictures
 
 DPI = 160
 
@@ -95,9 +100,9 @@ def stats(
     ] = None,
     seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
 ) -> None:
-    """Success, quantiles, curves, maps of a sweep.
+    """Success, quantiles, maps of a sweep.
 
-    Written as stats.json, report.html, and a PNG for each map and for each metric's curves.
+    Written as stats.json, report.html, and a PNG for each map.
     """
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
@@ -113,7 +118,8 @@ def stats(
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
         at("quantiles and differences")
         found = statistics(rows, seed=seed)
-        pictures = _drawn(rows, maps, at)
+        at("pictures of maps")
+        pictures = _drawn(maps)
     write_inside(target / "stats.json", json_text(found).encode())
     write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
     files = ["report.html", "stats.json", *pictures.write(target)]
@@ -121,20 +127,13 @@ def stats(
     tell(*summary(found), f"statistics in {target}: {', '.join(files)}")
 
 
-def _drawn(rows: Any, maps: Any, at: Any) -> Any:
-    """Draw robustness maps, and curves of metrics over each varied number; ``at`` is called with the present step."""
-    from skyarm.studies.sweep.banded_curves import drawn_metrics, metric_curves, varying
-    from skyarm.studies.sweep.study_page import Pictures, metric_label
-    from skyarm.view.figures.study_figures import curves_figure, robustness_figure
+def _drawn(maps: Sequence[RobustnessMap]) -> Pictures:
+    """Pictures of robustness maps, and the share of each that is the same everywhere."""
+    from skyarm.studies.sweep.study_page import Pictures
+    from skyarm.view.figures.study_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes
 
-    at("pictures of maps")
-    curves: dict[str, bytes] = {}
-    for metric in drawn_metrics(rows) if varying(rows) else ():
-        at(f"curves of {metric}")
-        curves[metric] = image_bytes(curves_figure(metric_curves(rows, metric), metric_label(metric)), dpi=DPI)
     return Pictures(
         maps={each.controller: image_bytes(robustness_figure(each), dpi=DPI) for each in maps if each.constant is None},
         constant={each.controller: each.constant for each in maps if each.constant is not None},
-        curves=curves,
     )

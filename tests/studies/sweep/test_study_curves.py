@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from skyarm.studies.sweep import run_sweep
-from skyarm.studies.sweep.banded_curves import FEWEST_OF_BAND, MOST, drawn_metrics, metric_curves, varying
+from skyarm.studies.sweep.banded_curves import FEWEST_OF_BAND, banded_curves
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.stats import Rows, statistics
 from skyarm.studies.sweep.store import read_manifest
-from skyarm.view.figures.study_figures import curves_figure, robustness_figure
+from skyarm.view.figures.study_figures import robustness_figure
 from sweeps import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")
@@ -39,11 +38,10 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def of_path(rows: Rows, metric: str, path: str):
-    return metric_curves(rows, metric)[varying(rows).index(path)].curves
+    return banded_curves(rows, metric, path).curves
 
 
-def test_points_are_the_medians_of_their_cells_and_bands_their_extremes(given: Path) -> None:
-    assert varying(Rows(given)) == [MASS, WIND]
+def test_points_are_the_medians_of_their_cells(given: Path) -> None:
     rows = read(given)
     for path, values in ((MASS, [0.7, 0.8, 0.9]), (WIND, [0.0, 0.5, 1.0, 1.5, 2.0])):
         for curve in of_path(Rows(given), "ee_error_mean", path):
@@ -52,25 +50,7 @@ def test_points_are_the_medians_of_their_cells_and_bands_their_extremes(given: P
             for k, value in enumerate(values):
                 inside = np.sort(column["ee_error_mean"][np.isclose(column[path], value)])
                 assert inside.size == 15 // len(values)
-                assert (curve.low[k], curve.middle[k], curve.high[k]) == (inside[0], np.median(inside), inside[-1])
-
-
-def test_rounding_does_not_fill_a_panel(given: Path) -> None:
-    curves = metric_curves(Rows(given), "ee_error_mean")
-    small = [
-        replace(
-            each,
-            curves=tuple(
-                replace(c, low=1e-18 * c.low, middle=1e-18 * c.middle, high=1e-18 * c.high) for c in each.curves
-            ),
-        )
-        for each in curves
-    ]
-    low, high = curves_figure(small, "tip error [m]").axes[0].get_ylim()
-    assert low == 0.0
-    assert high == pytest.approx(1e-9)
-    whole = max(float(np.nanmax(each.high)) for lines in curves for each in lines.curves)
-    assert curves_figure(curves, "tip error [m]").axes[0].get_ylim()[1] < 1.2 * whole
+                assert curve.middle[k] == np.median(inside)
 
 
 def test_bands_of_drawn_numbers_hold_nine_of_ten(drawn: Path) -> None:
@@ -85,17 +65,6 @@ def test_bands_of_drawn_numbers_hold_nine_of_ten(drawn: Path) -> None:
             wanted = np.quantile(inside, [0.05, 0.5, 0.95])
             wanted[::2] = wanted[::2] if inside.size >= FEWEST_OF_BAND else np.nan
             np.testing.assert_allclose([curve.low[k], curve.middle[k], curve.high[k]], wanted, rtol=1e-12)
-
-
-def test_what_limits_a_success_is_drawn_first_and_not_everything_is(drawn: Path) -> None:
-    found = drawn_metrics(Rows(drawn, {"peak_pitch": 1.0}))
-    assert found[:3] == ["peak_pitch", "ee_error_mean", "position_error_mean"]
-    assert len(found) == len(set(found)) == MOST
-
-
-def test_only_what_varies_has_curves(tmp_path: Path) -> None:
-    one = {MASS: {"list": [0.8]}, WIND: {"list": [0.0, 1.0]}}
-    assert varying(Rows(flown(tmp_path, design="grid", episodes=None, vary=one, controllers=["paper_pd"]))) == [WIND]
 
 
 def test_a_grid_of_given_numbers_without_noise_has_no_interval(given: Path) -> None:
@@ -144,16 +113,12 @@ def test_a_folder_of_an_older_version_which_does_not_say_keeps_them_too(given: P
     assert held.noise is False
 
 
-def test_axes_of_maps_and_curves_have_words_and_units(given: Path) -> None:
+def test_axes_of_maps_have_words_and_units(given: Path) -> None:
     rows = Rows(given, {"position_error_mean": 0.2})
     (first, *_) = robustness_maps(rows)
     figure = robustness_figure(first)
     assert figure.axes[0].get_xlabel() == "base mass (plant) [kg]"
     assert figure.axes[0].get_ylabel() == "wind force x [N]"
-    figure = curves_figure(metric_curves(rows, "tau1_rms"), "RMS torque of joint 1 [N m]")
-    assert [ax.get_xlabel() for ax in figure.axes] == ["base mass (plant) [kg]", "wind force x [N]"]
-    assert figure.axes[0].get_ylabel() == "RMS torque of joint 1 [N m]"
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["paper_ct", "paper_pd"]
 
 
 def test_a_map_with_one_share_everywhere_is_known_as_such(given: Path) -> None:

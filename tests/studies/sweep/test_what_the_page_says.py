@@ -60,10 +60,9 @@ def test_a_page_says_that_a_study_is_not_complete_and_only_then():
 
 def test_a_page_without_pairs_and_maps_has_no_empty_sections():
     bare = page(found(complete=True), MANIFEST, Pictures())
-    for title in ("Paired differences", "Robustness maps", "Metrics over what varied"):
+    for title in ("Paired differences", "Robustness maps"):
         assert title not in bare
     assert "Robustness maps" in page(found(complete=True), MANIFEST, Pictures(maps={"law": b"png"}))
-    assert "Metrics over what varied" in page(found(complete=True), MANIFEST, Pictures(curves={"pitch_rms": b"png"}))
 
 
 def test_a_study_without_a_title_is_called_by_its_name():
@@ -90,19 +89,6 @@ def test_a_grid_without_chance_has_no_intervals_and_says_why():
     assert "nothing is drawn at random, and the numbers have no intervals" in text
     assert not re.search(r"[Bb]ootstrap|Wilson|\[0|interval<", text)
     assert '<th scope="row">mean tip error [m]</th><td>ee_error_mean</td>' in text
-
-
-def test_figures_name_their_metric_with_its_unit_and_all_but_the_first_are_folded():
-    curves = {"ee_error_mean": b"png", "tau1_rms": b"png", "my_own": b"png"}
-    text = page(found(complete=True), MANIFEST, Pictures(curves=curves))
-    captions = re.findall(r"<figcaption>(.*?)</figcaption>", text)
-    assert captions == [
-        "mean tip error [m] over each varied number",
-        "RMS torque of joint 1 [N m] over each varied number",
-        "my own over each varied number",
-    ]
-    assert re.findall(r'<img alt="(.*?)"', text) == captions
-    assert text.index(captions[0]) < text.index("<summary>More metrics") < text.index(captions[1])
 
 
 def test_ties_are_shared_between_both_controllers():

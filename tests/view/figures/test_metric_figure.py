@@ -46,10 +46,9 @@ def of_episodes(columns: dict[str, np.ndarray], chosen: np.ndarray) -> tuple[np.
     return columns[METRIC][chosen][done], int((~done).sum())
 
 
-@pytest.mark.parametrize(("center", "band"), [("median", (0.05, 0.95)), ("mean", (0.25, 0.75))])
-def test_a_curve_over_values_is_that_of_the_rows(folder: Path, center: str, band: tuple[float, float]) -> None:
+def test_a_curve_over_values_is_that_of_the_rows(folder: Path) -> None:
     columns = read(folder)
-    found = banded_curves(Rows(folder), METRIC, LOADS, center=center, band=band)
+    found = banded_curves(Rows(folder), METRIC, LOADS)
     assert [curve.controller for curve in found.curves] == list(columns)
     lost_in_all = 0
     for curve in found.curves:
@@ -57,8 +56,8 @@ def test_a_curve_over_values_is_that_of_the_rows(folder: Path, center: str, band
         np.testing.assert_array_equal(curve.x, [0.0, 0.05, 0.1])
         for i, x in enumerate(curve.x):
             kept, lost = of_episodes(rows, rows[LOADS] == x)
-            assert curve.middle[i] == pytest.approx(np.median(kept) if center == "median" else np.mean(kept), rel=1e-12)
-            assert (curve.low[i], curve.high[i]) == pytest.approx(tuple(np.quantile(kept, band)), rel=1e-12)
+            assert curve.middle[i] == pytest.approx(np.median(kept), rel=1e-12)
+            assert (curve.low[i], curve.high[i]) == pytest.approx(tuple(np.quantile(kept, (0.05, 0.95))), rel=1e-12)
             assert (curve.episodes[i], curve.lost[i]) == (kept.size + lost, lost)
             lost_in_all += lost
     assert lost_in_all > 0, "some of these flights must be lost, or nothing is tested of them"
@@ -128,7 +127,7 @@ def test_a_third_in_which_nothing_lies_has_no_curve() -> None:
 def test_few_flights_have_a_middle_and_no_band(count: int, banded: bool) -> None:
     columns = {"m": np.arange(count) + 1.0, "status": np.array(["completed"] * count)}
     rows: Any = SimpleNamespace(of=lambda _law, name: columns[name])
-    curve = _curve(rows, "m", "law", "", np.ones(count, dtype=bool), np.full(count, 3.0), "median", (0.05, 0.95))
+    curve = _curve(rows, "m", "law", "", np.ones(count, dtype=bool), np.full(count, 3.0))
     cells = np.isfinite(curve.low)
     assert np.isfinite(curve.middle).all()
     assert cells.all() if banded else not cells.any()
@@ -184,8 +183,6 @@ def _with(found: BandedCurves, curves: list[BandedCurve]) -> BandedCurves:
         metric=found.metric,
         over=found.over,
         by=found.by,
-        center=found.center,
-        band=found.band,
         curves=tuple(curves),
     )
 
@@ -220,10 +217,6 @@ def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
         ({"over": f"sqrt({LOADS} - 1)"}, "must take the root of a number of at least 0"),
         ({"over": f"x = {MASS}.__class__"}, "must be a named number"),
         ({"by": "eval(1)"}, "by = 'eval(1)': at 1: 'eval' must not be called"),
-        ({"center": "mode"}, "center = 'mode': must be one of median, mean"),
-        ({"band": (0.9, 0.1)}, "band = [0.9, 0.1]: must be two shares from 0 to 1"),
-        ({"band": (0.1, 1.1)}, "band = [0.1, 1.1]: must be two shares from 0 to 1"),
-        ({"band": (-0.1, 0.5)}, "band[0] = -0.1: must be at least 0"),
         ({"metrics": []}, "metrics = 0: must be 1 to 6 in one picture"),
         ({"file": "curves.txt"}, "file = 'curves.txt': suffix 'txt': must be one of png, svg, pdf"),
     ],

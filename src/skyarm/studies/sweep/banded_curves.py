@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.files import did_you_mean, number, shown
+from skyarm.records.files import did_you_mean, shown
 from skyarm.scenario.numbers import words_of
-from skyarm.studies.sweep.expressions import is_own_name, read_expression
+from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.sweep.maps import LISTED
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
@@ -18,8 +18,7 @@ from skyarm.studies.sweep.study import StudyError
 Array = npt.NDArray[np.float64]
 
 BAND = (0.05, 0.95)
-
-CENTERS = ("median", "mean")
+"""Shares of the episodes that the ends of a band leave below them."""
 
 PER_CELL = 25
 """Episodes that a cell of drawn numbers should hold: its median is then good to a fifth of the spread."""
@@ -33,12 +32,6 @@ MOST_CLASSES = 6
 """Values of ``by`` up to which each has curves of its own; more are put into THIRDS."""
 
 THIRDS = 3
-
-FIRST = ("ee_error_mean", "position_error_mean", "joint_error_mean", "pitch_rms", "tau1_rms", "iae_position")
-"""Metrics of the page of a study, after those that limit its successes."""
-
-MOST = 6
-"""Metrics of that page."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +56,8 @@ class BandedCurve:
     Attributes:
         controller: that flew. by: class of the other variable in words, "" without one.
         x: (K,) value of the variable, of each cell the median.
-        middle, low, high: (K,) median or mean, and the ends of the band, of episodes that flew to their end; NaN where
-            none did, or too few for a band.
+        middle, low, high: (K,) median, and the ends of the band, of episodes that flew to their end; NaN where none
+            did, or too few for a band.
         episodes, lost: (K,) how many there are, and how many of them ended before their time.
     """
 
@@ -84,27 +77,16 @@ class BandedCurves:
 
     Attributes:
         metric: its name. over: the variable. by: the other one, None without.
-        center: "median" or "mean". band: shares of the band's ends.
         curves: one for each controller and class.
     """
 
     metric: str
     over: Variable
     by: Variable | None
-    center: str
-    band: tuple[float, float]
     curves: tuple[BandedCurve, ...]
 
 
-def banded_curves(
-    rows: Rows,
-    metric: str,
-    over: str,
-    *,
-    by: str | None = None,
-    center: str = "median",
-    band: tuple[float, float] = BAND,
-) -> BandedCurves:
+def banded_curves(rows: Rows, metric: str, over: str, *, by: str | None = None) -> BandedCurves:
     """Curves of a metric over a varied number, over all other varied numbers and the noise.
 
     Args:
@@ -112,8 +94,6 @@ def banded_curves(
         metric: one of its metrics.
         over: a varied number, an expression of some, or ``name = expression``.
         by: the same; a curve for each of its values, or for its thirds where there are many.
-        center: "median" or "mean", of each cell.
-        band: shares of episodes that the band's ends leave below them.
 
     Raises:
         StudyError: one line: a metric or number that is not there.
@@ -122,16 +102,11 @@ def banded_curves(
     if metric not in rows.metrics:
         there = f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
         raise StudyError(f"metric = {shown(metric)}: must be one of these rows; {there}")
-    if center not in CENTERS:
-        raise StudyError(f"center = {shown(center)}: must be one of {', '.join(CENTERS)}")
-    low, high = (number(share, f"band[{i}]", low=0.0) for i, share in enumerate(band))
-    if not low < high <= 1.0:
-        raise StudyError(f"band = [{low:g}, {high:g}]: must be two shares from 0 to 1, the first below the second")
     across = variable(rows, over, "over")
     other = None if by is None else variable(rows, by, "by")
     classes = {"": np.ones(rows.episodes, dtype=bool)} if other is None else _classes(other)
     curves = tuple(
-        _curve(rows, metric, controller, name, inside, across.values, center, (low, high))
+        _curve(rows, metric, controller, name, inside, across.values)
         for controller in rows.controllers
         for name, inside in classes.items()
     )
@@ -139,29 +114,8 @@ def banded_curves(
         metric=metric,
         over=across,
         by=other,
-        center=center,
-        band=(low, high),
         curves=curves,
     )
-
-
-def drawn_metrics(rows: Rows) -> list[str]:
-    """The metrics of a study's page: those that limit successes, then the usual ones, then any others."""
-    wanted = dict.fromkeys((*rows.limits, *FIRST, *rows.metrics))
-    return [name for name in wanted if name in rows.metrics][:MOST]
-
-
-def varying(rows: Rows) -> list[str]:
-    """Numbers that differ among the episodes; paths that follow from those by expressions are left out."""
-    drawn = rows.manifest.study["vary"] or {}
-    wanted = [path for path in rows.parameters if path in drawn or is_own_name(path)]
-    return [path for path in wanted if np.ptp(_column(rows, path)) > 0.0]
-
-
-def metric_curves(rows: Rows, metric: str) -> list[BandedCurves]:
-    """Curves of a metric over each number that varies; where nothing is drawn the band holds all episodes."""
-    band = (0.0, 1.0) if rows.deterministic else BAND
-    return [banded_curves(rows, metric, path, band=band) for path in varying(rows)]
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
@@ -230,8 +184,6 @@ def _curve(
     name: str,
     inside: npt.NDArray[np.bool_],
     over: Array,
-    center: str,
-    band: tuple[float, float],
 ) -> BandedCurve:
     over = over[inside]
     column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
@@ -243,10 +195,8 @@ def _curve(
         kept = column[here & flew & np.isfinite(column)]
         found: tuple[float, ...] = (np.nan,) * 3
         if kept.size:
-            middle = np.median(kept) if center == "median" else kept.mean()
-            enough = kept.size >= FEWEST_OF_BAND or band == (0.0, 1.0)
-            ends = np.quantile(kept, band) if enough else (np.nan, np.nan)
-            found = (float(middle), *map(float, ends))
+            ends = np.quantile(kept, BAND) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            found = (float(np.median(kept)), *map(float, ends))
         table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return BandedCurve(

@@ -22,30 +22,27 @@ class Pictures:
 
     Attributes:
         maps: law -> PNG of its robustness map. constant: law -> the share of successes that all of its map has.
-        curves: metric -> PNG of its curves over each varied number.
     """
 
     maps: Mapping[str, bytes] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
-    curves: Mapping[str, bytes] = field(default_factory=dict)
 
     def write(self, folder: Path) -> list[str]:
         """Write them; returns the names of their files."""
         written = []
-        for before, pictures in (("map_", self.maps), ("curve_", self.curves)):
-            for label, name in file_names(pictures, before, ".png").items():
-                write_inside(folder / name, pictures[label])
-                written.append(name)
+        for label, name in file_names(self.maps, "map_", ".png").items():
+            write_inside(folder / name, self.maps[label])
+            written.append(name)
         return written
 
 
 def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
-    """HTML of statistics, maps and curves: one file that needs nothing else.
+    """HTML of statistics and maps: one file that needs nothing else.
 
     Args:
         found: from :func:`skyarm.studies.sweep.stats.statistics`.
         manifest: of the study's folder.
-        pictures: maps and curves.
+        pictures: of maps.
     """
     body = render_template(
         "studies/sweep/study.html",

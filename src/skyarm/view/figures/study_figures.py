@@ -39,9 +39,6 @@ Array = npt.NDArray[np.float64]
 ROUNDING = 1e-9
 """Extent below which values differ by rounding; it does not fill a panel."""
 
-COLUMNS, WIDTH, HEIGHT, FURNITURE = 3, 3.1, 2.3, 0.5
-"""Panels of a study side by side; in: of one panel, and of legend and margins."""
-
 MOST_PANELS = 6
 """Metrics of one picture."""
 
@@ -56,8 +53,6 @@ def plot_sweep(
     file: str | os.PathLike[str] | None = None,
     *,
     by: str | None = None,
-    center: str = "median",
-    band: tuple[float, float] = BAND,
     style: str = "paper",
 ) -> Picture:
     """Draw metrics of a sweep over a varied number, or over an expression of some.
@@ -68,8 +63,6 @@ def plot_sweep(
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.
         by: the same; curves for each of its values, or for its thirds.
-        center: "median" or "mean".
-        band: quantiles over the other dimensions and the noise, as shares.
         style: "paper" or "talk".
 
     Raises:
@@ -82,7 +75,7 @@ def plot_sweep(
     names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
-    found = [banded_curves(rows, name, over, by=by, center=center, band=band) for name in names]
+    found = [banded_curves(rows, name, over, by=by) for name in names]
     figure = metric_figure(found, chosen)
     if file is not None:
         save_picture(figure, Path(file), style)
@@ -119,9 +112,9 @@ def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture
     if lost:
         grid[-1, 0].set_ylabel("Lost", **style.small_words)
     figure.align_ylabels(list(grid[:, 0]))
-    shares = " to ".join(f"{100.0 * share:g}" for share in first.band)
+    shares = " to ".join(f"{100.0 * share:g}" for share in BAND)
     of = " of completed" if lost else ""
-    handles[f"{first.center}{of}, band {shares} %"] = Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
+    handles[f"median{of}, band {shares} %"] = Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
     style.legend(figure, handles)
     return figure
 
@@ -191,29 +184,6 @@ def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> 
     ax.set_ylim(-0.05, 1.05)
     ax.set_yticks([0.0, 0.5, 1.0])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
-
-
-def curves_figure(curves: Sequence[BandedCurves], label: str) -> Figure:
-    """Draw a metric over each varied number of a study, a panel each on one value axis, a line for each law.
-
-    Args:
-        curves: from :func:`skyarm.studies.sweep.banded_curves.metric_curves`; one at least.
-        label: of the metric, with its unit.
-    """
-    figure, panels = PAPER.tiles(len(curves), COLUMNS, (WIDTH, HEIGHT), FURNITURE, sharey=True)
-    handles: dict[str, Any] = {}
-    for i, (ax, lines) in enumerate(zip(panels, curves, strict=True)):
-        handles |= _draw(ax, lines.curves, lines, PAPER, one_law=False)
-        if lines.over.logarithmic:
-            logarithmic(ax.xaxis)
-        else:
-            ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
-        ax.set_xlabel(axis_label(lines.over.words, lines.over.unit), **PAPER.small_words)
-        if i % COLUMNS == 0:
-            ax.set_ylabel(label, **PAPER.small_words)
-    panels[0].set_ylim(*_ends(*curves))
-    PAPER.legend(figure, handles)
-    return figure
 
 
 MAP_WIDTH, MAP_HEIGHT = 4.2, 3.4
