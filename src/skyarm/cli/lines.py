@@ -53,7 +53,7 @@ def say_suspicious(scenario: Any) -> None:
 
 
 def say_steps(scenario: Any) -> None:
-    """Say where a surface, an object or a gripper needs much shorter integration steps than the physics rate."""
+    """Say where a surface, an object or a grasp needs much shorter integration steps than the physics rate."""
     for contact in scenario.worlds:
         what, least = min(contact.steps, key=lambda each: float(each[1]))
         step, usual = float(least), 1.0 / scenario.rates.physics

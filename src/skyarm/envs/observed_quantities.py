@@ -116,7 +116,7 @@ class BodyRate(Observed):
 
 @dataclass(frozen=True, kw_only=True)
 class SpecificForce(Observed):
-    """Accelerometer reading, base axes: +g along z in hover. It shows wind and contact before they move the base."""
+    """Accelerometer reading, base axes: +g along z in hover. It shows wind and pushes before they move the base."""
 
     scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
 

@@ -63,9 +63,8 @@ class Log:
         measured_position, measured_joints: what the law received, noise and delay of the full state's sensor in it;
             without columns in a flight on an estimator, which has ``estimate`` in their place.
         received: arrays of ``readings``, ``estimate`` and components by name, ``readings.imu.rate``,
-            ``estimate.position``, ``components.payload_mass``. Those of components are attributes, too: what is held of
-            each payload with a time (``log.payload_mass``), and of a world (docs/contact.md) normal force, friction and
-            depth of each surface and point (``contact_force``), free objects, mechanisms and grippers.
+            ``estimate.position``, ``components.ARRAY``. Those of components are attributes, too (``log.ARRAY``): each
+            declares its columns, with units and meanings.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,

@@ -72,7 +72,7 @@ QUIET = _Quiet()
 
 
 def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Around) -> str:
-    """Integrator for a vehicle with springs: stops of joints, loops of servos, contact.
+    """Integrator for a vehicle with springs: stops of joints, loops of servos, coupled components.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
@@ -92,7 +92,7 @@ class MujocoPlant:
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
     a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
-    there is contact. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it
+    there are coupled components. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it
     outlives the call.
 
     Args:

@@ -153,7 +153,7 @@ class Task:
 
     Attributes:
         at: place, m. time: s. begun: s, when the present phase began.
-        handled: beginning of the last dwell and the instant at which its payload is taken or left, s.
+        handled: beginning of the last dwell and the instant at which its load is taken or left, s.
         normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
         arc: of the handle that is held. known_arc: of the last handle that was.
     """

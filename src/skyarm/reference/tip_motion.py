@@ -1,7 +1,7 @@
 """Motion and contact of the tip as a reference, and the motion of the base that carries the tip.
 
 For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives, whatever the joints do: what the arm
-does not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that tilts carries the
+does not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that leans carries the
 tip off by about the arm's length times the tilt: the laws in tip mode make that good by the joints.
 
 A desired contact is the force with which the tip presses, and the model of the surface. The true surface stands in

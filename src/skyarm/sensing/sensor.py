@@ -80,7 +80,7 @@ class Sensor:
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
     def feel(self, memory: Any, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
-        """One reading of a sensor of contact forces, in place of ``measure``; ``push`` is the truth at its frame."""
+        """One reading of a force sensor, in place of ``measure``; ``push`` is the truth at its frame."""
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 
     def take(

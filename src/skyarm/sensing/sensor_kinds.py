@@ -5,8 +5,8 @@ flight controller's inertial unit (gyroscope 0.005 rad/s/sqrt(Hz), accelerometer
 motion-capture system at 5 mm and 5 mrad.
 
 Force sensors measure the true force of all that acts beyond their frame from outside: surfaces, springs, a load on a
-cord, the weight of a payload that is held. The weight of the hand itself is taken off, and so is what accelerating hand
-and payload takes: a sensor on a light hand. A free object that a gripper holds counts whole, its acceleration too.
+cord, the weight of a load that is held. The weight of the hand itself is taken off, and so is what accelerating hand
+and load takes: a sensor on a light hand. A free object that is held counts whole, its acceleration too.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class ForceReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SwitchReading:
-    """Contact switch at a frame: closed while anything pushes."""
+    """Tactile switch at a frame: closed while anything pushes."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -254,7 +254,7 @@ class FramedSensor(ChannelSensor):
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Reading without contact."""
+        """Reading without a push."""
         return self.reading_of(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> Any:

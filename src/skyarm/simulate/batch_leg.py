@@ -167,7 +167,7 @@ def make_counting_period(
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
-    """Quantities of the scenario's components for the metrics, and the commanded contact."""
+    """Quantities of the scenario's components for the metrics, and the commanded push."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
     push, time = scenario.reference.push, row.time if isinstance(row.path_time, tuple) else row.path_time

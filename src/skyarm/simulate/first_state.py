@@ -91,6 +91,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
 
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """Number of components in each group of two scenarios: wind, air, forces, payloads, contact, battery."""
+    """Number of components in each group of two scenarios: wind, air, forces, loads, worlds, power."""
     names = ("air", "forces", "payloads", "worlds", "power")
     return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

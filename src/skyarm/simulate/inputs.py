@@ -158,7 +158,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     program = _motion(scenario)
     samples = evaluate(program, [times], scenario.steps)
     held: Reference = program.record(list(samples[:, publisher.held_tick(ticks)]))
-    if held.load:  # no sample of a motion: the gripper's command goes out in each control period
+    if held.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
         held = dataclasses.replace(held, load=now.load)
     return EpisodeInputs(scenario, times, held)

@@ -81,7 +81,7 @@ def own_row(scenario: Scenario, ticks: Any) -> Row:
         return Row(time=ticks / rate, reference=())
     held = floor((ticks + 0.5) / ratio) * ratio
     reference = scenario.reference.at(held / rate)
-    if reference.load:  # the gripper's command is that of each control period
+    if reference.load:  # the hand's command is that of each control period
         reference = replace(reference, load=scenario.reference.at(ticks / rate).load)
     return Row(time=ticks / rate, reference=reference.dense())
 

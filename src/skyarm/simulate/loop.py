@@ -32,7 +32,7 @@ class _Episode(Session):
 def run(scenario: Scenario, progress: Progress | None = None) -> Log:
     """Fly the scenario's episode and return its log.
 
-    A diverging episode, a joint past its limit or ground contact ends the episode: the log's status, cause and end time
+    A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
 
     The rigid-body plant flies in machine code, unless the law cannot be traced. Where that code cannot be made a

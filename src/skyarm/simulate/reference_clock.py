@@ -159,7 +159,7 @@ class Waits:
         if clock == () or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
-        if self._trajectory.load is not None:  # the gripper's command is of this period, not of a sample
+        if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 

@@ -284,7 +284,7 @@ class Session:
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
                 (:mod:`skyarm.scenario.in_flight`): ``{"controller.law": "indi"}``. They take the place of the numbers
-                with which the session began, and do not add up: a payload is one on top of what the vehicle carried.
+                with which the session began, and do not add up: a load is one on top of what the vehicle carried.
 
         Raises:
             ScenarioError: no such number, one that cannot be, one with which a change to come could not be made, or a

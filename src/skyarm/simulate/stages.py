@@ -258,7 +258,7 @@ POSES = ("position", "yaw", "joints", "tip")
 """What a reference at rest keeps; its derivatives are zero."""
 
 ASKED = (0, 5)
-"""Places in the push of what asks for contact: force and grip."""
+"""Places in the push of a requested force and grip."""
 
 
 def joins_late(scenario: Scenario) -> bool:
@@ -279,7 +279,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Referen
         moving, rest = getattr(going, name), getattr(still, name)
         if isinstance(moving, (Vec3, tuple)):
             pose = tuple(rest) if name in POSES else (0.0,) * len(tuple(moving))
-            if name == "push" and moving:  # no contact yet, and what is believed of it
+            if name == "push" and moving:  # nothing is touched yet, and what is believed of it
                 pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
             kept = [_resting(resting, a, b) for a, b in zip(pose, moving, strict=True)]
             fields[name] = Vec3(*kept) if isinstance(moving, Vec3) else tuple(kept)

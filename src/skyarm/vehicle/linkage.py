@@ -145,7 +145,7 @@ class Link:
 class Follower:
     """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
 
-    URDF calls such a joint a mimic: the second finger of a gripper, the bars of a parallelogram. It has no coordinate,
+    URDF calls such a joint a mimic: the second finger of a hand, the bars of a parallelogram. It has no coordinate,
     no drive, no friction and no limits of its own; its inertia acts at its leader.
 
     Attributes:

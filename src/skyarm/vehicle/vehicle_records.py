@@ -90,7 +90,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look(Frame):
-    """A visual mesh of a link, at a pose in it; it has no mass and no contact.
+    """A visual mesh of a link, at a pose in it; it has no mass and touches nothing.
 
     Attributes:
         name: of the link in the file that describes it.

@@ -45,7 +45,7 @@ class Instant:
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
         held, continuous: the reference. lag: s, of the law's governed reference behind it.
         phase: number of the task's phase, where phases wait. time: s.
-        push: commanded contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
+        push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
         parts: (name, numbers) of each array of the flight's components, and of their constants.
     """
 

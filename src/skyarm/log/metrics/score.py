@@ -105,7 +105,7 @@ def over_log(log: Log, name: str) -> Array:
 
 
 def _instants(log: Log, *, whole: bool = False) -> Instant:
-    """Every control instant of a log, as a record of arrays; ``pushes`` with the commanded contact."""
+    """Every control instant of a log, as a record of arrays; ``pushes`` with the commanded push."""
 
     def rows(table: Any) -> tuple[Any, ...]:
         return tuple(table.T)
@@ -155,7 +155,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:
-    """The commanded contact of the reference at every instant; () of a flight without one.
+    """The commanded push of the reference at every instant; () of a flight without one.
 
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.

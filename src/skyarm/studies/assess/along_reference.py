@@ -51,7 +51,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     """Reference against joint limits, and instants at which rotors or joints would saturate.
 
     The plant follows its reference exactly, with the loads that it holds and what wind, forces, faults and a wanted
-    contact do to it; turbulence is left out, and so is what the control adds.
+    touches do to it; turbulence is left out, and so is what the control adds.
     """
     parts = flight_parts(scenario)
     followed = follow(parts)

@@ -153,14 +153,14 @@ class Pressing(Force):
     trajectory: Trajectory
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """Contact wrenches along the nominal normal, while a force is commanded."""
+        """Wrenches of touches along the nominal normal, while a force is commanded."""
         force, _, *normal = self.trajectory.at(t).push[:5]
         point, body = motion.frame(None)
         return (Wrench(force_W=Vec3(*(c * force for c in normal)), point=point, body=body),)
 
 
 def disturbance_of(part: FlightPart, time: Array) -> DisturbanceAt | None:
-    """Disturbance by wind, air, forces, faults and a desired contact along the reference; None without any of them.
+    """Disturbance by wind, air, forces, faults and a desired push along the reference; None without any of them.
 
     Gusts and signals count, turbulence and noise do not.
     """

@@ -56,7 +56,7 @@ ONE_BY_ONE = 8
 """Perturbed plants that a law meets whose flights fly one by one."""
 
 TILTED = math.radians(80.0)
-"""rad: a flight that tilts further is lost, even where it comes to its end."""
+"""rad: a flight that leans further is lost, even where it comes to its end."""
 
 FEW = 16
 """Episodes up to which a compiler's full effort takes longer than it saves."""

@@ -122,7 +122,7 @@ MEANING = (
 HOW = (
     "Trials of {seconds}; motions grow from rest between 2 and 5 s. Perfect state, or where an axis is noisy "
     "1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad, and measurements 5 ms old, of which laws that can are told. "
-    "Another vehicle than the paper's is given forces and payloads by its weight, accelerations by its thrust margin "
+    "Another vehicle than the paper's is given forces and loads by its weight, accelerations by its thrust margin "
     "where that is smaller, and swings of the arm by its joints' limits."
 )
 

@@ -2,7 +2,7 @@
 
 Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
 
-* forces, payloads and the drag of the hull in proportion to its weight;
+* forces, loads and the drag of the hull in proportion to its weight;
 * accelerations of the base by its hover thrust margin, (largest thrust / weight - 1) g against that of the paper's
   vehicle, never more than the paper's: amplitudes and steps times that share, speeds on the circle times its root;
 * joints swing about the middle of their range or about zero, where zero lies within it, and by at most 0.7 of the way

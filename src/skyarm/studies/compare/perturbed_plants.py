@@ -29,7 +29,7 @@ class Spread:
     Attributes:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
             and mass moments, one factor a body, so that the tensor stays one of a body.
-        thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (battery, air density).
+        thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (supply, air density).
         damping: of every joint, N m s/rad. payload: point mass at the tip, kg.
         wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
             force, whose air speed and gust stay.

@@ -146,7 +146,7 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full
             state; names the first of them by its field.
     """
-    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the battery comes last
+    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the supply comes last
     for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
         _require_none(leaves(memory), f"payloads[{i}]", payload)
     for named in scenario.sensors:

@@ -23,7 +23,7 @@ from skyarm.studies.tune.law_knobs import Knob
 Array = npt.NDArray[np.float64]
 
 LARGEST_TILT = math.radians(80.0)
-"""A flight that tilts by more counts as lost, though it may come back."""
+"""A flight that leans by more counts as lost, though it may come back."""
 
 LOST = 100.0
 """m: error that a lost flight is charged."""

@@ -1,4 +1,4 @@
-"""The plot below a film: error of the tip or contact force over time, one curve a flight, as pixels for a cursor."""
+"""The plot below a film: error of the tip or force of touches over time, one curve a flight, as pixels for a cursor."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def error_strip(
         width: pixels.
         height: pixels.
         scale: of texts, 1 at 720 lines.
-        forces: of contact, N; else errors of the tip, m.
+        forces: of touches, N; else errors of the tip, m.
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)

@@ -39,7 +39,7 @@ def _axes_of_view(azimuth: float) -> Array:
 
 
 HEIGHT = 0.4
-"""Height of a flying vehicle over its width, at its usual tilts."""
+"""Height of a flying vehicle over its width, at its usual attitudes."""
 
 LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""

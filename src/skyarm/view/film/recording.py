@@ -59,7 +59,7 @@ ASPECT = 1.0
 GRID, PATH_COLOR = (208, 212, 218), (90, 96, 110)
 
 COARSE = 3
-"""Decimals of the ends of contact forces that are recorded, 1 mm."""
+"""Decimals of the ends of forces that are recorded, 1 mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ def _serialize(
 
 
 class _Recorded:
-    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and contact forces."""
+    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and the forces of touches."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings

@@ -315,7 +315,7 @@ def _face(
         moment_a: about the centre of mass and the axis a, kg m^2.
         moment_b: the same about b.
     """
-    # a place along b tilts about a
+    # a place along b turns about a
     sink = count / mass
     about_a = add(spread_b, mul(count * 1.0, mul(off_b, off_b))) / moment_a
     about_b = add(spread_a, mul(count * 1.0, mul(off_a, off_a))) / moment_b

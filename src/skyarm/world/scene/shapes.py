@@ -1,4 +1,4 @@
-"""Shapes, solids and their meshes: the bodies in every picture, without mass or contact."""
+"""Shapes, solids and their meshes: the bodies in every picture, without mass or forces."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ drives, observed or measured. The law goes on to compensate the force itself, so
 shifted reference and the apparent dynamics are M, D and K alone, as far as the loops reach.
 
 External force: wrong masses, wrong thrust and steady wind stand in an observed force for ever, and a virtual body would
-move on for ever. So the bias b of the observed disturbance is learned before contact (at ``settling`` in the first
+move on for ever. So the bias b of the observed disturbance is learned before a touch (at ``settling`` in the first
 ``settle`` seconds, then at ``bias_rate`` as long as nothing is detected); a force above ``threshold`` is detected, and
 counts in full, until it has stayed below for ``patience`` seconds. The wind on the base beside the tip's force is
 learned meanwhile, too.

@@ -1,6 +1,6 @@
 """Shift of the base under a changing force, at the pace of least tip error.
 
-A base that tilts for a force from the side carries the tip of a hanging arm the wrong way, and the arm of one plane
+A base that leans for a force from the side carries the tip of a hanging arm the wrong way, and the arm of one plane
 cannot give way there. With c sideways of the common centre of mass, theta its tilt, lambda the height of the centre of
 mass above the tip and d the force per mass
 

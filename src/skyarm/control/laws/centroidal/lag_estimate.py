@@ -206,7 +206,7 @@ def learn(
         measurement: at its end.
         started: 0 at the first measurement, of which nothing is learned.
         free: 1 while no actuator was at its limit, of the base and each joint; 0 stops the observer's disturbance.
-        isolated: 1 in free motion, 0 in contact, of which no lag is learned.
+        isolated: 1 in free motion, 0 while touching, of which no lag is learned.
         dt: s.
     """
     running = where(started > 0.5, 1.0, 0.0)

@@ -24,7 +24,7 @@ class SidewaysGains:
     """Force across the thrust axis.
 
     Attributes:
-        share: of the rotors' room beside hover that a force takes at the held attitude; the rest tilts the base.
+        share: of the rotors' room beside hover that a force takes at the held attitude; the rest leans the base.
         attitude: roll and pitch that are held; None for level.
     """
 
@@ -141,7 +141,7 @@ class Parts:
 
     Attributes:
         lag: bandwidth by the delay that is found in flight. interaction: pressing on surfaces. admittance: compliance
-            of the tip. load: mass and centre of a payload in the model. trend: prediction of the observed force.
+            of the tip. load: mass and centre of a load in the model. trend: prediction of the observed force.
         adaptation: tip mass and joint friction, fed forward.
     """
 

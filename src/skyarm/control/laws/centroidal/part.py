@@ -38,9 +38,9 @@ class Step:
         alone: disturbance that the observer holds, with the adapted feed-forward.
         unknown: disturbance that the demand compensates. force: N, world axes, that the posture follows.
         state: now.
-        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and in contact.
+        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and while touching.
         external: 1 while a force on the tip is part of what is observed.
-        pressing: contact; None without one.
+        pressing: the push; None without one.
         rate: N/s, world axes, of the observed force as far as it is trusted.
         steady: force that the attitude balances, N, world axes. slow: of the filter that the shift follows.
         trend: level of the tracked force (N, world axes) and the share of it that is trusted; None without one.

@@ -1,7 +1,7 @@
 """Force at the tip from the estimate of the disturbance observer.
 
 A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f on the base's turning
-and f on its motion, beside what is no contact: wind, wrong masses, friction (the bias b). Of the joints it tells most,
+and f on its motion, beside what is no touch: wind, wrong masses, friction (the bias b). Of the joints it tells most,
 since little else pushes there, so f is the weighted least squares
 
     |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2 + |f - (d_F - b_F)|^2
