@@ -34,7 +34,7 @@ IDENTITY = Pose(Mat3.identity(), ZERO3)
 
 def joint_placement(joint: Joint, q: Scalar) -> Pose:
     """Pose of the child link in its parent at joint value ``q`` (rad or m)."""
-    if joint.kind == "revolute":
+    if joint.turns:
         return Pose(joint.rotation @ axis_rotation(joint.axis, q), joint.position)
     return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
 

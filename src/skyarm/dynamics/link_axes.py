@@ -57,7 +57,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
         if follows[i]:
             angle, R = add(angles[link.parent], q), _SAME
         turn = _SAME
-        if joint.kind == "prismatic":
+        if not joint.turns:
             point = point + joint.rotation.apply(joint.axis * q)
         elif i in leads or i not in inner:
             turn = axis_rotation(joint.axis, angle)
@@ -73,5 +73,5 @@ def _parallel(parent: Joint, child: Joint) -> bool:
     """Return True if two hinges turn about one direction, by structure or by equal numbers."""
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    hinges = parent.kind == child.kind == "revolute"
+    hinges = parent.turns and child.turns
     return hinges and straight and all(map(same, parent.axis, child.axis))

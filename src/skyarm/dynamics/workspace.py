@@ -34,7 +34,7 @@ def samples_of(joints: int) -> int:
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
     """Joint values to search between: the limits; a full turn, or 1 m, where unlimited."""
-    free = [math.pi if k.joint.kind == "revolute" else 1.0 for k in vehicle.links]
+    free = [math.pi if k.joint.turns else 1.0 for k in vehicle.links]
     low = [max(float(k.joint.lower), -span) for k, span in zip(vehicle.links, free, strict=True)]
     high = [min(float(k.joint.upper), span) for k, span in zip(vehicle.links, free, strict=True)]
     return np.array(low), np.array(high)

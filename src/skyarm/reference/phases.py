@@ -193,7 +193,7 @@ def _require_within(move: JointMove, at: float, vehicle: Vehicle, i: int, fastes
         raise ValueError(f"{move.where} = {move.value:g}: must be within {low:g} and {high:g} of {joint.name!r}")
     seconds = move.end - move.start
     if PEAK_RATE * abs(move.value - at) > fastest * seconds:
-        unit = "rad" if joint.kind == "revolute" else "m"
+        unit = joint.units[0]
         least = PEAK_RATE * abs(move.value - at) / fastest
         raise ValueError(
             f"{move.where} = {shown(move.value)}: moves by {abs(move.value - at):.3g} {unit} in {seconds:.3g} s; "

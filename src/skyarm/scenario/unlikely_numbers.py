@@ -142,7 +142,7 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
     yield from _too_large("reference.yaw =", float(looks[0].yaw), TURN[0], "rad", " at the start")
     for i, link in enumerate(links):
-        slides = link.joint.kind == "prismatic"
+        slides = not link.joint.turns
         values = {f"reference.joints[{i}] reaches": max((float(look.joints[i]) for look in looks), key=abs)}
         if start is not None:
             values[f"initial.joints[{i}] ="] = float(start.joints[i])

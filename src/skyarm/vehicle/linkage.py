@@ -119,9 +119,19 @@ class Joint:
         return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
 
     @property
+    def turns(self) -> bool:
+        """True of a revolute joint; else it slides."""
+        return self.kind == "revolute"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of its value and of its effort."""
+        return ("rad", "N m") if self.turns else ("m", "N")
+
+    @property
     def motion_subspace(self) -> Motion:
         """Motion of the child against its parent per unit of joint rate, child axes, at the child's origin."""
-        return Motion(self.axis, ZERO3) if self.kind == "revolute" else Motion(ZERO3, self.axis)
+        return Motion(self.axis, ZERO3) if self.turns else Motion(ZERO3, self.axis)
 
 
 JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")

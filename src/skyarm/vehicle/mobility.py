@@ -172,7 +172,7 @@ def _direction(joint: Joint) -> Any:
     import numpy as np
 
     axis = _numbers(*joint.axis)
-    return np.array([*axis, 0.0, 0.0, 0.0] if joint.kind == "revolute" else [0.0, 0.0, 0.0, *axis])
+    return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
 
 
 def _to_child(joint: Joint, value: float) -> Any:
@@ -181,7 +181,7 @@ def _to_child(joint: Joint, value: float) -> Any:
 
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
     axis = Vec3(*_numbers(*joint.axis))
-    if joint.kind == "revolute":
+    if joint.turns:
         K = _matrix(Mat3.cross(axis))
         R = R @ (np.eye(3) + math.sin(value) * K + (1.0 - math.cos(value)) * K @ K)
     else:

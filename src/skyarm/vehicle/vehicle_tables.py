@@ -258,13 +258,11 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
 
 
 def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
-    """An arm whose revolute joints have drives, where its own file has none."""
+    """An arm whose turning joints have drives, where its own file has none."""
     if armature == 0.0:
         return arm
     links = [
-        replace(k, joint=replace(k.joint, armature=armature))
-        if k.joint.kind == "revolute" and not k.joint.armature
-        else k
+        replace(k, joint=replace(k.joint, armature=armature)) if k.joint.turns and not k.joint.armature else k
         for k in arm.links
     ]
     return replace(arm, links=tuple(links))

@@ -52,7 +52,7 @@ SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors ab
 
 def units_of(joint: Joint, vehicle: Vehicle) -> str:
     """Kind, unit of the position, and what the command is: an effort, or a setpoint in its unit."""
-    slides = joint.kind == "prismatic"
+    slides = not joint.turns
     drive = drives_of(vehicle).get(joint.name, TORQUE_DRIVE)
     takes = drive.takes.split(" or ")[-1 if slides else 0]
     if drive is not TORQUE_DRIVE:

@@ -149,7 +149,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]
     for link, sent, unit in zip(vehicle.links, log.efforts.T, names_of(log).setpoints, strict=True):
         joint, effort = link.joint, float(link.joint.effort_limit)
         if unit is None and effort > 0.0:  # a passive joint has no actuator
-            yield f"joint {joint.name}", "N m" if joint.kind == "revolute" else "N", sent, -effort, effort
+            yield f"joint {joint.name}", joint.units[1], sent, -effort, effort
         elif unit in ("rad", "m"):  # a rate has no limit of the joint's
             yield f"joint {joint.name}", unit, sent, float(joint.lower), float(joint.upper)
 

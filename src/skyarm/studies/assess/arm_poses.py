@@ -105,7 +105,7 @@ def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
     """Joints (lanes, n) with the hanging ones where the potential energy is least, base level, within their limits.
 
-    The energy of weight is a single sine of each revolute joint while the others stay, so that two torques give its
+    The energy of weight is a single sine of each joint that turns while the others stay, so that two torques give its
     lowest point exactly; the joints take turns until none moves.
     """
     hanging = hanging_joints(vehicle)
@@ -130,7 +130,7 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
         return np.asarray(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i], dtype=float)
 
     at_zero = torque(0.0)
-    if joint.kind != "revolute":  # slides down as far as it can
+    if not joint.turns:  # slides down as far as it can
         end = np.where(at_zero > 0.0, low, high)
         return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
     at_quarter = torque(0.5 * math.pi)  # the energy is b sin q - a cos q, its slope b cos q + a sin q
@@ -266,13 +266,13 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0, gravity: floa
 
 def joint_range(joint: Joint) -> tuple[float, float]:
     """Values of a joint that are looked at: between its limits; of a joint that turns further, the turn about zero."""
-    free = math.pi if joint.kind == "revolute" else 1.0
+    free = math.pi if joint.turns else 1.0
     low, high = float(joint.lower), float(joint.upper)
     if math.isinf(low):
         low = min(-free, high - free)
     if math.isinf(high):
         high = max(free, low + free)
-    if joint.kind == "revolute" and high - low > 2.0 * free:
+    if joint.turns and high - low > 2.0 * free:
         middle = min(max(0.0, low + free), high - free)
         return middle - free, middle + free
     return low, high

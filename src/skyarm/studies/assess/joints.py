@@ -17,13 +17,10 @@ from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.mobility import joint_mobility
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SWEEP = {"revolute": 1.0, "prismatic": 0.1}
+SWEEP = {"rad": 1.0, "m": 0.1}
 """rad or m that every joint is moved by in SECONDS, all at once, with least jerk."""
 
 SECONDS = 2.0
-
-UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
-"""Of a joint's value and effort."""
 
 NOTHING = 1e-12
 """N m or N: below it is rounding."""
@@ -53,7 +50,7 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     limits, servos = effort_limits(vehicle), servos_of(vehicle)
     for i, link in enumerate(vehicle.links):
         joint, limit = link.joint, float(limits[i])
-        length, unit = UNITS[joint.kind]
+        length, unit = joint.units
         name = f"joints[{joint.name}]"
         if float(joint.effort_limit) == 0.0:
             text = "passive: no drive holds it"
@@ -64,7 +61,7 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         if servo is not None and limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
             stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
-        by = f"{SWEEP[joint.kind]:g} {length} in {SECONDS:g} s"
+        by = f"{SWEEP[length]:g} {length} in {SECONDS:g} s"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         for kind, value, bad, pose, why in (
             ("static", float(static[i]), "fault", at[i], "to hold the arm"),
@@ -98,13 +95,13 @@ def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
     total = np.abs(still)
     for i, link in enumerate(vehicle.links):
         unit = np.zeros(vehicle.n)
-        unit[i] = SWEEP[link.joint.kind] * PEAK_ACCELERATION / SECONDS**2
+        unit[i] = SWEEP[link.joint.units[0]] * PEAK_ACCELERATION / SECONDS**2
 
         def efforts(q: Array, a: Array = unit) -> Array:
             return hover_efforts(vehicle, gravity, q, a)[WRENCH:]
 
         total += np.abs(in_parts(efforts, joints) - still)
-    rates = [SWEEP[link.joint.kind] * PEAK_RATE / SECONDS for link in vehicle.links]
+    rates = [SWEEP[link.joint.units[0]] * PEAK_RATE / SECONDS for link in vehicle.links]
     friction = [
         float(k.joint.damping) * rate + float(k.joint.coulomb) for k, rate in zip(vehicle.links, rates, strict=True)
     ]
@@ -181,7 +178,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
         joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
-        rates, unit = np.abs(every_rate[i]), f"{UNITS[joint.kind][0]}/s"
+        rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
         k = int(np.argmax(rates))
         late = float(np.mean(rates > top))
         field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
@@ -199,7 +196,7 @@ STILL = 1e-9
 PROBED = 16
 """Poses in which Jacobians are looked at."""
 
-SMALLEST_RANGE = {"revolute": 0.05, "prismatic": 0.005}
+SMALLEST_RANGE = {"rad": 0.05, "m": 0.005}
 """rad or m; fingers slide by some millimetres."""
 
 
@@ -229,7 +226,7 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
     for link in vehicle.links:
         joint, name = link.joint, f"joints[{link.joint.name}]"
         width = float(joint.upper) - float(joint.lower)
-        smallest = SMALLEST_RANGE[joint.kind]
+        smallest = SMALLEST_RANGE[joint.units[0]]
         if width < smallest:
             text = f"moves by {width:.3g} only"
             remedy = f"check {name}.lower and {name}.upper (rad or m)"

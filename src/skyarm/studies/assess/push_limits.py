@@ -1,4 +1,4 @@
-"""Limits of a commanded contact: a law that presses, joint and yaw torques, servos and the tip's mass."""
+"""Limits of a commanded push: a law that presses, joint and yaw torques, servos and the tip's mass."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ second under noise less than 90 % of the time went by within 30 % of it."""
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
-    """The commanded contact against joints and rotors, of a level base on its reference; none without one.
+    """The commanded push against joints and rotors, of a level base on its reference; none without one.
 
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
@@ -48,7 +48,7 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
     at = max((scenario.reference.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
     if not float(at.push[0]) > 0.0:
-        return []  # no contact is asked for at any time
+        return []  # nothing is pushed at any time
     return [
         *_law(scenario),
         *_joints(scenario, at),
@@ -114,7 +114,7 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share, name = float(shares[i]), vehicle.links[i].joint.name
-    unit = "N m" if vehicle.links[i].joint.kind == "revolute" else "N"
+    unit = vehicle.links[i].joint.units[1]
     text = f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g} {unit} at joint {name}"
     remedy = "less force, or a pose with the tip nearer to the joint's height"
     words = ("joints while pressing", share, text, FORCE, remedy)
@@ -122,7 +122,7 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
-    frictions = [float(s.material.friction) for contact in scenario.worlds for s in contact.surfaces]
+    frictions = [float(s.material.friction) for world in scenario.worlds for s in world.surfaces]
     joints = tuple(float(q) for q in at.joints)
     if not frictions:
         return []

@@ -270,7 +270,7 @@ def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, th
     along, up = Vec3(c * cos, s * cos, -sin), Vec3(c * sin, s * sin, cos)
     share = np.sqrt(np.clip(thrust / float(highest_thrust(vehicle)), 0.0, 1.0))
     speeds = [float(rotor.max_speed) * share for rotor in vehicle.rotors]
-    # a table changes the thrust, which is taken out again, and not the drag
+    # a table has another thrust, which is taken out again, and not the drag
     rotors = tuple(replace(rotor, table=None) for rotor in vehicle.rotors)
     moving, still = (rotor_forces(rotors, speeds, velocity, ZERO3).force for velocity in (along * -speed, ZERO3))
     total = body_drag(vehicle.drag, along * -speed) + moving - still

@@ -25,7 +25,7 @@ from skyarm.records.registry.registrations import SHIPPED, registrations
 from skyarm.studies.compare.suite import DELAY
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
-"""Every step of the ladder flies with the paper's gains: what changes is the law."""
+"""Every step of the ladder flies with the paper's gains; only the law differs."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -147,9 +147,9 @@ def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenari
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
-def slow_circle(setting: Setting, **changes: Any) -> Scenario:
+def slow_circle(setting: Setting, **words: Any) -> Scenario:
     """Circle on which delays, lags, payloads and noise are flown."""
-    return circle(setting, *SLOW).with_words(**changes)
+    return circle(setting, *SLOW).with_words(**words)
 
 
 def vertical(setting: Setting) -> Scenario:

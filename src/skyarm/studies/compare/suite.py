@@ -89,7 +89,7 @@ PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """Changes that turn a case into a flight.
+    """Sensors, delays and plants under which a case is flown.
 
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.

@@ -181,12 +181,12 @@ class PosedJoint:
     """A joint to draw.
 
     Attributes:
-        name: as in the vehicle. revolute: it turns; else it slides.
+        name: as in the vehicle. turns: else it slides.
         at: origin (3,), m. axis: unit vector (3,) of positive motion.
     """
 
     name: str
-    revolute: bool
+    turns: bool
     at: Array
     axis: Array
 
@@ -213,7 +213,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     found = []
     for i, link in enumerate(vehicle.links):
-        bent = link.joint.kind == "revolute" and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
+        bent = link.joint.turns and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
         found.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
     return tuple(found)
 
@@ -238,7 +238,7 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
         local = np.array([_vector(row) for row in frame.rotation.rows])
         frames.append(Frame(frame.name, p + R @ _vector(frame.position), R @ local))
     posed = [
-        PosedJoint(link.joint.name, link.joint.kind == "revolute", poses[i][1], poses[i][0] @ _vector(link.joint.axis))
+        PosedJoint(link.joint.name, link.joint.turns, poses[i][1], poses[i][0] @ _vector(link.joint.axis))
         for i, link in enumerate(vehicle.links)
     ]
     rods = [(i, other.joint.position) for other in vehicle.moving if (i := other.parent) != BASE]
@@ -303,7 +303,7 @@ class Marks:
         apart = [float(np.linalg.norm(joint.at - other.at)) for other in others]
         size = min([0.13 * self.reach, *(0.8 * each for each in apart if each > MERGED * self.reach)])
         way = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
-        if joint.revolute:
+        if joint.turns:
             way = arc(joint.at, joint.axis, size * across(joint.axis), 1.5 * math.pi)
         self.arrow(self.view.flat(way), self.style.ink, 0.1)
         self._line(np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis]), (6, 2, 1, 2))

@@ -53,7 +53,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     for i, link in enumerate(vehicle.moving):
         if i not in covered:
             shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
-        if link.joint.kind == "revolute":
+        if link.joint.turns:
             half = 0.07 * reach
             axis = floats(link.joint.axis)
             ends = (floats(-half * c for c in axis), floats(half * c for c in axis))

@@ -36,16 +36,16 @@ class ForceErrors:
     """Errors of the tip force from parts of the disturbance: the error of each that weighs as 1 N of the base's.
 
     Attributes:
-        turning: N m, of a revolute joint. sliding: N, of a prismatic one. base: N m, of the base's torque.
+        turning: N m, of a joint that turns. sliding: N, of one that slides. base: N m, of the base's torque.
     """
 
-    turning: Annotated[Scalar, Unit("N m", "of a revolute joint, as much as 1 N of the base's force")] = 0.0045
-    sliding: Annotated[Scalar, Unit("N", "of a prismatic joint, as much as 1 N of the base's force")] = 0.02
+    turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
+    sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
     base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
 
     def weight_of(self, link: Link) -> Any:
         """Weight of a joint's effort against the base's force."""
-        error = self.turning if link.joint.kind == "revolute" else self.sliding
+        error = self.turning if link.joint.turns else self.sliding
         return divide(1.0, error * error)
 
 

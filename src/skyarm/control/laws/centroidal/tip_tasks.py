@@ -64,7 +64,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
         columns = [turn_by_yaw(yaw, pose.R.column(k)) for k in range(3)]
         links.append(Mat3.columns(*(derivative(column, 0) for column in columns)))
         rate = spin if link.parent == BASE else rates[link.parent]
-        if link.joint.kind == "revolute":
+        if link.joint.turns:
             axis = Vec3(*(Taylor.constant(c, 1) for c in link.joint.axis))
             along = Vec3(*(row.dot(axis) for row in Mat3.columns(*columns).rows))
             slope = q.derivative_series().truncate(1)
@@ -160,7 +160,7 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
             masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
     found = []
     for i, axis in enumerate(axes(vehicle, poses)):
-        if vehicle.links[i].joint.kind == "revolute":
+        if vehicle.links[i].joint.turns:
             found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
         else:
             found.append(axis * masses[i])
@@ -178,9 +178,7 @@ def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
 def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
     """Angular velocity of link ``i`` in base axes per unit of each joint rate."""
     carriers = chain(vehicle, i)
-    return [
-        axes_B[j] if j in carriers and vehicle.links[j].joint.kind == "revolute" else ZERO3 for j in range(vehicle.n)
-    ]
+    return [axes_B[j] if j in carriers and vehicle.links[j].joint.turns else ZERO3 for j in range(vehicle.n)]
 
 
 def joints_of_turns(
@@ -201,7 +199,7 @@ def link_turning(
     found: list[tuple[Vec3, Vec3]] = []
     for i, link in enumerate(vehicle.links):
         turn, bias = (rate, acceleration) if link.parent == BASE else found[link.parent]
-        if link.joint.kind == "revolute":
+        if link.joint.turns:
             slide = directions[i] * joint_rates[i]
             turn, bias = turn + slide, bias + turn.cross(slide)
         found.append((turn, bias))
@@ -321,7 +319,7 @@ def joint_accelerations(
     problem.prefer(preferred, gains.posture * gains.posture)
     slides = divide(gains.damping, gains.reach)
     for i, link in enumerate(vehicle.links):
-        if link.joint.kind == "prismatic":
+        if not link.joint.turns:
             # turns no link, so that task 2 does not damp it
             problem.prefer([preferred[i]], slides * slides, i)
     return problem.solve()
