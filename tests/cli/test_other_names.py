@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -70,20 +69,3 @@ def test_old_names_of_the_front_are_the_new_things(before: str, name: str) -> No
     assert found is getattr(library, name)
     old(caught, f"skyarm.{name}")
     assert before not in library.__all__
-
-
-@pytest.mark.parametrize(
-    ("module", "before", "name"),
-    [
-        ("skyarm.control.laws.centroidal", "make_exact", "make_centroidal"),
-        ("skyarm.control.laws.centroidal", "exact", "centroidal"),
-        ("skyarm.control.laws.centroidal", "ExactParameters", "CentroidalParameters"),
-    ],
-)
-def test_old_names_of_documented_functions_are_the_new_ones(module: str, before: str, name: str) -> None:
-    room = import_module(module)
-    with pytest.warns(OldNameWarning) as caught:
-        assert getattr(room, before) is getattr(room, name)
-    old(caught, name)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        room.nothing  # noqa: B018

@@ -57,7 +57,5 @@ def test_waypoints_with_given_times_and_samples_of_a_file_are_looked_at_too(tmp_
     )
     (tmp_path / "path.csv").write_text("time,x,y,z\n0,0,0,1\n0.5,0.1,0,1\n60,1,0,1\n", "utf-8")
     table = {"kind": "samples", "file": str(tmp_path / "path.csv")}
-    with pytest.raises(ValueError, match=r"^reference\.base\.file: x: the smooth motion"):
-        reference_from({"base": table}, 0, "reference", Setting(duration=60.0))
     with pytest.raises(ValueError, match=r"^s\.file: x: the smooth motion"):
         signal_from(table | {"column": "x"}, "s")

@@ -34,16 +34,12 @@ SINGULAR = 0.02
 """Smallest singular value over the arm's length below which an arm is told to be nearly singular: in that direction its
 tip then moves by its own length in 50 rad or more."""
 
-TOLERATED = 1e-3
-"""m that a planned tip may be off before it is told."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Feasibility:
     """Errors and demands of a plan.
 
     Attributes:
-        deviation: m, largest distance of a level base's tip from its reference.
         carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
         peaks: of the base's motion, thrust and tilt those of a point mass.
@@ -52,7 +48,6 @@ class Feasibility:
             is smallest. weakest_at: s, when. arm_length: m.
     """
 
-    deviation: float
     carried_off: float
     at_limits: tuple[tuple[str, float], ...]
     peaks: FlightLimits
@@ -63,8 +58,6 @@ class Feasibility:
 
     def warnings(self) -> Iterator[str]:
         """One line for each thing that the vehicle cannot do."""
-        if self.deviation > TOLERATED:
-            yield f"reference.tip: the arm reaches it to {1e3 * self.deviation:.3g} mm only; other path or posture?"
         for joint, seconds in self.at_limits:
             yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
         if self.weakest < SINGULAR * self.arm_length:
@@ -103,15 +96,13 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
         return np.stack([np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in values])
 
     arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.tip_position(_constants(reference)))
-    base, wanted, yaw = table(reference.position), table(reference.tip), table((reference.yaw,))[0]
     derivatives = [table(getattr(reference, name)) for name in ("velocity", "acceleration", "jerk", "snap")]
     force = derivatives[1] + np.array([[0.0], [0.0], [setting.gravity]])
     size = np.maximum(np.linalg.norm(force, axis=0), 1e-9)
-    level = _level(yaw, arm)
+    level = _level(table((reference.yaw,))[0], arm)
     q = table(reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
-        deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
         carried_off=float(np.linalg.norm(_tilt(force / size, level) - level, axis=0).max()),
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),
         peaks=peaks(derivatives, setting.gravity),

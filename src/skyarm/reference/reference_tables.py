@@ -22,7 +22,7 @@ Motions of the base (kind; a list of motions is their sum):
 * ``hover``: position
 * ``circle``: radius, frequency_hz, center; start, stop (outside: the centre)
 * ``signals``: x, y, z, each a signal (default 0)
-* ``waypoints``, ``samples``, ``phases``: tasks (:mod:`skyarm.reference.waypoints`, :mod:`skyarm.reference.phases`)
+* ``waypoints``, ``phases``: tasks (:mod:`skyarm.reference.waypoints`, :mod:`skyarm.reference.phases`)
 * any motion that was registered, with its own numbers
 
 A fourth entry, ``tip``, is a motion of the tip from which base and joints follow.
@@ -53,11 +53,10 @@ A wrong table raises ValueError with one line: field, value, what is allowed.
 
     [reference.tip]
     path = { kind = "circle", radius = 0.2, frequency_hz = 0.1, center = [0, 0, 0.7] }  # a motion, or a list of them
-    relative_to = "world"        # or "base": against its origin, axes of its heading; [reference.base] then moves it
     posture = [0.4, -0.8]        # joints that the arm prefers, rad or m; the middle of their limits if left out
     base_share = 0.7             # of the tip's way in the world that the base takes; 1: the arm stays in its posture
     arm_range = 0.1              # m, that the arm moves its tip at most for the rest
-    orientation = [0.0, 0.0, 0.0]  # signals: roll, pitch, yaw (ZYX) of the tip, in the world or relative to the base
+    orientation = [0.0, 0.0, 0.0]  # signals: roll, pitch, yaw (ZYX) of the tip in the world
     joint_speed = 2.0            # rad/s or m/s, the largest that is planned
     rate = 10.0                  # Hz of the plan's samples
 
@@ -249,7 +248,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
             raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
         path = motion_from(fields.take("path"), fields.at("path"), setting)
         found = tip_trajectory(fields, base, path, vehicle, setting)
-        if "base" in rest and found.tip is not None and not found.tip.relative:
+        if "base" in rest:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
         found = trajectory_from(rest, n_joints, where, setting)

@@ -83,20 +83,12 @@ def arm_of(vehicle: Vehicle, frame: str = "") -> Arm:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipMotion:
-    """The desired motion of the tip.
+    """The desired motion of the tip: its position in world axes, and the arm that carries it."""
 
-    Attributes:
-        x, y, z: its position, world axes; of a tip that is relative to the base: against the base origin, axes of the
-            base's heading.
-        arm: what carries it.
-        relative: true of a tip that is relative to the base, whose motion then is its own.
-    """
-
-    x: Annotated[Signal, Unit("m", "the tip, world axes or relative to the base")] = STILL
+    x: Annotated[Signal, Unit("m", "the tip, world axes")] = STILL
     y: Annotated[Signal, Unit("m")] = STILL
     z: Annotated[Signal, Unit("m")] = STILL
     arm: Arm
-    relative: bool = False
 
     def __post_init__(self) -> None:
         accept_fields(self, "tip")
@@ -118,15 +110,6 @@ class TipMotion:
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
         p, v, a, j, s = (tip - held for tip, held in zip(self.path(t), arm, strict=True))
-        return p, v, a, j, s
-
-    def in_world(self, t: Any, base: FiveVectors, yaw: Sequence[Any]) -> FiveVectors:
-        """The tip's own reference in the world, with derivatives."""
-        path = self.path(t)
-        if not self.relative:
-            return path
-        arm = Vec3(*(Taylor.of_derivatives(each) for each in zip(*path, strict=True)))
-        p, v, a, j, s = (b + held for b, held in zip(base, _derivatives(rotate_by_yaw(yaw, arm)), strict=True))
         return p, v, a, j, s
 
 

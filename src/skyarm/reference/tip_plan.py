@@ -8,9 +8,8 @@ others go on without it.
 Sources: Levenberg 1944, Marquardt 1963 (damped least squares); Wampler 1986 (of arms).
 
 The joints' curve has four continuous derivatives and lies within the hull of its control points, as its speed does
-within that of their differences; both are held within the limits. Of a tip in the world the base takes exactly what the
-arm leaves (:mod:`skyarm.reference.tip_motion`); of a tip that is relative to the base the arm has to do all of it, and
-where it cannot, :mod:`skyarm.reference.feasibility` says how far it stays behind.
+within that of their differences; both are held within the limits. The base takes exactly what the
+arm leaves (:mod:`skyarm.reference.tip_motion`).
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
 """First damping, of the squared length of the arm; what a step leaves of it, and what one that is not taken makes."""
 
 EXACT, SMOOTH = 5e-4, 0.03
-"""s over the arm's length: of a tip that nothing else moves, and of one whose base takes what the arm leaves."""
+"""s over the arm's length: of a tip with an orientation, and of one whose base takes what the arm leaves."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -221,7 +220,7 @@ class TipChoices:
         base_share: from 0 to 1, how much of a tip's way in the world the base takes; the arm takes the rest.
         arm_range: m, that the arm moves its tip at most for that.
         joint_speed: rad/s or m/s, the largest of a plan.
-        orientation: roll, pitch and yaw (ZYX) of the tip in the world, or relative to the base; None for any.
+        orientation: roll, pitch and yaw (ZYX) of the tip in the world; None for any.
         rate: Hz of the plan's samples.
     """
 
@@ -245,7 +244,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     Raises:
         ValueError: more samples than a plan may have.
     """
-    needed = tip.relative or choices.base_share < 1.0
+    needed = choices.base_share < 1.0
     if not needed and choices.orientation is None:
         return tuple(Constant(q) for q in choices.posture)
     step = 1.0 / choices.rate
@@ -255,14 +254,13 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
             f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be at most {MOST_SAMPLES}"
         )
     times = (np.arange(-BEYOND, count + BEYOND) * step).tolist()
-    task = task_of(vehicle, tip.arm.carriers, choices, exact=tip.relative or choices.orientation is not None)
+    task = task_of(vehicle, tip.arm.carriers, choices, exact=choices.orientation is not None)
     headings = [float(yaw.derivatives(t)[0]) for t in times]
     positions = _arm_goals(task, tip, choices, times, headings) if needed else None
     turns = None
     if choices.orientation is not None:
         turns = [
-            (Mat3.identity() if tip.relative else _heading(-h))
-            @ _turn(*(float(angle) for angle in choices.orientation.at(t)))
+            _heading(-h) @ _turn(*(float(angle) for angle in choices.orientation.at(t)))
             for t, h in zip(times, headings, strict=True)
         ]
     samples = follow(task, positions, turns, step)
@@ -308,13 +306,10 @@ def _arm_goals(
     task: ArmTask, tip: TipMotion, choices: TipChoices, times: Sequence[float], headings: Sequence[float]
 ) -> list[Vec3]:
     """Desired tip positions of the arm, base axes, at each instant."""
-    paths = [tip.path(t)[0] for t in times]
-    if tip.relative:
-        return paths
     start, home = tip.path(0.0)[0], frame_pose(task.vehicle, task.frame, choices.posture).p
     found = []
-    for p, heading in zip(paths, headings, strict=True):
-        way = _heading(-heading).apply(p - start) * (1.0 - choices.base_share)
+    for t, heading in zip(times, headings, strict=True):
+        way = _heading(-heading).apply(tip.path(t)[0] - start) * (1.0 - choices.base_share)
         length = float(way.norm()) / choices.arm_range
         found.append(home + way * (1.0 / math.sqrt(1.0 + length * length)))
     return found
@@ -341,7 +336,7 @@ def tip_trajectory(
 
     Args:
         fields: table ``tip`` of the reference.
-        base: heading, and for a relative tip the motion of the base.
+        base: its heading.
         path: x, y, z of the tip.
         vehicle: whose arm carries the tip.
         setting: of the flight.
@@ -349,14 +344,9 @@ def tip_trajectory(
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    relative = fields.choice("relative_to", ("world", "base"), "world") == "base"
     choices = record_from(TipChoices, fields)
-    if relative and choices.base_share and "base_share" in fields.table:
-        allowed = "must be left out of a tip that is relative to the base"
-        raise ValueError(f"{fields.at('base_share')} = {choices.base_share!r}: {allowed}")
-    share = 0.0 if relative else choices.base_share
-    choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields), base_share=share)
-    tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle), relative=relative)
+    choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields))
+    tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     try:
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration)
     except ValueError as error:

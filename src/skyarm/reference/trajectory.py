@@ -94,7 +94,7 @@ ZERO = Constant(0.0)
 class Trajectory:
     """A trajectory holds the signals of the base position, the heading and the joints.
 
-    With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
+    With a ``tip`` the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` says when the tip has to hold one.
     With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
     """
@@ -123,10 +123,9 @@ class Trajectory:
         q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
         tip: tuple[Any, ...] = ()
         if self.tip is not None:
-            if not self.tip.relative:
-                carried = self.tip.base(t, heading, q)
-                p, v, a, j, s = (own + more for own, more in zip(carried, (p, v, a, j, s), strict=True))
-            tip = tuple(self.tip.in_world(t, (p, v, a, j, s), heading)[0])
+            carried = self.tip.base(t, heading, q)
+            p, v, a, j, s = (own + more for own, more in zip(carried, (p, v, a, j, s), strict=True))
+            tip = tuple(self.tip.path(t)[0])
         return Reference(
             position=p,
             velocity=v,

@@ -12,7 +12,6 @@ Tables:
 * ``waypoints``: points = [[x, y, z], ...]; start (s, 0), times (s after the start, of each point; left out: as fast as
   the limits let); speed (m/s), acceleration (m/s^2), tilt (rad), rate (rad/s) and spin (rad/s^2) of roll and
   pitch, thrust (over the weight)
-* ``samples``: file (CSV with a header), columns = [time, x, y, z] (their names); start
 * ``phases``: position = [x, y, z] at the start; phases = [{ kind = "hold" | "go_to" | "pick" | "place", ... }]; the
   limits of ``waypoints``
 
@@ -229,26 +228,13 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     return through(points, [start + t for t in times])
 
 
-def samples_table(fields: Fields, setting: Setting) -> Trajectory:
-    """The smooth motion through the rows of a file."""
-    names = fields.take("columns", ["time", "x", "y", "z"])
-    if not isinstance(names, list) or len(names) != 4 or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{fields.at('columns')} = {shown(names)}: must be four names, of time, x, y and z")
-    start = start_of(fields)
-    times, *columns = read_columns(fields, names)
-    for name, column in zip(names[1:], columns, strict=True):
-        require_near(column, times, f"{fields.at('file')}: {name}")
-    x, y, z = (minimum_snap([start + t for t in times], column) for column in columns)
-    return Trajectory(x=x, y=y, z=z)
-
-
 def samples_signal(fields: Fields) -> Signal:
     """The smooth signal through one column of a file."""
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
     start = start_of(fields)
-    times, values = read_columns(fields, names)
+    times, values = _read_columns(fields, names)
     require_near(values, times, f"{fields.at('file')}: {names[1]}")
     return minimum_snap([start + t for t in times], values)
 
@@ -348,7 +334,7 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
         raise ValueError(f"{at}: the smooth motion through the values {said}; must be times in step with the distances")
 
 
-def read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
+def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
     """Columns of a CSV file by name, the first of times that rise.
 
     Raises:

@@ -80,8 +80,8 @@ def test_a_name_that_is_taken_is_refused_with_both_sources():
     [
         ("law", "indy", "did you mean 'indi'\\? must be one of rotors_sim_position, "),
         ("plant", "rigidbody", "did you mean 'rigid_body'\\? must be one of rigid_body, mujoco"),
-        ("motion", "zigzag", r"must be one of hover, circle, signals, waypoints, samples, phases$"),
-        ("motion", 3, r"must be one of hover, circle, signals, waypoints, samples, phases$"),
+        ("motion", "zigzag", r"must be one of hover, circle, signals, waypoints, phases$"),
+        ("motion", 3, r"must be one of hover, circle, signals, waypoints, phases$"),
         ("command", "fly", r"must be one of none$"),
     ],
 )

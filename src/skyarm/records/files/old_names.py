@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 LAST = "0.2"
@@ -40,20 +39,3 @@ def present_name(where: str, value: Any, old_names: Mapping[str, str]) -> Any:
     new = old_names[value]
     warn_of_old_name(f"{where} = {value!r}", repr(new), stacklevel=3)
     return new
-
-
-def old_attributes(module: str, old_names: Mapping[str, str]) -> Callable[[str], Any]:
-    """Make the ``__getattr__`` of a module that still answers to old names of its functions, with a warning.
-
-    Args:
-        module: its ``__name__``.
-        old_names: old name -> new name, both of the module.
-    """
-
-    def attribute(name: str) -> Any:
-        if name not in old_names:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        warn_of_old_name(f"{module}.{name}", old_names[name])
-        return getattr(sys.modules[module], old_names[name])
-
-    return attribute

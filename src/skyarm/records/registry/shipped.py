@@ -121,7 +121,6 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "circle": (f"{_MOTION}:circle_table", "a circle in the horizontal plane"),
         "signals": (f"{_MOTION}:signals_table", "a signal for each axis"),
         "waypoints": (f"{_TASKS}:waypoints_table", "least snap through points, as fast as the limits let"),
-        "samples": (f"{_TASKS}:samples_table", "smooth through the rows of a CSV file"),
         "phases": ("skyarm.reference.phases:phases_table", "a task: hold, go to, pick, place"),
     },
     "log_format": {

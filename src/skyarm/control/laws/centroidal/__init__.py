@@ -4,10 +4,5 @@ from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.presets import PRESETS
-from skyarm.records.files.old_names import old_attributes
 
 __all__ = ["PRESETS", "CentroidalParameters", "centroidal", "make_centroidal"]
-
-__getattr__ = old_attributes(
-    __name__, {"make_exact": "make_centroidal", "exact": "centroidal", "ExactParameters": "CentroidalParameters"}
-)
